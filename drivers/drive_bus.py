@@ -1,0 +1,178 @@
+"""The seam between identification and servo axes.
+
+A `DriveBus` is a set of axes that can be given profile position set-points and that report
+position and torque once per SYNC. Whoever measures (``hil.sequencer``) sees only this protocol:
+joint side, SI, no counts, no objects, no threads. Time passes only in `DriveBus.sample`, which
+returns the state of all axes latched at one SYNC; a bus in lock-step is as fast as the processor,
+a bus on the wall clock returns when the next SYNC is due.
+
+What can go wrong is a `DriveError`::
+
+    DriveError
+     +-- BusUnavailable      no such interface or channel, no permission, bus off
+     +-- NodeSilent          a node does not answer, or its heartbeat stopped
+     +-- DriveRefused        a drive that cannot serve: identity, mode, object, value not taken
+     +-- LimitExceeded       a set-point outside the axis's limits: nothing was commanded
+     +-- DriveFault          a drive reports a fault (EMCY, statusword)
+     +-- MoveFailed          a set-point not acknowledged or not reached in time
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from types import TracebackType
+    from typing import Self
+
+
+class DriveError(Exception):
+    """What the operator must know about a drive or the bus; the message names the remedy."""
+
+
+class BusUnavailable(DriveError):
+    """The bus cannot be opened or has gone."""
+
+
+class NodeSilent(DriveError):
+    """A node does not answer, or its heartbeat stopped."""
+
+
+class DriveRefused(DriveError):
+    """A drive that cannot serve our purpose, and why."""
+
+
+class LimitExceeded(DriveError):
+    """A set-point outside the axis's limits; nothing was commanded."""
+
+
+class DriveFault(DriveError):
+    """A drive reports a fault."""
+
+
+class MoveFailed(DriveError):
+    """A set-point that was not acknowledged or not reached in time."""
+
+
+class SampleFlag(enum.IntFlag):
+    """What is wrong with one axis's share of a sample; 0 when nothing is."""
+
+    MISSING = 1
+    """No TPDO answered this SYNC: position and torque are NaN, never a guess."""
+    DOUBLED = 2
+    """More than one TPDO answered this SYNC; the first counts."""
+    LATE = 4
+    """A TPDO of an earlier SYNC arrived within this one's period and was dropped."""
+    LIMIT = 8
+    """The drive reports an internal limit (statusword bit 11): its torque saturates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A profile position set-point of one axis: a trapezoid of velocity.
+
+    Attributes
+    ----------
+    target : float
+        Where the axis shall come to rest [rad, or m for a prismatic joint].
+    velocity : float
+        Profile velocity, positive [rad/s].
+    acceleration : float
+        Profile acceleration and deceleration, positive [rad/s^2].
+    """
+
+    target: float
+    velocity: float
+    acceleration: float
+
+
+class Sample(NamedTuple):
+    """All axes at one SYNC.
+
+    Attributes
+    ----------
+    time : float
+        The SYNC's instant since the bus was entered [s].
+    q : tuple of float, length n_axes
+        Joint positions, NaN where the TPDO is missing [rad].
+    tau : tuple of float, length n_axes
+        Joint torques from the motor currents, positive along q [N m].
+    flags : tuple of int, length n_axes
+        `SampleFlag` bits of each axis.
+    reached : bool
+        Every axis that was given a set-point has acknowledged it, reached it and stands still.
+    """
+
+    time: float
+    q: tuple[float, ...]
+    tau: tuple[float, ...]
+    flags: tuple[int, ...]
+    reached: bool
+
+
+@dataclass(frozen=True, slots=True)
+class AxisInfo:
+    """What a drive told about itself when the bus was entered; goes into the run's provenance."""
+
+    name: str
+    identity: str
+    q_min: float
+    q_max: float
+    velocity_max: float
+    acceleration_max: float
+    torque_resolution: float
+    position_resolution: float
+
+
+@runtime_checkable
+class DriveBus(Protocol):
+    """Servo axes as a context manager.
+
+    Entering checks every drive, writes the limits and powers on. Leaving stops the axes and
+    powers off, whatever happened in between. Nothing moves unless `move` was called.
+    """
+
+    @property
+    def period(self) -> float:
+        """Time between two samples [s]."""
+
+    @property
+    def axes(self) -> tuple[AxisInfo, ...]:
+        """The axes in joint order; known once entered."""
+
+    def __enter__(self) -> Self:
+        """Check, configure and power on every drive."""
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop the axes and power off."""
+
+    def move(self, moves: Mapping[int, Move]) -> None:
+        """Give set-points to axes (by joint index, from 0) and return at once.
+
+        All moves are checked before any is commanded.
+
+        Raises
+        ------
+        LimitExceeded
+            A target, velocity or acceleration outside the limits.
+        """
+
+    def sample(self) -> Sample:
+        """Wait for the next SYNC and return what the axes reported for it.
+
+        Raises
+        ------
+        NodeSilent, DriveFault, MoveFailed
+            After the axes have been commanded to stop.
+        """
+
+    def halt(self) -> None:
+        """Bring every axis to rest with its profile deceleration; the drives stay powered."""
