@@ -1,0 +1,103 @@
+"""The seam between a drive's firmware and the machine that it turns.
+
+`cia402_node` (communication, object dictionary, state machine) sees one `Axis` for each drive and
+the `Machine` that lets time pass; `plant` implements both with physics. Units are the drive's own:
+encoder increments of the motor shaft, per mille of rated torque and current. Joint side and SI
+begin behind this seam.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+
+class AxisEvent(enum.IntFlag):
+    """Conditions of an axis that the firmware reacts to."""
+
+    DONE = 1
+    """The profile generator has reached its target or has come to rest after a stop."""
+    STANDSTILL = 2
+    """The measured velocity stayed inside the standstill window."""
+    SATURATED = 4
+    """The torque command is at its limit."""
+    FOLLOWING_ERROR = 8
+    """The following error was outside its window for longer than its time."""
+
+
+class Reading(NamedTuple):
+    """What the power stage and the encoder of one axis show at one instant.
+
+    Attributes
+    ----------
+    position, velocity : int
+        Measured position [increments] and velocity [increments/s].
+    torque, current : int
+        Measured, with noise [per mille of rated torque, of rated current].
+    demand : int
+        Position demand of the profile generator [increments].
+    following_error : int
+        demand - position [increments].
+    events : int
+        `AxisEvent` bits.
+    """
+
+    position: int
+    velocity: int
+    torque: int
+    current: int
+    demand: int
+    following_error: int
+    events: int
+
+
+class Axis(Protocol):
+    """One servo: what its firmware can ask of power stage, control loops and profile generator."""
+
+    def enable(self) -> None:
+        """Energise, release the brake and hold the present position."""
+
+    def disable(self) -> None:
+        """Remove the torque and close the brake."""
+
+    def move(
+        self, target: float, velocity: float, acceleration: float, deceleration: float
+    ) -> None:
+        """Start a trapezoid from the present demand to `target` [inc, inc/s, inc/s^2]."""
+
+    def stop(self, deceleration: float) -> None:
+        """Bring the demand to rest [inc/s^2] and hold."""
+
+    def hold(self) -> None:
+        """Freeze the demand at the present measured position (stop at the current limit)."""
+
+    def set_torque_limit(self, per_mille: int) -> None:
+        """Limit the torque command to this much of rated torque."""
+
+    def set_following_window(self, window: float, timeout: float) -> None:
+        """Set the following error window [inc, inf = off] and the time that it may last [s]."""
+
+
+class Machine(Protocol):
+    """All axes and the arm that they share."""
+
+    time: float
+    """Time of the machine [s]."""
+
+    axes: Sequence[Axis]
+
+    def advance(self, duration: float) -> None:
+        """Let the physics run for `duration` [s].
+
+        Returns to the caller of `on_event` in the middle wherever an axis's events change, so
+        that the firmware acts at the right instant, however long `duration` is.
+        """
+
+    def read(self) -> Sequence[Reading]:
+        """Latch encoders and current sensors of all axes at the present instant."""
+
+    on_event: Callable[[int, int], None]
+    """Called with axis index and `AxisEvent` bits when these change during `advance`."""
