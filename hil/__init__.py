@@ -1,0 +1,1 @@
+"""Identification of robot dynamics and friction on the machine itself."""
