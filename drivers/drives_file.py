@@ -1,0 +1,206 @@
+"""`drives.yaml`: which drive moves which axis, and what its numbers mean.
+
+Real drives agree on object indices and on little else: the current readback may be in mA or in per
+mille of a rated value, rms or peak, from 6077, 6078 or an object of the maker's own; velocities
+come in increments or in revolutions. So each axis states it all, nothing is guessed, and where the
+drive knows better (1018, 6075, 6076, 608F) the two are compared before anything moves.
+
+A prismatic axis's gear ratio is in rad of the motor per m of the axis; its limits and windows are
+in m, m/s, m/s^2 and N.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from drivers.yaml_file import FileModel, load_yaml
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+Positive = Annotated[float, Field(gt=0)]
+U32 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+I32_MAX = 2**31 - 1
+
+
+class Basis(Enum):
+    """What one count of the current object means."""
+
+    MILLIAMPERE = "mA"
+    RATED_CURRENT = "per mille of rated current"
+    RATED_TORQUE = "per mille of rated torque"
+
+
+class VelocityUnit(Enum):
+    """Unit of velocities in the drive (6081, 607F)."""
+
+    INCREMENTS = "inc/s"
+    RPM = "rpm"
+    TENTH_RPM = "0.1 rpm"
+
+
+class AccelerationUnit(Enum):
+    """Unit of accelerations in the drive (6083, 6084, 6085)."""
+
+    INCREMENTS = "inc/s^2"
+    RPM = "rpm/s"
+    TENTH_RPM = "0.1 rpm/s"
+
+
+class Identity(FileModel):
+    """The drive that is expected at a node (1018); what is left out is not compared."""
+
+    vendor: U32
+    product: U32
+    revision: U32 | None = None
+    serial: U32 | None = None
+
+
+class CurrentObject(FileModel):
+    """Where the drive shows its motor current or torque, and in what."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
+    subindex: Annotated[int, Field(ge=0, le=0xFF)] = 0
+    type: Literal["i16", "i32"]
+    basis: Basis
+    amplitude: Literal["rms", "peak"] | None = None
+
+
+class AxisLimits(FileModel):
+    """What an axis must never leave [rad, rad/s, rad/s^2, N m; m and N if prismatic]."""
+
+    q_min: float
+    q_max: float
+    velocity: Positive
+    acceleration: Positive
+    torque: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.q_min >= self.q_max:
+            raise ValueError(
+                f"q_min = {self.q_min:g} must be below q_max = {self.q_max:g}; exchange them"
+            )
+        return self
+
+
+class AxisDrive(FileModel):
+    """One axis and its drive, as the drives file states them.
+
+    Attributes
+    ----------
+    gear_ratio : float
+        Motor angle over joint coordinate [-, or rad/m if prismatic], positive.
+    sign : int
+        +1 where the motor turns with q, -1 where against it.
+    zero : int
+        Position of the drive at q = 0 [increments].
+    rated_current, rated_torque : float
+        What the drive's per mille refer to [A, N m of the motor]; compared with 6075 and 6076.
+    torque_constant : float
+        Motor torque over current [N m/A], for the amplitude `torque_constant_amplitude`.
+    following_error_window, following_error_time : float
+        Largest following error [rad or m] and how long it may last [s].
+    position_window, position_window_time : float
+        How near to its target [rad or m], and for how long [s], an axis counts as there.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    node: Annotated[int, Field(ge=1, le=126)]
+    identity: Identity
+    joint: Literal["revolute", "prismatic"] = "revolute"
+    gear_ratio: Positive
+    sign: Literal[-1, 1]
+    increments_per_revolution: Annotated[int, Field(gt=0, le=I32_MAX)]
+    zero: Annotated[int, Field(ge=-I32_MAX, le=I32_MAX)]
+    velocity_unit: VelocityUnit
+    acceleration_unit: AccelerationUnit
+    current: CurrentObject
+    rated_current: Positive
+    rated_torque: Positive
+    torque_constant: Positive | None = None
+    torque_constant_amplitude: Literal["rms", "peak"] | None = None
+    limits: AxisLimits
+    following_error_window: Positive
+    following_error_time: Annotated[float, Field(gt=0, le=65.535)]
+    position_window: Positive
+    position_window_time: Annotated[float, Field(gt=0, le=65.535)]
+
+    @model_validator(mode="after")
+    def _current_explained(self) -> Self:
+        stated = {
+            "torque_constant": self.torque_constant,
+            "torque_constant_amplitude": self.torque_constant_amplitude,
+            "current.amplitude": self.current.amplitude,
+        }
+        if self.current.basis is not Basis.RATED_TORQUE:
+            for key, value in stated.items():
+                if value is None:
+                    basis = self.current.basis.value
+                    raise ValueError(
+                        f"{key} is missing, needed to turn {basis} into torque; add it"
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _within_counts(self) -> Self:
+        per_unit = self.gear_ratio * self.increments_per_revolution / (2 * math.pi)
+        for key, q in (("q_min", self.limits.q_min), ("q_max", self.limits.q_max)):
+            if abs(q) * per_unit + abs(self.zero) > I32_MAX:
+                raise ValueError(
+                    f"limits.{key} = {q:g} is beyond 32 bits of increments; "
+                    "check gear_ratio, increments_per_revolution and zero"
+                )
+        return self
+
+
+class DrivesFile(FileModel):
+    """`drives.yaml`: the axes in joint order, and what they share.
+
+    Attributes
+    ----------
+    bitrate : int
+        Of the bus [bit/s].
+    sync_period : float
+        Time between two SYNCs [s].
+    master_node : int
+        Our own node number, whose heartbeat the drives watch.
+    heartbeat_period, heartbeat_timeout : float
+        How often a heartbeat is sent, and how long it may stay away [s], both ways.
+    quick_stop_option : int
+        605A: 2 = quick stop ramp, then off; 6 = quick stop ramp, then QUICK STOP ACTIVE.
+    """
+
+    axes: Annotated[tuple[AxisDrive, ...], Field(min_length=1)]
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
+    sync_period: Annotated[float, Field(ge=0.0005, le=1.0)] = 0.004
+    master_node: Annotated[int, Field(ge=1, le=127)] = 127
+    heartbeat_period: Annotated[float, Field(ge=0.001, le=10)] = 0.1
+    heartbeat_timeout: Annotated[float, Field(ge=0.002, le=65)] = 0.5
+    quick_stop_option: Literal[2, 6] = 2
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        taken: dict[int, str] = {self.master_node: "the master (master_node)"}
+        for axis in self.axes:
+            if axis.node in taken:
+                raise ValueError(
+                    f"node {axis.node} of {axis.name!r} is also that of {taken[axis.node]}; "
+                    "give each its own"
+                )
+            taken[axis.node] = repr(axis.name)
+        if self.heartbeat_timeout < 2 * self.heartbeat_period:
+            raise ValueError(
+                f"heartbeat_timeout = {self.heartbeat_timeout:g} s must be at least twice "
+                f"heartbeat_period = {self.heartbeat_period:g} s"
+            )
+        return self
+
+
+def load_drives(path: Path | str) -> DrivesFile:
+    """Read a drives file; `drivers.yaml_file.FileError` tells line, value and remedy."""
+    return load_yaml(path, DrivesFile)

@@ -1,0 +1,163 @@
+"""Where SYNC's time comes from: the processor's own pace, or the wall clock.
+
+SYNC is the clock of a measurement: drives latch at SYNC, and a sample's time is its SYNC's. In
+lock-step the next SYNC follows as soon as all answers to the last one are in, and time is counted
+in periods: a simulation runs as fast as it can and gives the same result every time. On a real bus
+SYNCs keep absolute deadlines of the wall clock. A deadline that was missed is skipped and counted,
+never made up for, since a burst of SYNCs would make the drives latch at wrong instants. After a
+long pause (the caller wrote files, say) the grid of deadlines starts anew.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING, Literal, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import can
+
+PacingName = Literal["auto", "lock-step", "wall-clock"]
+
+PATIENCE = 0.25
+"""How long answers may take in lock-step with a plant in another thread or process [s]."""
+
+PAUSE = 0.25
+"""A caller who stays away longer than this made a pause, rather than missing deadlines [s]."""
+
+WINDOW = 0.8
+"""Share of the period in which the answers to a SYNC must arrive on the wall clock."""
+
+
+class Pacing(Protocol):
+    """The source of SYNC's time."""
+
+    skipped: int
+    """SYNCs left out because their deadline had passed."""
+
+    synchronous: bool
+    """Every answer is in the receive queue before `send` returns."""
+
+    def now(self) -> float:
+        """Time since the first deadline [s]."""
+
+    def due(self) -> float:
+        """How long until the next SYNC is due [s], 0 if it is now."""
+
+    def sent(self) -> float:
+        """Take note that a SYNC went out; return its instant [s]."""
+
+    def window(self) -> float:
+        """How long answers to the last SYNC may still take [s], at least 0."""
+
+
+class LockStep:
+    """Time counted in SYNCs; the next one is due as soon as the last one is answered.
+
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+    synchronous : bool
+        All answers are in before `send` returns, so an empty queue means that nothing will come.
+    clock : callable
+        For the patience with a plant in another thread [s].
+    """
+
+    def __init__(
+        self, period: float, *, synchronous: bool, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.skipped = 0
+        self.synchronous = synchronous
+        self._period = period
+        self._count = 0
+        self._clock = clock
+        self._patience_ends = -math.inf
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._count * self._period
+
+    def due(self) -> float:
+        """Return 0: the next SYNC is always due."""
+        return 0.0
+
+    def sent(self) -> float:
+        """Let one period pass; return the SYNC's instant [s]."""
+        self._count += 1
+        if not self.synchronous:
+            self._patience_ends = self._clock() + PATIENCE
+        return self._count * self._period
+
+    def window(self) -> float:
+        """How long answers may still take [s]."""
+        return 0.0 if self.synchronous else max(0.0, self._patience_ends - self._clock())
+
+
+class WallClock:
+    """Absolute deadlines on a monotonic clock; missed ones are skipped and counted.
+
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        Monotonic time [s].
+    """
+
+    def __init__(self, period: float, *, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.skipped = 0
+        self.synchronous = False
+        self._period = period
+        self._clock = clock
+        self._start = clock()
+        self._deadline = self._start
+        self._window_ends = self._start
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock() - self._start
+
+    def due(self) -> float:
+        """How long until the next deadline [s], 0 if it is now; passes over missed deadlines."""
+        late = self._clock() - self._deadline
+        if late >= PAUSE:
+            self._deadline += late
+        elif late >= self._period:
+            missed = int(late / self._period)
+            self.skipped += missed
+            self._deadline += missed * self._period
+        return max(0.0, -late)
+
+    def sent(self) -> float:
+        """Move on to the next deadline; return the SYNC's true instant [s]."""
+        now = self._clock()
+        self._deadline += self._period
+        self._window_ends = now + WINDOW * self._period
+        return now - self._start
+
+    def window(self) -> float:
+        """How long answers may still take [s]."""
+        return max(0.0, self._window_ends - self._clock())
+
+
+def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Pacing:
+    """Decide where SYNC's time comes from; the only place that does.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        A bus that says ``lock_step = True`` queues all answers before its `send` returns.
+    requested : {"auto", "lock-step", "wall-clock"}
+        "auto" takes lock-step where the bus offers it and the wall clock elsewhere. "lock-step" on
+        another bus sends the next SYNC when all answers are in, for a plant behind that bus whose
+        time is SYNC.
+    period : float
+        Time between two SYNCs [s].
+    """
+    synchronous = getattr(bus, "lock_step", False) is True
+    if requested == "lock-step" or (requested == "auto" and synchronous):
+        return LockStep(period, synchronous=synchronous)
+    return WallClock(period)

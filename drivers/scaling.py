@@ -1,0 +1,125 @@
+"""Counts to radians and per mille to newton metres, from what the drives file states.
+
+A drive speaks in encoder increments of its motor, in per mille of a rated value or in
+milliamperes; we speak SI on the joint side. With motor increments c, increments per motor
+revolution R, gear ratio N (motor angle over joint coordinate), direction s = +-1 and zero c0::
+
+    q   = s (c - c0) 2 pi / (R N)                                                  [rad or m]
+    tau = s N kt a i        i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
+    tau = s N T per mille / 1000                       per mille of rated torque T
+
+where a turns the amplitude of the current's readback (rms or peak) into that of the torque
+constant kt. For a prismatic axis N is in rad of the motor per m.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from drivers.drives_file import AccelerationUnit, Basis, VelocityUnit
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from drivers.drives_file import AxisDrive
+
+Number = TypeVar("Number", float, "NDArray[np.float64]")
+
+
+@dataclass(frozen=True, slots=True)
+class AxisScale:
+    """Factors between a drive's counts and SI on the joint side.
+
+    Attributes
+    ----------
+    position : float
+        Joint coordinate per increment, with the sign [rad or m].
+    zero : int
+        Position at q = 0 [increments].
+    torque : float
+        Joint torque per count of the current object, with the sign [N m or N].
+    velocity, acceleration : float
+        Joint velocity and acceleration per unit of the drive, positive.
+    torque_limit : float
+        Joint torque per unit of 6072 (per mille of rated torque), positive [N m or N].
+    """
+
+    position: float
+    zero: int
+    torque: float
+    velocity: float
+    acceleration: float
+    torque_limit: float
+
+    @classmethod
+    def of(cls, axis: AxisDrive) -> AxisScale:
+        """Derive the factors from an axis of the drives file."""
+        increment = 2 * math.pi / axis.increments_per_revolution / axis.gear_ratio
+        rpm = 2 * math.pi / 60 / axis.gear_ratio
+        per_mille = axis.gear_ratio * axis.rated_torque / 1000
+        velocities = {
+            VelocityUnit.INCREMENTS: increment,
+            VelocityUnit.RPM: rpm,
+            VelocityUnit.TENTH_RPM: rpm / 10,
+        }
+        accelerations = {
+            AccelerationUnit.INCREMENTS: increment,
+            AccelerationUnit.RPM: rpm,
+            AccelerationUnit.TENTH_RPM: rpm / 10,
+        }
+        return cls(
+            position=axis.sign * increment,
+            zero=axis.zero,
+            torque=axis.sign * axis.gear_ratio * _motor_torque_per_count(axis),
+            velocity=velocities[axis.velocity_unit],
+            acceleration=accelerations[axis.acceleration_unit],
+            torque_limit=per_mille,
+        )
+
+    def position_from_counts(self, counts: Number) -> Number:
+        """Joint coordinate of a drive's position (6064), scalar or array [rad or m]."""
+        return (counts - self.zero) * self.position
+
+    def position_to_counts(self, q: float) -> int:
+        """Drive's position (607A) nearest to a joint coordinate [increments]."""
+        return round(q / self.position) + self.zero
+
+    def torque_from_counts(self, counts: Number) -> Number:
+        """Joint torque from the current object, scalar or array [N m or N]."""
+        return counts * self.torque
+
+    def velocity_to_counts(self, velocity: float) -> int:
+        """Velocity in the drive's unit (6081, 607F), never above the one that is asked for."""
+        return _floor(velocity / self.velocity)
+
+    def acceleration_to_counts(self, acceleration: float) -> int:
+        """Acceleration in the drive's unit (6083..6085), never above the one asked for."""
+        return _floor(acceleration / self.acceleration)
+
+    def torque_limit_to_counts(self, torque: float) -> int:
+        """Torque limit in per mille of rated torque (6072), never above the one asked for."""
+        return _floor(torque / self.torque_limit)
+
+
+def _floor(value: float) -> int:
+    return math.floor(value * (1 + 1e-9))
+
+
+def _motor_torque_per_count(axis: AxisDrive) -> float:
+    if axis.current.basis is Basis.RATED_TORQUE:
+        return axis.rated_torque / 1000
+    assert axis.torque_constant is not None  # noqa: S101 - the file's validator saw to it
+    ampere = 0.001 if axis.current.basis is Basis.MILLIAMPERE else axis.rated_current / 1000
+    return axis.torque_constant * ampere * _amplitude_factor(axis)
+
+
+def _amplitude_factor(axis: AxisDrive) -> float:
+    match axis.current.amplitude, axis.torque_constant_amplitude:
+        case "rms", "peak":
+            return math.sqrt(2)
+        case "peak", "rms":
+            return math.sqrt(0.5)
+    return 1.0
