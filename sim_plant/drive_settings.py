@@ -1,0 +1,60 @@
+"""What makes one drive of the plant different from the next: identity, ratings, limits.
+
+Everything else of a drive's object dictionary is the same for all and stands in the EDS. Units are
+the drive's own, as the objects state them; joint side and SI end before this point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """Identity, ratings and limits of one drive.
+
+    Attributes
+    ----------
+    name : str
+        Label of the axis (2000h).
+    node_id : int
+        CANopen node, 1 to 127.
+    vendor_id, product_code, revision, serial : int
+        Identity (1018h).
+    rated_current : int
+        6075h [mA].
+    rated_torque : int
+        6076h, of the motor [mN m].
+    max_torque : int
+        6072h and 6073h; the highest value that they accept [per mille of rated].
+    increments_per_revolution : int
+        Encoder increments per motor revolution (608Fh); one increment is the position unit.
+    gear : tuple of int
+        6091h: motor revolutions to shaft revolutions. Stated, never applied: positions are
+        motor increments whatever the gear.
+    software_limits : tuple of int
+        607Dh: lowest and highest target [increments]; off unless the first is the smaller one.
+    max_motor_speed : int
+        6080h [rev/min].
+    max_acceleration : int
+        60C5h and 60C6h [increments/s^2].
+    """
+
+    name: str
+    node_id: int
+    vendor_id: int
+    product_code: int
+    revision: int
+    serial: int
+    rated_current: int
+    rated_torque: int
+    max_torque: int
+    increments_per_revolution: int
+    gear: tuple[int, int]
+    software_limits: tuple[int, int]
+    max_motor_speed: int
+    max_acceleration: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.node_id <= 127:
+            raise ValueError(f"{self.name}: node id {self.node_id} must be in 1...127")
