@@ -1,0 +1,106 @@
+"""Trapezoids of velocity: what a drive in profile position makes of a set-point.
+
+A move from `start` to `end` accelerates with a constant acceleration to the profile velocity,
+cruises and decelerates alike. Where the distance is shorter than both ramps the trapezoid becomes
+a triangle and the profile velocity is never reached. Everything that has to know beforehand how
+long a move lasts, where it cruises or what it excites (plan, dry run, checks of a recording) asks
+here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Trapezoid:
+    """One move from rest to rest.
+
+    Attributes
+    ----------
+    start, end : float
+        Where it begins and ends [rad, or m].
+    velocity, acceleration : float
+        Profile velocity and acceleration, both positive [rad/s, rad/s^2].
+    """
+
+    start: float
+    end: float
+    velocity: float
+    acceleration: float
+
+    @property
+    def distance(self) -> float:
+        """Length of the way, never negative [rad]."""
+        return abs(self.end - self.start)
+
+    @property
+    def peak(self) -> float:
+        """Highest speed that is reached [rad/s]."""
+        return min(self.velocity, math.sqrt(self.distance * self.acceleration))
+
+    @property
+    def ramp_time(self) -> float:
+        """Duration of one ramp [s]."""
+        return self.peak / self.acceleration
+
+    @property
+    def ramp(self) -> float:
+        """Way of one ramp [rad]."""
+        return self.peak**2 / (2 * self.acceleration)
+
+    @property
+    def duration(self) -> float:
+        """Time from rest to rest [s]."""
+        if not self.distance:
+            return 0.0
+        return self.distance / self.peak + self.ramp_time
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Begin and end of constant velocity [s]; both alike for a triangle."""
+        return self.ramp_time, max(self.ramp_time, self.duration - self.ramp_time)
+
+    @property
+    def _sign(self) -> float:
+        return math.copysign(1.0, self.end - self.start)
+
+    def q(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Position at times `t` (any shape) since the start [rad]; at rest outside the move."""
+        first, second, third = self._phases(t)
+        way = (
+            self.acceleration * first**2 / 2
+            + self.peak * (second + third)
+            - self.acceleration * third**2 / 2
+        )
+        return self.start + self._sign * way
+
+    def qd(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Velocity at times `t` (any shape) since the start [rad/s]."""
+        first, _, third = self._phases(t)
+        return self._sign * self.acceleration * (first - third)
+
+    def qdd(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Acceleration at times `t` (any shape) since the start [rad/s^2]."""
+        times = np.asarray(t, dtype=float)
+        begin, end = self.window
+        rising = (times >= 0) & (times < begin)
+        falling = (times >= end) & (times < self.duration)
+        return self._sign * self.acceleration * (rising.astype(float) - falling)
+
+    def _phases(self, t: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """Time spent so far in the first ramp, the cruise and the last ramp [s]."""
+        times = np.asarray(t, dtype=float)
+        begin, end = self.window
+        return (
+            np.clip(times, 0, begin),
+            np.clip(times - begin, 0, end - begin),
+            np.clip(times - end, 0, self.duration - end),
+        )
