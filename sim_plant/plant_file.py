@@ -1,0 +1,210 @@
+"""The plant file: the truth about a virtual machine.
+
+Everything that the simulation needs and that an identification is to find out: link parameters,
+drives, friction, noise, seed. It is read by the plant and by whoever compares an estimate with the
+truth afterwards, never by what measures or estimates.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field
+
+from drivers.yaml_file import FileError, FileModel, load_yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Frame(FileModel):
+    """Modified Denavit-Hartenberg frame of a revolute joint."""
+
+    alpha_deg: float = 0.0
+    d: float = 0.0
+    r: float = 0.0
+
+
+class Body(FileModel):
+    """Mass [kg], first moment [kg m] and inertia about the frame's origin [kg m^2]."""
+
+    m: float = 0.0
+    sx: float = 0.0
+    sy: float = 0.0
+    sz: float = 0.0
+    Ixx: float = 0.0
+    Iyy: float = 0.0
+    Izz: float = 0.0
+    Ixy: float = 0.0
+    Ixz: float = 0.0
+    Iyz: float = 0.0
+
+
+class Payload(FileModel):
+    """A body bolted to the last link: mass, centre of mass and inertia about that centre."""
+
+    mass: NotNegative
+    centre: tuple[float, float, float]
+    Ixx: NotNegative = 0.0
+    Iyy: NotNegative = 0.0
+    Izz: NotNegative = 0.0
+
+    def body(self) -> Body:
+        """The load as part of the last link, about that link's origin."""
+        (x, y, z), m = self.centre, self.mass
+        return Body(
+            m=m,
+            sx=m * x,
+            sy=m * y,
+            sz=m * z,
+            Ixx=self.Ixx + m * (y * y + z * z),
+            Iyy=self.Iyy + m * (x * x + z * z),
+            Izz=self.Izz + m * (x * x + y * y),
+            Ixy=-m * x * y,
+            Ixz=-m * x * z,
+            Iyz=-m * y * z,
+        )
+
+
+class Drive(FileModel):
+    """Motor, gear, encoder, power stage and loops of an axis."""
+
+    node: Annotated[int, Field(ge=1, le=127)]
+    gear_ratio: Positive
+    rotor_inertia: Positive
+    """Motor side [kg m^2]."""
+    torque_constant: Positive
+    """[N m/A, peak amplitude]."""
+    rated_torque_mNm: Annotated[int, Field(gt=0)]
+    rated_current_mA: Annotated[int, Field(gt=0)]
+    peak_torque: Positive
+    """At the joint [N m]."""
+    increments: Annotated[int, Field(gt=0)] = 4096
+    direction: Annotated[int, Field(ge=-1, le=1)] = 1
+    zero: int = 0
+    """Increments at q = 0."""
+    velocity_max: Positive
+    acceleration_max: Positive
+    range_deg: Positive
+    """The axis moves within +- this [deg]."""
+    load_inertia: Positive
+    """Arm inertia that the velocity loop was tuned for [kg m^2]."""
+
+
+class Loops(FileModel):
+    """Bandwidths of the cascade."""
+
+    position: Positive = 25.0
+    """[1/s]."""
+    velocity: Positive = 120.0
+    """[1/s]."""
+    integral: Positive = 20.0
+    """[1/s]."""
+
+
+class Friction(FileModel):
+    """Friction of an axis; see `sim_plant.friction`."""
+
+    creep: NotNegative
+    """At creep speed [N m]."""
+    full_speed: NotNegative
+    """At the speed limit [N m]."""
+    heat_time: Positive
+    """[s]."""
+    asymmetry: float = 0.0
+    """Relative excess in the positive direction."""
+    load: NotNegative = 0.0
+    """Friction per transmitted torque."""
+    temperature: float = 5.0
+    """Temperature rise when the machine is switched on [K]."""
+    lubricant: Annotated[float, Field(ge=0, le=1)] = 1.0
+    """Settled share of the lubricant when the machine is switched on."""
+    presliding: Positive = 3e-4
+    """[rad]."""
+
+
+class Axis(FileModel):
+    """One joint of the arm with the link behind it."""
+
+    name: str
+    frame: Frame
+    link: Body
+    drive: Drive
+    friction: Friction
+    position_deg: float = 0.0
+    """Where the axis stands when the machine is switched on."""
+
+
+class Noise(FileModel):
+    """Of the current sensor and of the motor."""
+
+    torque: NotNegative = 0.0025
+    """White, per sample, share of peak torque."""
+    ripple: NotNegative = 0.003
+    """Of each order, share of peak torque."""
+
+
+class PlantFile(FileModel):
+    """A virtual machine."""
+
+    name: str
+    seed: int = 1
+    step: Annotated[float, Field(gt=0, le=0.001)] = 0.001
+    """Period of the control loops and step of the physics [s]."""
+    drift: bool = True
+    """Whether friction drifts; if not it keeps the state that it starts with."""
+    symmetric: bool = False
+    """Whether to disregard every axis's friction asymmetry."""
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    loops: Loops = Loops()
+    noise: Noise = Noise()
+    payload: Payload | None = None
+    axes: Annotated[tuple[Axis, ...], Field(min_length=1)]
+
+    def bodies(self) -> list[Body]:
+        """Links as the arm carries them, the payload included."""
+        bodies = [axis.link for axis in self.axes]
+        if self.payload is not None:
+            load = self.payload.body()
+            last = bodies[-1]
+            bodies[-1] = Body(
+                **{key: getattr(last, key) + getattr(load, key) for key in Body.model_fields}
+            )
+        return bodies
+
+
+def packaged_plants() -> Sequence[str]:
+    """Names of the plants that come with the package."""
+    return sorted(path.stem for path in Path(__file__).parent.glob("*.yaml"))
+
+
+def load_plant_file(name_or_path: str) -> PlantFile:
+    """Read a packaged plant by name, or a plant file by path.
+
+    Raises
+    ------
+    FileError
+        No such plant, or a file that does not fit.
+    """
+    packaged = Path(__file__).parent / f"{name_or_path}.yaml"
+    path = packaged if packaged.is_file() else Path(name_or_path)
+    if not path.is_file():
+        known = ", ".join(packaged_plants())
+        raise FileError(
+            f"{name_or_path}: neither a packaged plant ({known}) nor the path of a plant file"
+        )
+    plant = load_yaml(path, PlantFile)
+    nodes = [axis.drive.node for axis in plant.axes]
+    if len(set(nodes)) < len(nodes):
+        raise FileError(f"{path}: axes: nodes {nodes} must differ from one another")
+    for axis in plant.axes:
+        if not math.isclose(abs(axis.drive.direction), 1):
+            raise FileError(
+                f"{path}: {axis.name}: direction {axis.drive.direction} must be 1 or -1"
+            )
+    return plant

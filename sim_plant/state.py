@@ -1,0 +1,80 @@
+"""Where everything about an axis stands in the arrays that the compiled loop works on.
+
+One row an axis, one column a quantity: a compiled function takes two arrays instead of fifty
+arguments, and the whole state of the plant can be copied or compared in one statement. `CONST` is
+fixed when the plant is built, `STATE` is what time changes, `PROFILE` is the trapezoid under way.
+All joint side, SI.
+"""
+
+from __future__ import annotations
+
+from itertools import count
+
+_c = count()
+MOTOR_INERTIA = next(_c)
+"""Rotor inertia times the gear ratio squared [kg m^2]."""
+GEAR = next(_c)
+"""Motor revolutions per joint revolution."""
+VELOCITY_MAX = next(_c)
+KP, KV, KI = next(_c), next(_c), next(_c)
+"""Position loop [1/s], velocity loop [N m s/rad], its integral part [N m/rad]."""
+F_COULOMB, F_DEGRESSIVE, F_VISCOUS = next(_c), next(_c), next(_c)
+"""Friction at 15 K, without lubricant effect [N m, N m, N m s/rad]."""
+F_LOAD = next(_c)
+"""Friction per transmitted torque."""
+ASYMMETRY = next(_c)
+BRISTLE = next(_c)
+"""Presliding distance [rad]."""
+BRISTLE_DAMPING = next(_c)
+"""[N m s/rad]."""
+BRAKE = next(_c)
+"""Holding torque of the brake [N m]."""
+HEAT_PER_POWER = next(_c)
+"""Steady temperature rise per friction power [K/W]."""
+HEAT_TIME = next(_c)
+RIPPLE_SIN = tuple(next(_c) for _ in range(3))
+RIPPLE_COS = tuple(next(_c) for _ in range(3))
+"""Torque ripple of orders 1, 2 and 6 of the motor angle: sine and cosine amplitudes [N m]."""
+DRIFT = next(_c)
+"""1 when friction drifts, 0 when it stays as it was at the start."""
+COUNTS_PER_RAD, ZERO = next(_c), next(_c)
+"""Encoder increments per joint angle, signed as the motor is mounted, and those at q = 0."""
+TORQUE_PER_MILLE, CURRENT_PER_MILLE = next(_c), next(_c)
+"""Joint torque of one per mille of rated torque and of rated current, signed [N m]."""
+NOISE = next(_c)
+"""Standard deviation of the current sensor, as joint torque [N m]."""
+N_CONST = next(_c)
+
+_c = count()
+Q, QD, QDD = next(_c), next(_c), next(_c)
+TORQUE = next(_c)
+"""Torque of the motor at this instant [N m]."""
+TORQUE_LIMIT = next(_c)
+INTEGRAL = next(_c)
+"""Integral part of the velocity loop [N m]."""
+Z = next(_c)
+"""Bristle deflection over the presliding distance, -1..1."""
+LOAD = next(_c)
+"""Torque that the gear transmits [N m]."""
+TEMPERATURE, LUBRICANT, WANDER = next(_c), next(_c), next(_c)
+C_NOW, D_NOW, V_NOW = next(_c), next(_c), next(_c)
+"""Coulomb, degressive and viscous coefficients with drift."""
+FRICTION = next(_c)
+"""Friction torque at this instant [N m]."""
+ENABLED = next(_c)
+WINDOW, WINDOW_TIME, OUTSIDE = next(_c), next(_c), next(_c)
+"""Following error window [rad], the time that it may last, the time that it has lasted [s]."""
+EVENTS = next(_c)
+N_STATE = next(_c)
+
+_c = count()
+START, P0, V0 = next(_c), next(_c), next(_c)
+"""Instant [s], position and velocity at which the profile begins."""
+SEGMENTS = next(_c)
+"""From here pairs of duration [s] and acceleration [rad/s^2], four of them."""
+N_SEGMENTS = 4
+END = SEGMENTS + 2 * N_SEGMENTS
+"""Instant at which the profile ends [s]."""
+TARGET = END + 1
+DEMAND, DEMAND_V = TARGET + 1, TARGET + 2
+N_PROFILE = TARGET + 3
