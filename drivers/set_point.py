@@ -100,3 +100,26 @@ class SetPoint:
                 if abs(position - self.target) <= self.window:
                     self.phase = Phase.REACHED
         return None
+
+
+@dataclass(slots=True)
+class Stopping:
+    """An axis that was told to come to rest; the same interface as `SetPoint`.
+
+    Attributes
+    ----------
+    rest : Standstill
+        Judges whether the axis rests.
+    phase : Phase
+        TRAVELLING, then REACHED.
+    """
+
+    rest: Standstill
+    phase: Phase = Phase.TRAVELLING
+
+    def step(self, statusword: int, position: int) -> int | None:
+        """Take one statusword and position; nothing is ever to be sent."""
+        del statusword
+        if self.rest.update(position):
+            self.phase = Phase.REACHED
+        return None

@@ -1,0 +1,341 @@
+"""Servo axes on a CANopen bus: `DriveBus` for CiA 402 drives in profile position mode.
+
+Entering checks and configures every drive while it is off (`commissioning`), starts the exchange of
+process data, and only when every drive has passed powers all of them on together (`power`). Then
+time passes in `CanopenDriveBus.sample` alone: one SYNC, the TPDOs that it latched (`exchange`),
+set-point handshakes, heartbeats, statuswords and emergencies. There is no thread. Trouble stops all
+axes before it is raised, and leaving powers everything off, whatever happened.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import TYPE_CHECKING, NoReturn
+
+from drivers.cia402 import State, Status
+from drivers.commissioning import commission
+from drivers.drive_bus import (
+    AxisInfo,
+    DriveError,
+    DriveFault,
+    DriveRefused,
+    NodeSilent,
+    Sample,
+    SampleFlag,
+)
+from drivers.exchange import Exchange
+from drivers.heartbeat import Heartbeats
+from drivers.interrupts import interrupts_held
+from drivers.motions import Motions
+from drivers.move_check import check_move
+from drivers.network import PumpedNetwork
+from drivers.open_bus import open_can_bus
+from drivers.pacing import choose_pacing
+from drivers.power import Power
+from drivers.scaling import AxisScale
+from drivers.sdo import SdoServer
+from drivers.supervision import Supervision
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from types import TracebackType
+    from typing import Self
+
+    import can
+
+    from drivers.drive_bus import Move
+    from drivers.drives_file import DrivesFile
+    from drivers.pacing import PacingName
+
+log = logging.getLogger(__name__)
+
+
+class CanopenDriveBus:
+    """CiA 402 drives as a `drivers.drive_bus.DriveBus`.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus.
+    drives : DrivesFile
+        The axes in joint order.
+    period : float, optional
+        Time between two SYNCs [s]; by default that of the drives file.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.pacing.choose_pacing`.
+    reset_faults : bool
+        Reset drives that are found in a fault, instead of refusing them.
+    owns_bus : bool
+        Shut the bus down when leaving.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        What drives lack and could be done without; known once entered.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        drives: DrivesFile,
+        *,
+        period: float | None = None,
+        pacing: PacingName = "auto",
+        reset_faults: bool = False,
+        owns_bus: bool = False,
+    ) -> None:
+        self.notes: tuple[str, ...] = ()
+        self._bus = bus
+        self._drives = drives
+        self._period = drives.sync_period if period is None else period
+        self._requested = pacing
+        self._reset_faults = reset_faults
+        self._owns_bus = owns_bus
+        self._axes: tuple[AxisInfo, ...] = ()
+        self._scales = [AxisScale.of(axis) for axis in drives.axes]
+        self._zeros = [scale.zero for scale in self._scales]
+        self._per_count = [scale.position for scale in self._scales]
+        self._torque_per_count = [scale.torque for scale in self._scales]
+
+    @property
+    def period(self) -> float:
+        """Time between two SYNCs [s]."""
+        return self._period
+
+    @property
+    def axes(self) -> tuple[AxisInfo, ...]:
+        """What the drives told about themselves; known once entered."""
+        return self._axes
+
+    @property
+    def skipped_syncs(self) -> int:
+        """SYNCs left out since the bus was entered, because we came too late for them."""
+        return self._pacing.skipped
+
+    def __enter__(self) -> Self:
+        """Check, configure and power on every drive (see `drivers.drive_bus.DriveBus`).
+
+        Raises
+        ------
+        DriveRefused, NodeSilent, DriveFault, BusUnavailable
+            Why not; nothing is energised then.
+        """
+        self._connect()
+        try:
+            self._commission()
+            self._start()
+            self._power.walk(State.SWITCHED_ON, self._cycle)
+            self._power.walk(State.OPERATION_ENABLED, self._cycle)
+            self._supervision.forget()
+        except BaseException as error:
+            self._leave(error)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop the axes and power off, also after errors and further Ctrl-C.
+
+        Raises
+        ------
+        DriveFault
+            A drive could not be switched off. Where another exception is under way, this is
+            added to its notes instead.
+        """
+        self._leave(exc)
+
+    def move(self, moves: Mapping[int, Move]) -> None:
+        """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
+        for axis, move in moves.items():
+            check_move(move, self._drives.axes[axis], self._scales[axis], axis + 1)
+        self._motions.start(moves)
+
+    def sample(self) -> Sample:
+        """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
+        exchange = self._exchange
+        time = exchange.sync()
+        if time >= self._heartbeats.due:
+            self._heartbeats.service()
+        values = exchange.values
+        words, positions = values[0::3], values[1::3]
+        if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
+            self._attend(words)
+        if self._motions.active:
+            failed = self._motions.advance(time, words, positions, exchange.flags)
+            if failed:
+                self._fail(failed)
+        q = [(c - z) * k for c, z, k in zip(positions, self._zeros, self._per_count, strict=True)]
+        tau = [c * k for c, k in zip(values[2::3], self._torque_per_count, strict=True)]
+        flags = self._limit_flags
+        if exchange.irregular:
+            flags = self._mark_gaps(q, tau)
+        return Sample(time, tuple(q), tuple(tau), flags, not self._motions.active)
+
+    def halt(self) -> None:
+        """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+        self._motions.halt()
+
+    def _connect(self) -> None:
+        drives = self._drives
+        self._pacing = choose_pacing(self._bus, self._requested, self._period)
+        network = PumpedNetwork(self._bus, synchronous=self._pacing.synchronous)
+        self._servers = [SdoServer(network, axis.node, axis.name) for axis in drives.axes]
+        self._supervision = Supervision(network, self._servers)
+        self._exchange = Exchange(network, drives.axes, self._pacing)
+        now = self._pacing.now
+        self._heartbeats = Heartbeats(
+            network,
+            drives.master_node,
+            {server.node: server.label for server in self._servers},
+            drives.heartbeat_period,
+            drives.heartbeat_timeout,
+            now,
+        )
+        network.idle = self._heartbeats.beat
+        bands = [
+            axis.position_window / abs(scale.position)
+            for axis, scale in zip(drives.axes, self._scales, strict=True)
+        ]
+        self._power = Power(self._exchange, self._servers, self._supervision, now, bands)
+        self._commissioned: list[SdoServer] = []
+        self._running = False
+        self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
+        self._words: tuple[int, ...] = ()
+        self._limit_flags = (0,) * len(drives.axes)
+
+    def _commission(self) -> None:
+        problems: list[DriveError] = []
+        infos = []
+        for number, server in enumerate(self._servers):
+            try:
+                infos.append(self._commission_one(number, server))
+            except (DriveRefused, NodeSilent, DriveFault) as error:
+                problems.append(error)
+        if problems:
+            raise _joined(problems)
+        self._axes = tuple(infos)
+        self.notes = tuple(note for server in self._servers for note in server.notes)
+        for note in self.notes:
+            log.info("%s", note)
+
+    def _commission_one(self, number: int, server: SdoServer) -> AxisInfo:
+        axis, scale = self._drives.axes[number], self._scales[number]
+        server.enter_pre_operational()
+        self._power.make_safe(server, reset_fault=self._reset_faults)
+        self._commissioned.append(server)
+        identity = commission(server, axis, self._drives, self._period, self._power.wait)
+        return AxisInfo(
+            name=axis.name,
+            identity=identity,
+            q_min=axis.limits.q_min,
+            q_max=axis.limits.q_max,
+            velocity_max=axis.limits.velocity,
+            acceleration_max=axis.limits.acceleration,
+            torque_resolution=abs(scale.torque),
+            position_resolution=abs(scale.position),
+        )
+
+    def _start(self) -> None:
+        for server in self._servers:
+            server.enter_operational()
+        self._running = True
+        self._heartbeats.watch()
+        ends = self._pacing.now() + 1.0
+        self._cycle()
+        while self._exchange.irregular:
+            if self._pacing.now() > ends:
+                silent = [
+                    server.label
+                    for server, flag in zip(self._servers, self._exchange.flags, strict=True)
+                    if flag
+                ]
+                raise NodeSilent(
+                    f"{'; '.join(silent)}: does not answer each SYNC with one TPDO of the mapped "
+                    "length; check that no other master is on the bus, and the bus load"
+                )
+            self._cycle()
+
+    def _cycle(self) -> None:
+        self._exchange.sync()
+        self._heartbeats.service()
+        if self._heartbeats.trouble:
+            raise self._heartbeats.trouble
+
+    def _attend(self, words: tuple[int, ...]) -> None:
+        self._words = words
+        limit = Status.INTERNAL_LIMIT.value
+        self._limit_flags = tuple(SampleFlag.LIMIT.value if w & limit else 0 for w in words)
+        trouble = self._heartbeats.trouble or self._supervision.judge(words)
+        if trouble:
+            self._fail(trouble)
+
+    def _fail(self, trouble: DriveError) -> NoReturn:
+        self._words = ()
+        self._motions.active.clear()
+        self._power.stop()
+        raise trouble
+
+    def _mark_gaps(self, q: list[float], tau: list[float]) -> tuple[int, ...]:
+        gaps = self._exchange.flags
+        for axis, gap in enumerate(gaps):
+            if gap & SampleFlag.MISSING:
+                q[axis] = tau[axis] = math.nan
+        return tuple(gap | limit for gap, limit in zip(gaps, self._limit_flags, strict=True))
+
+    def _leave(self, error: BaseException | None) -> None:
+        with interrupts_held():
+            problems = self._power.power_down(self._commissioned, running=self._running)
+            self._commissioned, self._running = [], False
+            self._exchange.close()
+            if self._owns_bus:
+                self._bus.shutdown()
+            text = "powering off is incomplete, press the emergency stop: " + "; ".join(problems)
+            if problems:
+                log.error("%s", text)
+                if error is not None:
+                    error.add_note(text)
+        if problems and error is None:
+            raise DriveFault(text)
+
+
+def open_drive_bus(
+    drives: DrivesFile,
+    interface: str,
+    channel: str,
+    bus_options: Mapping[str, object] | None = None,
+    pacing: PacingName = "auto",
+) -> CanopenDriveBus:
+    """Open a python-can bus and put a `CanopenDriveBus` on it, which shuts it down when left.
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        The axes in joint order, and the bit rate.
+    interface, channel : str
+        As python-can names them.
+    bus_options : mapping, optional
+        Further arguments of the interface.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.pacing.choose_pacing`.
+
+    Raises
+    ------
+    BusUnavailable
+        No such interface or channel, or it cannot be opened, with the remedy.
+    """
+    options = {"bitrate": drives.bitrate, **(bus_options or {})}
+    return CanopenDriveBus(
+        open_can_bus(interface, channel, options), drives, pacing=pacing, owns_bus=True
+    )
+
+
+def _joined(problems: Sequence[DriveError]) -> DriveError:
+    if len(problems) == 1:
+        return problems[0]
+    silent = all(isinstance(problem, NodeSilent) for problem in problems)
+    return (NodeSilent if silent else DriveRefused)("\n".join(map(str, problems)))

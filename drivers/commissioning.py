@@ -1,0 +1,211 @@
+"""Making sure that a drive is the right one and can serve, and configuring it.
+
+Everything here happens by SDO while the drive is off and pre-operational, and everything that is
+written is read back. A drive that lacks what safety or measurement need is refused with the reason;
+what it can be used without is noted. `commission` is called for every drive before any is switched
+on.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from drivers import objects
+from drivers.cia402 import Mode
+from drivers.drive_bus import DriveRefused
+from drivers.pdo_mapping import current_entry, set_up_pdos
+from drivers.scaling import AxisScale
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.sdo import SdoServer
+
+DRIVE_PROFILE = 402
+SYNC_COB_ID = 0x80
+SLOW_DOWN_RAMP = 1
+QUICK_STOP_REACTION = 3
+MODE_TIME = 3.0
+"""A mode display may lag by seconds [s]."""
+
+
+def commission(
+    server: SdoServer,
+    axis: AxisDrive,
+    drives: DrivesFile,
+    period: float,
+    wait: Callable[[Callable[[], bool], float], bool],
+) -> str:
+    """Check and configure one drive that is off and pre-operational.
+
+    Parameters
+    ----------
+    server : SdoServer
+        Its object dictionary.
+    axis, drives : AxisDrive, DrivesFile
+        What the drives file states.
+    period : float
+        Time between two SYNCs [s].
+    wait : callable
+        ``wait(condition, timeout)`` lets time pass until the condition holds; tells whether it did.
+
+    Returns
+    -------
+    str
+        The drive's identity.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        Why the drive cannot serve.
+    """
+    identity = check_identity(server, axis)
+    _take_profile_position(server, wait)
+    _compare_ratings(server, axis)
+    server.get(current_entry(axis))
+    _write_limits(server, axis)
+    _write_reactions(server, drives)
+    _set_up_sync(server, period)
+    set_up_pdos(server, axis)
+    _set_up_heartbeats(server, drives)
+    return identity
+
+
+def check_identity(server: SdoServer, axis: AxisDrive) -> str:
+    """Return the drive's identity (1018); refuse a drive that is another than the file states."""
+    profile = server.get(objects.DEVICE_TYPE) & 0xFFFF
+    if profile != DRIVE_PROFILE:
+        raise DriveRefused(
+            f"{server.label}: device profile {profile} is no CiA 402 drive; check the node number"
+        )
+    expected = axis.identity
+    wanted = (expected.vendor, expected.product, expected.revision, expected.serial)
+    entries = (objects.VENDOR, objects.PRODUCT, objects.REVISION, objects.SERIAL)
+    found = [server.find(entry) for entry in entries]
+    for entry, present, value in zip(entries, found, wanted, strict=True):
+        if value is not None and present != value:
+            shown = "missing" if present is None else f"{present:08X}h"
+            raise DriveRefused(
+                f"{server.label}: {entry.name} {shown}, the drives file expects {value:08X}h; "
+                "check node numbers and wiring, or correct identity in the drives file"
+            )
+    return " ".join(
+        f"{entry.name} {value:08X}h"
+        for entry, value in zip(entries, found, strict=True)
+        if value is not None
+    )
+
+
+def _take_profile_position(
+    server: SdoServer, wait: Callable[[Callable[[], bool], float], bool]
+) -> None:
+    supported = server.find(objects.SUPPORTED_MODES)
+    if supported is not None and not supported & Mode.PROFILE_POSITION.supported_bit:
+        raise DriveRefused(
+            f"{server.label}: no profile position mode (6502 = {supported:08X}h, bit 0 is clear); "
+            "use a drive or firmware that has it"
+        )
+    server.put(objects.MODE, Mode.PROFILE_POSITION)
+    if not wait(lambda: server.get(objects.MODE_DISPLAY) == Mode.PROFILE_POSITION, MODE_TIME):
+        raise DriveRefused(
+            f"{server.label}: does not take profile position mode: 6061 shows "
+            f"{server.get(objects.MODE_DISPLAY)} {MODE_TIME:g} s after 1 was written to 6060; "
+            "release it from the maker's tool or from another master"
+        )
+
+
+def _compare_ratings(server: SdoServer, axis: AxisDrive) -> None:
+    for entry, value, key, unit in (
+        (objects.RATED_CURRENT, axis.rated_current, "rated_current", "A"),
+        (objects.RATED_TORQUE, axis.rated_torque, "rated_torque", "N m"),
+    ):
+        present = server.find(entry)
+        if present is None:
+            server.notes.append(f"{server.label}: no object {entry}: {key} is taken on trust")
+        elif abs(present - 1000 * value) > 1:
+            raise DriveRefused(
+                f"{server.label}: {entry} is {present / 1000:g} {unit}, the drives file states "
+                f"{key}: {value:g}; correct whichever is wrong, torques scale with it"
+            )
+    _compare_encoder(server, axis)
+
+
+def _compare_encoder(server: SdoServer, axis: AxisDrive) -> None:
+    increments = server.find(objects.ENCODER_INCREMENTS)
+    revolutions = server.find(objects.ENCODER_REVOLUTIONS)
+    if increments is None or not revolutions:
+        server.notes.append(
+            f"{server.label}: no encoder resolution (608F): increments_per_revolution on trust"
+        )
+    elif increments != axis.increments_per_revolution * revolutions:
+        raise DriveRefused(
+            f"{server.label}: encoder resolution (608F) is {increments}/{revolutions}, the drives "
+            f"file states increments_per_revolution: {axis.increments_per_revolution}; "
+            "correct whichever is wrong"
+        )
+
+
+def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
+    scale, limits = AxisScale.of(axis), axis.limits
+    ends = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
+    for entry, end in zip(
+        (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX), ends, strict=True
+    ):
+        server.set(entry, end)
+    speed = limits.velocity * axis.gear_ratio * 60 / (2 * math.pi)
+    acceleration = scale.acceleration_to_counts(limits.acceleration)
+    per_count = abs(scale.position)
+    only_ours = "this limit is kept by the driver alone"
+    for entry, value, consequence in (
+        (objects.MAX_PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity), only_ours),
+        (objects.MAX_MOTOR_SPEED, math.ceil(speed), only_ours),
+        (objects.PROFILE_DECELERATION, acceleration, "6083 must hold for decelerating too"),
+        (objects.QUICK_STOP_DECELERATION, acceleration, "the drive's own quick stop ramp is used"),
+        (objects.MAX_TORQUE, scale.torque_limit_to_counts(limits.torque), only_ours),
+        (
+            objects.FOLLOWING_ERROR_WINDOW,
+            round(axis.following_error_window / per_count),
+            _UNWATCHED,
+        ),
+        (objects.FOLLOWING_ERROR_TIME, round(1000 * axis.following_error_time), _UNWATCHED),
+        (objects.POSITION_WINDOW, round(axis.position_window / per_count), _OWN_WINDOW),
+        (objects.POSITION_WINDOW_TIME, round(1000 * axis.position_window_time), _OWN_WINDOW),
+        (objects.PROFILE_TYPE, 0, "trapezoidal profiles are taken on trust"),
+    ):
+        server.set_if_present(entry, value, consequence)
+    server.set(objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity))
+    server.set(objects.PROFILE_ACCELERATION, acceleration)
+
+
+_UNWATCHED = "the drive's own following error supervision is used"
+_OWN_WINDOW = "the drive's own window decides on target reached"
+
+
+def _write_reactions(server: SdoServer, drives: DrivesFile) -> None:
+    for entry, value, consequence in (
+        (objects.QUICK_STOP_OPTION, drives.quick_stop_option, "the drive's own quick stop is used"),
+        (objects.HALT_OPTION, SLOW_DOWN_RAMP, "the drive's own halt is used"),
+        (
+            objects.ABORT_CONNECTION_OPTION,
+            QUICK_STOP_REACTION,
+            "its reaction to the loss of our heartbeat is the maker's: look it up",
+        ),
+    ):
+        server.set_if_present(entry, value, consequence)
+
+
+def _set_up_sync(server: SdoServer, period: float) -> None:
+    present = server.find(objects.SYNC_COB_ID)
+    if present is not None and present & 0x7FF != SYNC_COB_ID:
+        server.set(objects.SYNC_COB_ID, SYNC_COB_ID)
+    server.set_if_present(
+        objects.CYCLE_PERIOD, round(1e6 * period), "it does not know the period of SYNC"
+    )
+
+
+def _set_up_heartbeats(server: SdoServer, drives: DrivesFile) -> None:
+    server.set(objects.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
+    watch = drives.master_node << 16 | round(1000 * drives.heartbeat_timeout)
+    server.set(objects.CONSUMER_HEARTBEAT, watch)

@@ -1,0 +1,109 @@
+"""Heartbeats both ways (CiA 301): ours, which the drives watch, and theirs, which we watch.
+
+The drives stop by themselves when our heartbeat stays away (1016, 6007): that saves the robot when
+this process dies. In the other direction a node that falls silent, restarts or leaves the state
+OPERATIONAL is trouble. Time is that of SYNC's pacing, so in lock-step it stands still between two
+SYNCs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import DriveError, NodeSilent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from drivers.network import PumpedNetwork
+
+OPERATIONAL = 0x05
+_STATES = {0x00: "has restarted (boot-up)", 0x04: "is stopped", 0x7F: "is pre-operational"}
+
+
+class Heartbeats:
+    """Sends our heartbeat and watches those of the drives.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        Where they are sent and heard.
+    master : int
+        Our node number.
+    labels : mapping of int to str
+        Node number to how messages name the drive.
+    period, timeout : float
+        How often they are sent and how long they may stay away [s].
+    now : callable
+        Time [s].
+
+    Attributes
+    ----------
+    due : float
+        When `service` must be called next [s].
+    trouble : NodeSilent or None
+        Why a drive is no longer with us.
+    """
+
+    def __init__(
+        self,
+        network: PumpedNetwork,
+        master: int,
+        labels: Mapping[int, str],
+        period: float,
+        timeout: float,
+        now: Callable[[], float],
+    ) -> None:
+        self.due = -math.inf
+        self.trouble: DriveError | None = None
+        self._network = network
+        self._identifier = 0x700 + master
+        self._labels = labels
+        self._period = period
+        self._timeout = timeout
+        self._now = now
+        self._heard: dict[int, float] = {}
+        for node in labels:
+            network.subscribe(0x700 + node, self._on_heartbeat)
+
+    def watch(self) -> None:
+        """Begin to expect the drives' heartbeats; they are OPERATIONAL from now on."""
+        self.trouble = None
+        self._heard = dict.fromkeys(self._labels, self._now())
+
+    def ignore(self) -> None:
+        """Expect nothing more of the drives."""
+        self._heard = {}
+
+    def beat(self) -> None:
+        """Send our heartbeat if it is due."""
+        now = self._now()
+        if now >= self.due:
+            self.due = now + self._period
+            self._network.send_message(self._identifier, bytes([OPERATIONAL]))
+
+    def service(self) -> None:
+        """Send our heartbeat if it is due, and look who is overdue."""
+        self.beat()
+        now = self._now()
+        for node, heard in self._heard.items():
+            if now - heard > self._timeout and self.trouble is None:
+                self.trouble = NodeSilent(
+                    f"{self._labels[node]}: no heartbeat for {now - heard:.3g} s (limit "
+                    f"{self._timeout:g} s); check the drive's supply and the CAN wiring"
+                )
+
+    def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        del timestamp
+        node = can_id - 0x700
+        if node not in self._heard or not data:
+            return
+        self._heard[node] = self._now()
+        state = data[0] & 0x7F
+        if state != OPERATIONAL and self.trouble is None:
+            what = _STATES.get(state, f"shows NMT state {state:02X}h")
+            self.trouble = NodeSilent(
+                f"{self._labels[node]}: {what} in the middle of operation; check the drive's "
+                "supply and that no other master is on the bus"
+            )

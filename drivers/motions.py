@@ -1,0 +1,166 @@
+"""Set-points of all axes on their way: offered, acknowledged, reached or failed.
+
+Profile velocity and acceleration go by SDO, and only when they change; the target goes by RPDO
+together with the controlword that makes it valid, so a move whose profile is known costs one frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import MoveFailed, SampleFlag
+from drivers.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
+from drivers.scaling import AxisScale
+from drivers.set_point import ENABLED, HALTED, Phase, SetPoint, Standstill, Stopping
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from drivers.drive_bus import Move
+    from drivers.drives_file import AxisDrive
+    from drivers.exchange import Exchange
+    from drivers.sdo import SdoServer
+
+ACKNOWLEDGE_TIME = 0.5
+"""How long a drive may take to acknowledge a set-point [s]."""
+
+GRACE = 2.0
+"""How much longer than its trapezoid a move may take, beside half of that again [s]."""
+
+
+@dataclass(slots=True)
+class _Motion:
+    command: SetPoint | Stopping
+    deadline: float
+    duration: float
+
+
+class Motions:
+    """Set-points under way.
+
+    Parameters
+    ----------
+    exchange : Exchange
+        Process data.
+    servers : sequence of SdoServer
+        The drives in joint order.
+    axes : sequence of AxisDrive
+        What the drives file states of them.
+    period : float
+        Time between two SYNCs [s].
+    now : callable
+        Time [s].
+
+    Attributes
+    ----------
+    active : dict
+        By axis, what has not come to its end.
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        servers: Sequence[SdoServer],
+        axes: Sequence[AxisDrive],
+        period: float,
+        now: Callable[[], float],
+    ) -> None:
+        self.active: dict[int, _Motion] = {}
+        self._exchange = exchange
+        self._servers = servers
+        self._axes = axes
+        self._scales = [AxisScale.of(axis) for axis in axes]
+        self._period = period
+        self._now = now
+        self._profiles = [(0.0, 0.0)] * len(axes)
+
+    def start(self, moves: Mapping[int, Move]) -> None:
+        """Give set-points that have passed their checks to axes."""
+        for axis, move in moves.items():
+            self._write_profile(axis, move)
+        for axis, move in moves.items():
+            self._offer(axis, move)
+
+    def halt(self) -> None:
+        """Bring all axes to rest with the deceleration of their last profile."""
+        for axis, drive in enumerate(self._axes):
+            self._exchange.command(axis, self._position(axis), HALTED)
+            deceleration = self._profiles[axis][1] or drive.limits.acceleration
+            duration = drive.limits.velocity / deceleration
+            command = Stopping(self._standstill(axis))
+            self.active[axis] = _Motion(command, self._deadline(duration), duration)
+
+    def advance(
+        self, time: float, words: Sequence[int], positions: Sequence[int], flags: Sequence[int]
+    ) -> MoveFailed | None:
+        """Take one sample's statuswords and positions; return what failed, if anything.
+
+        Axes whose TPDO is missing (`flags`) wait for the next sample.
+        """
+        for axis, motion in list(self.active.items()):
+            if flags[axis] & SampleFlag.MISSING:
+                continue
+            self._step(axis, motion, words[axis], positions[axis])
+            if motion.command.phase is Phase.REACHED:
+                del self.active[axis]
+            elif time > motion.deadline:
+                return self._failure(axis, motion, positions[axis])
+        return None
+
+    def _write_profile(self, axis: int, move: Move) -> None:
+        scale, server = self._scales[axis], self._servers[axis]
+        velocity, acceleration = self._profiles[axis]
+        if move.velocity != velocity:
+            server.put(PROFILE_VELOCITY, scale.velocity_to_counts(move.velocity))
+        if move.acceleration != acceleration:
+            counts = scale.acceleration_to_counts(move.acceleration)
+            server.put(PROFILE_ACCELERATION, counts)
+            if PROFILE_DECELERATION not in server.missing:
+                server.put(PROFILE_DECELERATION, counts)
+        self._profiles[axis] = (move.velocity, move.acceleration)
+
+    def _offer(self, axis: int, move: Move) -> None:
+        scale, drive = self._scales[axis], self._axes[axis]
+        target, word = scale.position_to_counts(move.target), self._exchange.values[3 * axis]
+        window = drive.position_window / abs(scale.position)
+        distance = abs(target - self._position(axis)) * abs(scale.position)
+        duration = distance / move.velocity + 2 * move.velocity / move.acceleration
+        command = SetPoint(target, window, self._standstill(axis))
+        motion = _Motion(command, self._now() + ACKNOWLEDGE_TIME, duration)
+        earlier = self.active.get(axis)
+        self.active[axis] = motion
+        if earlier is not None and earlier.command.phase is Phase.OFFERED:
+            # The drive must see bit 4 low before it can take another set-point.
+            self._exchange.command(axis, self._position(axis), ENABLED)
+        else:
+            self._step(axis, motion, word, self._position(axis))
+
+    def _step(self, axis: int, motion: _Motion, word: int, position: int) -> None:
+        command, phase = motion.command, motion.command.phase
+        controlword = command.step(word, position)
+        if controlword is not None and isinstance(command, SetPoint):
+            self._exchange.command(axis, command.target, controlword)
+        if phase is Phase.TAKEN and command.phase is Phase.TRAVELLING:
+            motion.deadline = self._deadline(motion.duration)
+
+    def _deadline(self, duration: float) -> float:
+        return self._now() + 1.5 * duration + GRACE
+
+    def _failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
+        place, q = self._servers[axis].label, self._scales[axis].position_from_counts(position)
+        if isinstance(motion.command, Stopping):
+            return MoveFailed(f"{place}: does not come to rest after halt, q = {q:g}; check load")
+        target = self._scales[axis].position_from_counts(motion.command.target)
+        return MoveFailed(
+            f"{place}: set-point {target:g} at q = {q:g}: {motion.command.phase.value}, for too "
+            "long; check brake, load, position_window, and that the drive's limits allow the move"
+        )
+
+    def _position(self, axis: int) -> int:
+        return self._exchange.values[3 * axis + 1]
+
+    def _standstill(self, axis: int) -> Standstill:
+        drive = self._axes[axis]
+        band = drive.position_window / abs(self._scales[axis].position)
+        return Standstill(band, max(1, round(drive.position_window_time / self._period)))

@@ -1,0 +1,172 @@
+"""canopen's network without threads: frames are pumped by whoever waits for one.
+
+canopen hands frames over from a notifier thread, and its clients block on queues which that thread
+fills. Here nobody waits without pumping: `PumpedNetwork.pump` receives frames and dispatches them
+to canopen's own subscribers, and `PumpedSdoClient` pumps until its answer is there. So there are no
+races and no dead-locks, and on a bus in lock-step time stands still while a client waits.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import can
+from canopen import Network, ObjectDictionary
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from drivers.drive_bus import BusUnavailable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SEND_ATTEMPTS = 10
+"""A full transmit queue (socketcan: 10 frames) drains within milliseconds."""
+
+SEND_BACK_OFF = 0.001
+"""Time between two attempts to send [s]."""
+
+_ABORTED = 0x80
+
+
+class PumpedNetwork(Network):
+    """A network whose frames are received by `pump`, in the caller's thread.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus.
+    synchronous : bool
+        All answers are queued before the bus's ``send`` returns: an empty queue ends any wait.
+    """
+
+    def __init__(self, bus: can.BusABC, *, synchronous: bool) -> None:
+        super().__init__(bus)
+        self.channel = bus
+        self.synchronous = synchronous
+        self.idle: Callable[[], None] = _nothing
+        """Called between two receptions of a long wait, to keep our heartbeat going."""
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send one frame, again if the transmit queue is full.
+
+        Raises
+        ------
+        BusUnavailable
+            The bus does not take the frame.
+        """
+        self.send_frame(
+            can.Message(
+                arbitration_id=can_id, data=data, is_remote_frame=remote, is_extended_id=False
+            )
+        )
+
+    def send_frame(self, frame: can.Message) -> None:
+        """Send a prepared frame (see `send_message`)."""
+        for attempt in range(SEND_ATTEMPTS):
+            try:
+                return self.channel.send(frame)
+            except can.CanError as error:
+                if attempt == SEND_ATTEMPTS - 1:
+                    raise BusUnavailable(
+                        f"{self.channel.channel_info}: frame {frame.arbitration_id:03X} cannot be "
+                        f"sent: {error}; check cable, termination and that the interface is up"
+                    ) from error
+                time.sleep(SEND_BACK_OFF)
+        return None
+
+    def receive(self, timeout: float) -> can.Message | None:
+        """Receive one frame or None [timeout in s].
+
+        Raises
+        ------
+        BusUnavailable
+            The bus has gone.
+        """
+        try:
+            return self.channel.recv(timeout)
+        except can.CanError as error:
+            raise BusUnavailable(
+                f"{self.channel.channel_info}: cannot receive: {error}; check that it is up"
+            ) from error
+
+    def dispatch(self, frame: can.Message) -> None:
+        """Hand one received frame to its subscribers."""
+        if not (frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id):
+            self.notify(frame.arbitration_id, frame.data, frame.timestamp)
+
+    def pump(self, timeout: float, until: Callable[[], bool] | None = None) -> bool:
+        """Receive and dispatch frames for `timeout` [s], or until `until` holds.
+
+        Returns
+        -------
+        bool
+            Whether `until` holds.
+        """
+        ends = time.perf_counter() + timeout
+        while True:
+            if until is not None and until():
+                return True
+            left = max(0.0, ends - time.perf_counter())
+            frame = self.receive(0.0 if self.synchronous else min(left, 0.02))
+            if frame is not None:
+                self.dispatch(frame)
+            elif self.synchronous or left == 0.0:
+                return until is not None and until()
+            self.idle()
+
+
+class PumpedSdoClient(SdoClient):
+    """canopen's SDO client, waiting by pumping its network.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        The network, pumped while the client waits.
+    node : int
+        Whose default SDO server is asked.
+    timeout : float
+        How long an answer may take [s].
+    """
+
+    def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
+        dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
+        super().__init__(0x600 + node, 0x580 + node, dictionary)  # type: ignore[no-untyped-call]
+        self.network = network
+        self._pumped = network
+        self._timeout = timeout
+        self._answers: list[bytes] = []
+        network.subscribe(self.tx_cobid, self.on_response)
+
+    def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Take an answer from the network."""
+        del can_id, timestamp
+        self._answers.append(bytes(data))
+
+    def request_response(self, sdo_request: bytes) -> bytes:
+        """Send a request and wait for its answer; answers to earlier requests are dropped."""
+        self._answers.clear()
+        self.send_request(sdo_request)  # type: ignore[no-untyped-call]
+        return self.read_response()
+
+    def read_response(self) -> bytes:
+        """Wait for one answer.
+
+        Raises
+        ------
+        canopen.SdoAbortedError, canopen.SdoCommunicationError
+            The server refuses; it does not answer in time.
+        """
+        if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
+            raise SdoCommunicationError("No SDO response received")
+        answer = self._answers.pop(0)
+        if len(answer) < 8:
+            raise SdoCommunicationError(f"SDO response of {len(answer)} bytes instead of 8")
+        if answer[0] == _ABORTED:
+            raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
+        return answer
+
+
+def _nothing() -> None:
+    pass

@@ -1,0 +1,220 @@
+"""Typed access to a drive's object dictionary, with errors that tell the operator what to do.
+
+An `SdoServer` reads and writes numbers of one node. What goes wrong names node, object, abort code
+and remedy. `set` writes and reads back, since a drive may clip a value or ignore it; where the
+object is optional and missing, that is noted instead of refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from canopen.sdo.exceptions import SdoAbortedError, SdoError
+
+from drivers.drive_bus import DriveRefused, NodeSilent
+from drivers.network import PumpedSdoClient
+
+if TYPE_CHECKING:
+    from drivers.network import PumpedNetwork
+
+SDO_TIMEOUT = 0.5
+"""How long a drive may take to answer [s]."""
+
+READ_ONLY = 0x06010002
+_MISSING = frozenset({0x06020000, 0x06090011})
+_STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
+_RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One number of an object dictionary.
+
+    Attributes
+    ----------
+    index, subindex : int
+        Where it stands.
+    type : str
+        u8, u16, u32, i8, i16 or i32.
+    name : str
+        For messages.
+    """
+
+    index: int
+    subindex: int
+    type: str
+    name: str
+
+    @property
+    def size(self) -> int:
+        """Length [bytes]."""
+        return int(self.type[1:]) // 8
+
+    @property
+    def signed(self) -> bool:
+        """Whether negative numbers exist."""
+        return self.type.startswith("i")
+
+    def __str__(self) -> str:
+        return f"{self.index:04X}:{self.subindex:02X} ({self.name})"
+
+
+class Aborted(DriveRefused):
+    """A drive answered an access with an abort code.
+
+    Attributes
+    ----------
+    code : int
+        The abort code.
+    """
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+    @property
+    def missing(self) -> bool:
+        """The object does not exist in this drive."""
+        return self.code in _MISSING
+
+
+class SdoServer:
+    """The object dictionary of one drive.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        The network that the drive is on.
+    node : int
+        Its node number.
+    name : str
+        The axis's name, for messages.
+    timeout : float
+        How long an answer may take [s].
+
+    Attributes
+    ----------
+    label : str
+        How messages name the drive.
+    missing : set of Entry
+        Optional objects that the drive lacks.
+    notes : list of str
+        What that means, in words.
+    """
+
+    def __init__(
+        self, network: PumpedNetwork, node: int, name: str, timeout: float = SDO_TIMEOUT
+    ) -> None:
+        self.node = node
+        self.label = f"axis {name!r}, node {node}"
+        self.missing: set[Entry] = set()
+        self.notes: list[str] = []
+        self._network = network
+        self._client = PumpedSdoClient(network, node, timeout)
+
+    def enter_operational(self) -> None:
+        """Command the node to exchange process data (NMT start)."""
+        self._network.send_message(0, bytes([1, self.node]))
+
+    def enter_pre_operational(self) -> None:
+        """Command the node to exchange no process data (NMT)."""
+        self._network.send_message(0, bytes([128, self.node]))
+
+    def get(self, entry: Entry) -> int:
+        """Read a number.
+
+        Raises
+        ------
+        NodeSilent
+            No answer.
+        DriveRefused
+            An abort code, or a length that does not fit the type.
+        """
+        try:
+            data = self._client.upload(entry.index, entry.subindex)
+        except SdoError as error:
+            raise self._explained(error, entry, "read") from error
+        if len(data) != entry.size:
+            raise DriveRefused(
+                f"{self.label}: object {entry} has {len(data)} bytes, expected {entry.size} "
+                f"({entry.type}); correct its type in the drives file or the drive's firmware"
+            )
+        return int.from_bytes(data, "little", signed=entry.signed)
+
+    def find(self, entry: Entry) -> int | None:
+        """Read a number that not every drive has; None where it is missing."""
+        try:
+            return self.get(entry)
+        except Aborted as error:
+            if error.missing:
+                return None
+            raise
+
+    def put(self, entry: Entry, value: int) -> None:
+        """Write a number (errors as in `get`)."""
+        low, high = _range(entry)
+        if not low <= value <= high:
+            raise DriveRefused(
+                f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
+                f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
+            )
+        data = value.to_bytes(entry.size, "little", signed=entry.signed)
+        try:
+            self._client.download(entry.index, entry.subindex, data)
+        except SdoError as error:
+            raise self._explained(error, entry, f"write {value} to") from error
+
+    def set(self, entry: Entry, value: int) -> None:
+        """Write a number and read it back.
+
+        Raises
+        ------
+        NodeSilent, DriveRefused
+            As in `get`, and where the drive keeps another value.
+        """
+        self.put(entry, value)
+        kept = self.get(entry)
+        if kept != value:
+            raise DriveRefused(
+                f"{self.label}: object {entry} reads back {kept} after {value} was written; the "
+                "drive limits or ignores it: choose a value that it takes, or unlock the parameter"
+            )
+
+    def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
+        """Do as `set`; where the object is missing, note what follows from that."""
+        if self.find(entry) is None:
+            self.missing.add(entry)
+            self.notes.append(f"{self.label}: no object {entry}: {consequence}")
+        else:
+            self.set(entry, value)
+
+    def _explained(self, error: SdoError, entry: Entry, what: str) -> DriveRefused | NodeSilent:
+        if isinstance(error, SdoAbortedError):
+            return Aborted(
+                f"{self.label}: cannot {what} object {entry}: abort {error.code:08X} "
+                f"({SdoAbortedError.CODES.get(error.code, 'unknown abort code')}); "
+                f"{_remedy(error.code)}",
+                error.code,
+            )
+        return NodeSilent(
+            f"{self.label}: no answer when trying to {what} object {entry} ({error}); check that "
+            "the drive has power, its node number, its bit rate and the CAN wiring"
+        )
+
+
+def _range(entry: Entry) -> tuple[int, int]:
+    bits = 8 * entry.size
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if entry.signed else (0, (1 << bits) - 1)
+
+
+def _remedy(code: int) -> str:
+    if code in _MISSING:
+        return "this drive lacks the object: use another drive or firmware"
+    if code == READ_ONLY:
+        return "set it with the maker's commissioning tool"
+    if code in _STATE_CODES:
+        return "the drive does not allow it in its present state: switch it off and on again"
+    if code in _RANGE_CODES:
+        return "choose a value that the drive takes"
+    return "see the drive's manual"
