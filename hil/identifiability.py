@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hil.plan import Plan
     from hil.robot import Robot
 
-KINDS = {"gravity": Gravity, "diagonal": Inertia, "off-diagonal": Coupling}
+KINDS = {"gravity": Gravity, "diagonal": Inertia, "off_diagonal": Coupling}
 """Which measurements serve which group of base parameters."""
 WEAK = 10.0
 """A parameter whose standard error grows more than this by the others' is weak."""
@@ -42,7 +42,7 @@ class Identifiability:
     Attributes
     ----------
     group : str
-        gravity, diagonal or off-diagonal.
+        gravity, diagonal or off_diagonal.
     names : tuple of str
         Its parameters.
     rows : int

@@ -131,7 +131,7 @@ class _PartnerStrokes:
         """Allow strokes that lie between two instants [s]."""
         self._recorder.partner_stroke(IDLE)
         self._due = earliest + SETTLED
-        self._last = latest - self._measurement.partner_profile(0).duration
+        self._last = latest - self._measurement.partner_profile(0).duration - TURN
 
     def add(self, sample: Sample) -> None:
         """Take one sample and start a stroke when one is due."""

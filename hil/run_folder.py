@@ -191,6 +191,18 @@ class RunFolder:
                 told.append(f"{error}; kept as {aside.name}, will be measured again")
         return told
 
+    def discard_if_empty(self) -> bool:
+        """Remove the folder of a run in which nothing was measured; tell whether it was."""
+        if any((self.path / "recordings").iterdir()):
+            return False
+        with operator_told(self.path, "removed"):
+            for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json"):
+                (self.path / name).unlink(missing_ok=True)
+            (self.path / "recordings").rmdir()
+            if not any(self.path.iterdir()):
+                self.path.rmdir()
+        return True
+
     @contextmanager
     def session(self, interface: str, channel: str) -> Iterator[int]:
         """One stretch of measuring; yields its number and notes how it ended, whatever happens."""

@@ -1,0 +1,295 @@
+"""The command line: from a robot to a plan, a run, an identified model and a report.
+
+Commands are thin: each one reads its files, calls one function of a module below and prints. What
+is wrong with files, drives or the bus ends in one message on standard error and a non-zero status,
+never in a traceback. This is also the one place that knows both identification and a concrete
+bus: `_open_bus` is where simulation and hardware part, by an argument.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from drivers.drive_bus import DriveError
+from drivers.yaml_file import FileError
+from hil import dry_run_view, robot_view
+from hil.atomic_file import operator_told, write_file
+from hil.campaign import run_campaign
+from hil.drives_check import StatedAxis, refuse_contradictions
+from hil.dry_run import BITRATE, dry_run
+from hil.events import Finished
+from hil.plan import dump_plan, load_plan, refuse_other_robot
+from hil.progress import shown
+from hil.robot import ROBOTS, load_robot
+from hil.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.drive_bus import DriveBus
+    from drivers.drives_file import DrivesFile
+    from hil.plan import Plan
+    from hil.robot import Robot
+
+app = typer.Typer(
+    help="Identify a robot's dynamics on the machine itself, over CANopen.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+out = Console()
+
+PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]
+RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
+RobotOption = Annotated[
+    str | None, typer.Option("--robot", help="Robot file, if the robot does not come along.")
+]
+
+
+class Pacing(StrEnum):
+    """Where the time of SYNC comes from."""
+
+    AUTO = "auto"
+    LOCK_STEP = "lock-step"
+    WALL_CLOCK = "wall-clock"
+
+
+class Method(StrEnum):
+    """How parameters are estimated."""
+
+    IMPROVED = "improved"
+    PRINTED = "printed"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of `hil`; exit status 1 for what a message tells, 2 for wrong usage."""
+    try:
+        app(None if arguments is None else list(arguments), prog_name="hil")
+    except (FileError, DriveError) as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(1)
+    except OSError as error:
+        sys.stderr.write(f"{error.filename or 'hil'}: {error.strerror or error}\n")
+        sys.exit(1)
+
+
+@app.command()
+def robot(name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")]) -> None:
+    """Show base parameters, their groups, and where they occur in M and g."""
+    robot_view.render(load_robot(name), out)
+
+
+@app.command()
+def plan(
+    name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
+) -> None:
+    """Choose configurations and motions from g(q) and M(q)."""
+    from hil.experiment_design import design  # noqa: PLC0415 - slow to import, used here only
+
+    the_robot = load_robot(name)
+    if output.exists():
+        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    designed = design(the_robot)
+    write_file(output, dump_plan(designed).encode())
+    out.print(f"{len(designed.measurements)} measurements in {output}", highlight=False)
+
+
+@app.command("dry-run")
+def dry_run_(
+    plan_file: PlanFile,
+    robot_file: RobotOption = None,
+    bitrate: Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s")] = BITRATE,
+) -> None:
+    """Tell what a plan will take and give; nothing moves."""
+    _dry_run(plan_file, *_load(plan_file, robot_file), bitrate, quiet=False)
+
+
+@app.command()
+def run(
+    plan_file: PlanFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
+    interface: Annotated[str, typer.Option(help="python-can's interface.")] = "sim_plant",
+    channel: Annotated[str | None, typer.Option(help="Its channel [robot's name].")] = None,
+    drives_file: Annotated[
+        Path | None, typer.Option("--drives", help="Drives file [that of the robot].")
+    ] = None,
+    bus_option: Annotated[
+        list[str] | None, typer.Option(help="key=value for python-can, may be repeated.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Measure what is missing.")] = False,
+    pacing: Annotated[Pacing, typer.Option(help="Where SYNC's time comes from.")] = Pacing.AUTO,
+    robot_file: RobotOption = None,
+) -> None:
+    """Measure a plan into a folder; the robot moves."""
+    the_plan, the_robot = _load(plan_file, robot_file)
+    drives_file = drives_file or _packaged_drives(the_robot)
+    drives, text = _load_drives(drives_file, the_robot)
+    _dry_run(plan_file, the_plan, the_robot, drives.bitrate, quiet=True)
+    options = _options(bus_option or [])
+    folder = _folder(output, the_plan, the_robot, text, resume)
+    channel = channel or the_robot.name
+    bus = _open_bus(drives, interface, channel, options, pacing)
+    _measure(folder, bus, interface, channel)
+
+
+@app.command()
+def identify(
+    folder: RunPath,
+    method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
+) -> None:
+    """Estimate base parameters from a run; writes model.yaml into its folder."""
+    from hil import identification  # noqa: PLC0415 - slow to import, used here only
+
+    identification.identify(folder, method=method.value)
+
+
+@app.command()
+def report(folder: RunPath) -> None:
+    """Write a run's report, one HTML file."""
+    from hil import report as module  # noqa: PLC0415 - slow to import, used here only
+
+    module.report(folder)
+
+
+@app.command()
+def compare(
+    folder: RunPath,
+    truth: Annotated[Path, typer.Option(help="Plant file of the virtual plant.")],
+) -> None:
+    """Set an estimate against the truth of the virtual plant."""
+    from hil import compare as module  # noqa: PLC0415 - slow to import, used here only
+
+    module.compare(folder, truth)
+
+
+def _load(plan_file: Path, robot_file: str | None) -> tuple[Plan, Robot]:
+    the_plan = load_plan(plan_file)
+    the_robot = load_robot(robot_file or the_plan.robot.name)
+    refuse_other_robot(the_plan, the_robot, str(plan_file))
+    return the_plan, the_robot
+
+
+def _dry_run(
+    plan_file: Path, the_plan: Plan, the_robot: Robot, bitrate: int, *, quiet: bool
+) -> None:
+    result = dry_run(the_plan, the_robot, bitrate)
+    if not quiet:
+        dry_run_view.render(result, out)
+    if result.problems:
+        text = plan_file.read_text(encoding="utf-8")
+        raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
+
+
+def _packaged_drives(the_robot: Robot) -> Path:
+    path = ROBOTS / f"{the_robot.name}.drives.yaml"
+    if not path.exists():
+        raise FileError(f"{the_robot.name}: no drives file comes along; give one with --drives")
+    return path
+
+
+def _load_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
+    """Read a drives file and refuse one that contradicts the robot's."""
+    from drivers.drives_file import load_drives  # noqa: PLC0415 - only where a bus is used
+
+    drives = load_drives(path)
+    with operator_told(path, "read"):
+        text = path.read_text(encoding="utf-8")
+    axes = [
+        StatedAxis(
+            axis.name,
+            axis.gear_ratio,
+            axis.torque_constant,
+            axis.limits.q_min,
+            axis.limits.q_max,
+            axis.limits.velocity,
+            axis.limits.acceleration,
+            axis.limits.torque,
+        )
+        for axis in drives.axes
+    ]
+    refuse_contradictions(axes, the_robot, text, str(path))
+    return drives, text
+
+
+def _open_bus(
+    drives: DrivesFile, interface: str, channel: str, options: dict[str, object], pacing: Pacing
+) -> DriveBus:
+    from drivers.canopen_bus import open_drive_bus  # noqa: PLC0415 - only where a bus is used
+
+    return open_drive_bus(drives, interface, channel, options, pacing.value)
+
+
+def _options(pairs: Sequence[str]) -> dict[str, object]:
+    """Turn ``key=value`` into keyword arguments: numbers and true or false become such."""
+    options: dict[str, object] = {}
+    for pair in pairs:
+        key, separator, value = pair.partition("=")
+        if not separator or not key.isidentifier():
+            raise typer.BadParameter(f"{pair!r} must read key=value, such as bitrate=1000000")
+        options[key] = _value(value)
+    return options
+
+
+def _value(text: str) -> object:
+    if text in {"true", "false"}:
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _folder(path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool) -> RunFolder:
+    if not resume:
+        return RunFolder.create(path, the_plan, the_robot, drives)
+    folder = RunFolder.open(path)
+    folder.refuse_changes(the_plan, the_robot, drives)
+    for told in folder.set_aside_damaged():
+        out.print(told, highlight=False, soft_wrap=True)
+    return folder
+
+
+def _measure(folder: RunFolder, bus: DriveBus, interface: str, channel: str) -> None:
+    """Run the campaign; Ctrl-C and SIGTERM stop the axes and keep what was measured."""
+    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with shown(out) as show:
+            for event in run_campaign(folder, bus, interface, channel):
+                show(event)
+                last = event
+    except KeyboardInterrupt:
+        sys.stderr.write(f"stopped, the axes are off; {_what_remains(folder)}\n")
+        raise typer.Exit(130) from None
+    except (DriveError, FileError) as error:
+        sys.stderr.write(f"{error}\nthe axes are off; {_what_remains(folder)}\n")
+        raise typer.Exit(1) from None
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+    if isinstance(last, Finished):
+        kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
+        out.print(
+            f"{last.recorded} measurements in {folder.path}"
+            f" ({dry_run_view.clock(last.time)} of robot time){kept if last.gave_up else ''}",
+            highlight=False,
+            soft_wrap=True,
+        )
+
+
+def _what_remains(folder: RunFolder) -> str:
+    if folder.discard_if_empty():
+        return "nothing was measured"
+    return f"what was measured stays in {folder.path}; finish with hil run ... --resume"
+
+
+if __name__ == "__main__":
+    main()
