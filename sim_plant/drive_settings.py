@@ -58,3 +58,8 @@ class DriveSettings:
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 127:
             raise ValueError(f"{self.name}: node id {self.node_id} must be in 1...127")
+        if self.increments_per_revolution * self.gear[0] >= 1 << 32:
+            raise ValueError(
+                f"{self.name}: gear {self.gear[0]}:{self.gear[1]} does not fit 6092h; "
+                "write the ratio in smaller numbers"
+            )

@@ -1,0 +1,71 @@
+"""``python -m sim_plant``: serve the plant on any python-can bus until Ctrl-C."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Annotated
+
+import can
+import typer
+
+from drivers.yaml_file import FileError
+from sim_plant.plant import load_plant
+from sim_plant.server import serve
+from sim_plant.slave_network import CLOCKS, Clock
+
+if TYPE_CHECKING:
+    from sim_plant.slave_network import DrivenMachine
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    interface: Annotated[str, typer.Option(help="python-can interface, e.g. socketcan.")],
+    channel: Annotated[str, typer.Option(help="Its channel, e.g. vcan0.")],
+    plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
+    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the plant file's.")] = None,
+    clock: Annotated[str, typer.Option(help="sync: SYNC lets time pass; or wall.")] = "sync",
+    bus_option: Annotated[
+        list[str] | None, typer.Option(help="key=value for the interface; may be repeated.")
+    ] = None,
+) -> None:
+    """Serve the simulated plant's drives on a CAN bus."""
+    try:
+        options = _options(bus_option or [])
+        machine = load_plant(plant, seed)
+        with can.Bus(channel, interface=interface, **options) as bus:  # type: ignore[arg-type]
+            typer.echo(_announcement(machine, plant, bus, clock))
+            serve(bus, machine, _clock(clock), threading.Event())
+    except KeyboardInterrupt:
+        typer.echo("stopped")
+    except (FileError, can.CanError, ValueError, TypeError, OSError, NotImplementedError) as error:
+        typer.echo(f"sim_plant: {error or type(error).__name__}", err=True)
+        raise typer.Exit(1) from None
+
+
+def _options(pairs: list[str]) -> dict[str, str]:
+    for pair in pairs:
+        if "=" not in pair:
+            raise ValueError(f"--bus-option {pair}: must be key=value")
+    return dict(pair.split("=", 1) for pair in pairs)
+
+
+def _clock(text: str) -> Clock:
+    for clock in CLOCKS:
+        if clock == text:
+            return clock
+    raise ValueError(f"--clock {text}: must be one of {', '.join(CLOCKS)}")
+
+
+def _announcement(machine: DrivenMachine, plant: str, bus: can.BusABC, clock: str) -> str:
+    drives = ", ".join(f"{drive.node_id} {drive.name}" for drive in machine.drives)
+    passing = "SYNC lets its time pass" if clock == "sync" else "on the wall clock"
+    return (
+        f"Simulated plant {plant}, {passing}: no real machine moves.\n"
+        f"Nodes {drives} on {bus.channel_info}. Ctrl-C ends it."
+    )
+
+
+if __name__ == "__main__":
+    app()

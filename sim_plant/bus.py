@@ -1,0 +1,121 @@
+"""The plant as a python-can interface: ``can.Bus(interface="sim_plant", channel="manutec-r15")``.
+
+A channel is a packaged plant's name or the path of a plant file. The first bus opened on a channel
+switches the plant on, the last one shut down switches it off; all buses of one process on the same
+channel share it and see each other's frames as well as the drives', so that a logger can listen
+beside a master.
+
+`PlantBus.lock_step` tells a master whether the plant keeps step with its SYNC: whatever the drives
+have to say to a frame is in the receive queue before `send` returns.
+"""
+
+from __future__ import annotations
+
+import queue
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from sim_plant.plant_channel import BITRATE, PlantChannel, close_channel, open_channel
+from sim_plant.plant_file import packaged_plants
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from can.typechecking import AutoDetectedConfig, CanFilters, Channel
+
+CHANNEL = "manutec-r15"
+
+
+class PlantBus(can.BusABC):
+    """A bus with the plant's drives on it.
+
+    Parameters
+    ----------
+    channel : str
+        Name of a packaged plant, or path of a plant file.
+    can_filters : optional
+        As everywhere in python-can.
+    receive_own_messages : bool
+        Whether sent frames come back.
+    seed : int or str, optional
+        Seed of the plant's randomness instead of the plant file's.
+    clock : {"sync", "wall"}, optional
+        See `sim_plant.slave_network`; "sync" unless told otherwise.
+    bitrate : int or str
+        Spaces the time stamps of frames [bit/s].
+
+    Attributes
+    ----------
+    lock_step : bool
+        Whether the plant's time advances by SYNC alone.
+
+    Raises
+    ------
+    can.CanInitializationError
+        An unknown channel, an option without meaning, or a channel open with other options.
+    """
+
+    def __init__(
+        self,
+        channel: Channel = CHANNEL,
+        can_filters: CanFilters | None = None,
+        *,
+        receive_own_messages: bool = False,
+        seed: int | str | None = None,
+        clock: str | None = None,
+        bitrate: int | str = BITRATE,
+        **kwargs: Any,
+    ) -> None:
+        self._inbox: queue.SimpleQueue[can.Message] = queue.SimpleQueue()
+        self._echo = receive_own_messages
+        self._plant: PlantChannel | None = open_channel(
+            str(channel), self._inbox, seed=seed, clock=clock, bitrate=bitrate
+        )
+        self.lock_step = self._plant.clock == "sync"
+        self.channel_info = f"simulated plant {channel}"
+        super().__init__(channel, can_filters, **kwargs)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
+        """Send a frame; the drives' answers are in the receive queues when this returns.
+
+        Raises
+        ------
+        can.CanOperationError
+            The bus is shut down, or the frame is no classical CAN frame.
+        """
+        if msg.is_fd:
+            raise can.CanOperationError("the plant's drives know no CAN FD: send classical frames")
+        self._opened().transmit(msg, self._inbox, echo=self._echo)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
+        if self._filters is None and self._plant is not None:
+            try:
+                return self._inbox.get_nowait()
+            except queue.Empty:
+                pass
+        return super().recv(timeout)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self._opened()
+        try:
+            return self._inbox.get(timeout=None if timeout is None else max(0.0, timeout)), False
+        except queue.Empty:
+            return None, False
+
+    def shutdown(self) -> None:
+        """Leave the channel; the last one to leave switches the plant off."""
+        super().shutdown()
+        plant, self._plant = self._plant, None
+        if plant is not None:
+            close_channel(plant, self._inbox)
+
+    def _opened(self) -> PlantChannel:
+        if self._plant is None:
+            raise can.CanOperationError(f"{self.channel_info}: this bus is shut down")
+        return self._plant
+
+    @staticmethod
+    def _detect_available_configs() -> Sequence[AutoDetectedConfig]:
+        return [{"interface": "sim_plant", "channel": name} for name in packaged_plants()]

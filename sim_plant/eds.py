@@ -1,0 +1,121 @@
+"""The drive's electronic data sheet, read once, as the entries that make its object dictionary."""
+
+from __future__ import annotations
+
+import functools
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import canopen
+from canopen.objectdictionary import ODVariable, datatypes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+EDS_PATH = Path(__file__).with_name("cia402_drive.eds")
+
+STORE_EDS = 0x1021
+"""Store EDS: the data sheet itself can be uploaded from every node."""
+
+_FORMATS = {
+    datatypes.INTEGER8: "b",
+    datatypes.INTEGER16: "h",
+    datatypes.INTEGER32: "i",
+    datatypes.UNSIGNED8: "B",
+    datatypes.UNSIGNED16: "H",
+    datatypes.UNSIGNED32: "I",
+}
+
+
+def key(index: int, subindex: int = 0) -> int:
+    """Index and sub-index as one number."""
+    return index << 8 | subindex
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One value of the object dictionary as the EDS declares it.
+
+    Attributes
+    ----------
+    access : str
+        ro, wo, rw, rwr, rww or const.
+    code : str
+        struct format of an integer; empty for text and domains.
+    low, high : int
+        Range of an integer, both included.
+    default : int or bytes
+        Value after reset, without the node id.
+    relative : bool
+        The node id is added to the default.
+    """
+
+    index: int
+    subindex: int
+    access: str
+    mappable: bool
+    code: str
+    low: int
+    high: int
+    default: int | bytes
+    relative: bool
+
+    @property
+    def readable(self) -> bool:
+        """Whether the bus may read it."""
+        return self.access != "wo"
+
+    @property
+    def writable(self) -> bool:
+        """Whether the bus may write it."""
+        return "w" in self.access
+
+    @property
+    def size(self) -> int:
+        """Bytes of an integer; 0 for text and domains."""
+        return struct.calcsize("<" + self.code)
+
+
+@functools.cache
+def drive_entries() -> dict[int, Entry]:
+    """All entries of the drive's EDS, by `key`."""
+    return {key(entry.index, entry.subindex): entry for entry in _entries()}
+
+
+def _entries() -> Iterator[Entry]:
+    dictionary = canopen.import_od(str(EDS_PATH))
+    for index, thing in dictionary.items():
+        if index < 0x1000:
+            continue  # dummies can be mapped, not accessed
+        for variable in [thing] if isinstance(thing, ODVariable) else thing.values():
+            yield _entry(variable)
+
+
+def _entry(variable: ODVariable) -> Entry:
+    code = _FORMATS.get(variable.data_type or 0, "")
+    values = 1 << 8 * struct.calcsize("<" + code)
+    low = -values // 2 if code.islower() else 0
+    return Entry(
+        index=variable.index,
+        subindex=variable.subindex,
+        access=variable.access_type,
+        mappable=variable.pdo_mappable,
+        code=code,
+        low=low if variable.min is None else variable.min,
+        high=low + values - 1 if variable.max is None else variable.max,
+        default=_default(variable, code),
+        relative=variable.relative,
+    )
+
+
+def _default(variable: ODVariable, code: str) -> int | bytes:
+    if variable.index == STORE_EDS:
+        return EDS_PATH.read_bytes()
+    if not code:
+        return str(variable.default or "").encode("ascii")
+    if variable.relative:
+        text: str = vars(variable)["default_raw"]
+        return int(text.replace("$NODEID", "").strip("+"), 0)
+    return int(variable.default or 0)

@@ -1,0 +1,78 @@
+"""Serves the plant on any python-can bus: a real one, vcan, or ``virtual`` inside a process."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import can
+
+from sim_plant.slave_network import SlaveNetwork
+from sim_plant.wall_clock import TICK, WallClock
+
+if TYPE_CHECKING:
+    import threading
+    from collections.abc import Iterable
+
+    from sim_plant.slave_network import Clock, DrivenMachine, Frame
+
+IDLE = 0.1
+"""How long the server waits for a frame before it looks at `stop_event` [s]."""
+
+RETRIES = 12
+"""Doubling pauses from 0.1 ms: half a second for a full transmit queue to drain."""
+
+
+def serve(bus: can.BusABC, plant: DrivenMachine, clock: Clock, stop_event: threading.Event) -> None:
+    """Answer on `bus` as the plant's drives until `stop_event` is set.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        Left open.
+    plant : DrivenMachine
+    clock : {"sync", "wall"}
+        See `sim_plant.slave_network`.
+    stop_event : threading.Event
+
+    Raises
+    ------
+    can.CanError
+        The bus fails.
+    """
+    network = SlaveNetwork(plant, clock)
+    wall = WallClock()
+    wait = TICK if clock == "wall" else IDLE
+    _send(bus, network.power_on())
+    while not stop_event.is_set():
+        message = bus.recv(wait)
+        if clock == "wall":
+            _send(bus, network.elapse(wall.elapsed()))
+        if message is not None:
+            _send(bus, _answer(network, message))
+
+
+def _answer(network: SlaveNetwork, message: can.Message) -> list[Frame]:
+    if message.is_extended_id or message.is_error_frame or message.is_fd:
+        return []
+    if message.is_remote_frame:
+        return network.receive_remote(message.arbitration_id)
+    return network.receive(message.arbitration_id, bytes(message.data))
+
+
+def _send(bus: can.BusABC, frames: Iterable[Frame]) -> None:
+    for _, identifier, data in frames:
+        message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
+        _send_patiently(bus, message)
+
+
+def _send_patiently(bus: can.BusABC, message: can.Message) -> None:
+    """Send; a full transmit queue (ten frames on socketcan) is given time to drain."""
+    for attempt in range(RETRIES):
+        try:
+            bus.send(message)
+        except can.CanOperationError:
+            time.sleep(1e-4 * 2**attempt)
+        else:
+            return
+    bus.send(message)

@@ -1,0 +1,201 @@
+"""All drives of the plant on one bus segment: frames in, frames out, and what lets time pass.
+
+Two clocks are possible. With ``"sync"`` time stands still between SYNCs; each SYNC advances the
+machine by the communication cycle period (1006h, the longest that any drive was told), so a master
+that counts on its SYNC period is as fast as the processor and always gets the same answers. With
+``"wall"`` somebody calls `elapse`, and a SYNC only latches; masters that send no SYNC need it.
+
+Either way the machine stops at every due timer, all axes are latched at the same instant, and the
+frames of one instant leave in the order of their identifiers, as arbitration would have it.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from operator import itemgetter
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+
+from sim_plant.cia402_node import Cia402Node
+from sim_plant.timers import Timers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sim_plant.axis import Axis, Reading
+    from sim_plant.drive_settings import DriveSettings
+
+
+class DrivenMachine(Protocol):
+    """A `sim_plant.axis.Machine` that says which drives turn its axes."""
+
+    on_event: Callable[[int, int], None]
+
+    @property
+    def drives(self) -> Sequence[DriveSettings]:
+        """One for each axis."""
+
+    @property
+    def axes(self) -> Sequence[Axis]:
+        """What the drives command."""
+
+    def advance(self, duration: float) -> None:
+        """Let the physics run for `duration` [s]."""
+
+    def read(self) -> Sequence[Reading]:
+        """Latch all axes."""
+
+
+Clock: TypeAlias = Literal["sync", "wall"]
+CLOCKS: tuple[Clock, ...] = ("sync", "wall")
+
+CYCLE_DEFAULT = 0.004
+"""SYNC period while no drive has been told one [s]."""
+
+_by_identifier = itemgetter(1)
+
+
+Frame: TypeAlias = tuple[float, int, bytes]
+"""A data frame that a drive sends: instant [s], 11-bit identifier, data."""
+
+
+class SlaveNetwork:
+    """Drives in front of a machine.
+
+    Parameters
+    ----------
+    machine : DrivenMachine
+    clock : {"sync", "wall"}
+
+    Attributes
+    ----------
+    nodes : tuple of Cia402Node
+    time : float
+        Time since power-on [s].
+    """
+
+    def __init__(self, machine: DrivenMachine, clock: Clock = "sync") -> None:
+        self._machine = machine
+        self._clock = clock
+        self._timers = Timers()
+        self._past: list[Frame] = []
+        self._present: list[Frame] = []
+        self._stale = True
+        self._synced: dict[int, list[Callable[[], None]]] = {}
+        self._routes: dict[int, list[Callable[[bytes], None]]] = {}
+        self._remote: dict[int, list[Callable[[], None]]] = {}
+        self._event_actions: list[Callable[[], None]] = []
+        self.nodes = tuple(
+            Cia402Node(settings, axis, self._timers, self._emit, self._rewire)
+            for settings, axis in zip(machine.drives, machine.axes, strict=True)
+        )
+        for node in self.nodes:
+            node.dictionary.react(0x1006, lambda _subindex, _value: self._rewire())
+        machine.on_event = self._on_event
+
+    @property
+    def time(self) -> float:
+        """Time since power-on [s]."""
+        return self._timers.now
+
+    def power_on(self) -> list[Frame]:
+        """Boot all drives."""
+        self._latch()
+        for node in self.nodes:
+            node.boot()
+        return self._take()
+
+    def receive(self, identifier: int, data: bytes) -> list[Frame]:
+        """Take a data frame with 11-bit identifier; return what the drives send."""
+        if self._stale:
+            self._wire()
+        synced = self._synced.get(identifier)
+        if synced is not None:
+            self._sync(synced)
+        else:
+            for handle in self._routes.get(identifier, ()):
+                handle(data)
+        return self._take()
+
+    def receive_remote(self, identifier: int) -> list[Frame]:
+        """Take a remote frame; return what the drives send."""
+        if self._stale:
+            self._wire()
+        for answer in self._remote.get(identifier, ()):
+            answer()
+        return self._take()
+
+    def elapse(self, duration: float) -> list[Frame]:
+        """Let time pass without SYNC [s]; return what the drives send meanwhile."""
+        if self._stale:
+            self._wire()
+        self._advance(duration)
+        self._latch()
+        return self._take()
+
+    def _sync(self, actions: list[Callable[[], None]]) -> None:
+        if self._clock == "sync":
+            self._advance(self._cycle)
+        self._latch()
+        for act in actions:
+            act()
+
+    def _advance(self, duration: float) -> None:
+        timers, machine = self._timers, self._machine
+        end = timers.now + duration
+        while timers.next <= end:
+            machine.advance(max(0.0, timers.next - timers.now))
+            timers.now = max(timers.now, timers.next)
+            timers.run()
+            self._settle()
+        machine.advance(end - timers.now)
+        timers.now = end
+
+    def _latch(self) -> None:
+        for node, reading in zip(self.nodes, self._machine.read(), strict=True):
+            node.latch(reading)
+
+    def _on_event(self, axis: int, events: int) -> None:
+        self.nodes[axis].handle_events(events)
+
+    def _emit(self, identifier: int, data: bytes) -> None:
+        self._present.append((self._timers.now, identifier, data))
+
+    def _settle(self) -> None:
+        """Put the frames of the present instant into arbitration order behind earlier ones."""
+        self._past += self._take_present()
+
+    def _take(self) -> list[Frame]:
+        if self._stale:
+            self._wire()
+        frames = self._take_present()
+        if self._past:
+            frames, self._past = self._past + frames, []
+        return frames
+
+    def _take_present(self) -> list[Frame]:
+        for act in self._event_actions:
+            act()
+        frames, self._present = self._present, []
+        if len(frames) > 1:
+            frames.sort(key=_by_identifier)
+        return frames
+
+    def _rewire(self) -> None:
+        self._stale = True
+
+    def _wire(self) -> None:
+        """Ask all drives again who listens to what."""
+        self._stale = False
+        routes: defaultdict[int, list[Callable[[bytes], None]]] = defaultdict(list)
+        remote: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
+        synced: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
+        for node in self.nodes:
+            for identifier, handle in node.routes():
+                routes[identifier].append(handle)
+            for identifier, answer in node.remote_routes():
+                remote[identifier].append(answer)
+            synced[node.sync_identifier] += node.sync_actions()
+        self._routes, self._remote, self._synced = dict(routes), dict(remote), dict(synced)
+        self._event_actions = [act for node in self.nodes for act in node.event_actions()]
+        longest = max(node.dictionary.get(0x1006) for node in self.nodes)
+        self._cycle = longest * 1e-6 or CYCLE_DEFAULT

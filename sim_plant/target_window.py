@@ -1,0 +1,80 @@
+"""Target reached: the actual position inside the position window 6067h for the time of 6068h."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_plant.object_dictionary import ObjectDictionary
+    from sim_plant.timers import Timers
+
+_OFF = 0xFFFF_FFFF
+
+
+class TargetWindow:
+    """Watches one target.
+
+    Attributes
+    ----------
+    reached : bool
+    quiet_low, quiet_high : float
+        While the position stays between these two there is nothing new to tell.
+    """
+
+    def __init__(
+        self, dictionary: ObjectDictionary, timers: Timers, changed: Callable[[], None]
+    ) -> None:
+        self._dictionary = dictionary
+        self._timers = timers
+        self._changed = changed
+        self._name = (dictionary.node_id, "position window")
+        self._target = 0
+        self._inside = False
+        self.reached = False
+        self.close()
+
+    def close(self) -> None:
+        """Stop watching; nothing is reached."""
+        self._timers.stop(self._name)
+        self._open = self._inside = self.reached = False
+        self.quiet_low, self.quiet_high = -math.inf, math.inf
+
+    def open(self, target: int) -> None:
+        """Watch for `target` from the next observation on."""
+        self.close()
+        self._target = target
+        self._open = True
+        self._attend()
+
+    def observe(self, position: int) -> None:
+        """Take an actual position."""
+        if not self._open:
+            return
+        width = self._dictionary.get(0x6067)
+        inside = width == _OFF or abs(position - self._target) <= width
+        if inside and not self._inside:
+            self._enter(width)
+        elif not inside:
+            self._timers.stop(self._name)
+            self.reached = False
+            self._attend()
+        self._inside = inside
+
+    def _attend(self) -> None:
+        """Want to see every position."""
+        self.quiet_low, self.quiet_high = math.inf, -math.inf
+
+    def _enter(self, width: int) -> None:
+        self.quiet_low, self.quiet_high = self._target - width, self._target + width
+        time = self._dictionary.get(0x6068)
+        if time:
+            self._timers.start(self._name, time / 1000, self._reach)
+        else:
+            self.reached = True
+
+    def _reach(self) -> None:
+        self.reached = True
+        self._changed()
