@@ -1,1 +1,37 @@
-"""Identification of robot dynamics and friction on the machine itself."""
+"""Identification of robot dynamics and friction on the machine itself.
+
+What needs a compiler or a fit is imported when it is first used, so that ``import hil`` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from hil.base_parameters import base_parameters
+from hil.robot import load_robot
+
+if TYPE_CHECKING:
+    from hil.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
+
+__all__ = [
+    "base_parameters",
+    "gravity_torque",
+    "inverse_dynamics",
+    "load_robot",
+    "mass_matrix",
+    "regressor",
+]
+
+_LATER = {
+    "gravity_torque": "hil.dynamics",
+    "inverse_dynamics": "hil.dynamics",
+    "mass_matrix": "hil.dynamics",
+    "regressor": "hil.dynamics",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _LATER:
+        raise AttributeError(f"module 'hil' has no attribute {name!r}")
+    return getattr(import_module(_LATER[name]), name)

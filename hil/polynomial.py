@@ -20,6 +20,10 @@ Monomial = tuple[str, ...]
 """Sorted names, each as often as its power: ``("l1", "l1")`` is l1^2, ``()`` is 1."""
 
 
+_ROUNDING = 1e-12
+"""Coefficients this near to a whole number are meant to be it."""
+
+
 class Polynomial:
     """A sum of monomials in names, with float coefficients; immutable by convention.
 
@@ -78,6 +82,13 @@ class Polynomial:
     def evaluate(self, values: Mapping[str, float]) -> float:
         """Return the value at `values` of the names."""
         return sum(c * math.prod(values[name] for name in m) for m, c in self.terms.items())
+
+    def tidied(self) -> Polynomial:
+        """Return the polynomial without what rounding left of terms that cancel."""
+        near = {monomial: float(round(c)) for monomial, c in self.terms.items()}
+        return Polynomial(
+            {m: near[m] if abs(c - near[m]) < _ROUNDING else c for m, c in self.terms.items()}
+        )
 
 
 def _lift(value: Polynomial | float) -> Polynomial:

@@ -215,7 +215,7 @@ def parse_robot(text: str, source: str) -> Robot:
 
 def available_robots() -> list[str]:
     """Return the names of the robots that come along."""
-    return sorted(path.stem for path in ROBOTS.glob("*.yaml"))
+    return sorted(path.stem for path in ROBOTS.glob("*.yaml") if len(path.suffixes) == 1)
 
 
 def _find(name_or_path: str | Path) -> Path:

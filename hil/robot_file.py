@@ -17,10 +17,21 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from drivers.yaml_file import FileModel
 from hil.polynomial import parse
 
-LINK_PARAMETERS = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "sz", "m")
-"""Of every link, in the order of eq. (4): inertia about the frame's origin, first moment, mass."""
-
 LinkParameter = Literal["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "sz", "m"]
+
+LINK_PARAMETERS: tuple[LinkParameter, ...] = (
+    "Ixx",
+    "Ixy",
+    "Ixz",
+    "Iyy",
+    "Iyz",
+    "Izz",
+    "sx",
+    "sy",
+    "sz",
+    "m",
+)
+"""Of every link, in the order of eq. (4): inertia about the frame's origin, first moment, mass."""
 
 _MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
 _MAX_VELOCITY = {"revolute": 40.0, "prismatic": 20.0}
@@ -150,7 +161,7 @@ class Joint(FileModel):
 
     @field_validator("parameters")
     @classmethod
-    def _check_parameters(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_parameters(cls, value: tuple[LinkParameter, ...]) -> tuple[LinkParameter, ...]:
         twice = [name for name in LINK_PARAMETERS if value.count(name) > 1]
         if twice:
             raise ValueError(f"{twice[0]} stands twice; remove one of them")
@@ -212,7 +223,7 @@ class RobotFile(FileModel):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
     gravity: tuple[float, float, float]
-    lengths: dict[str, float] = {}
+    lengths: dict[str, float] = Field(default_factory=dict)
     joints: Annotated[tuple[Joint, ...], Field(min_length=1)]
     ties: tuple[str, ...] = ()
 
@@ -233,4 +244,3 @@ class RobotFile(FileModel):
                 raise ValueError(f"{name!r} cannot name a length; write l1, or wrist_offset")
             _positive(length, "m", 20.0, f"{name} looks like millimetres")
         return value
-
