@@ -27,6 +27,9 @@ PATIENCE = 0.25
 PAUSE = 0.25
 """A caller who stays away longer than this made a pause, rather than missing deadlines [s]."""
 
+TOO_LATE = 0.5
+"""Share of the period by which a SYNC may be late before its deadline counts as missed."""
+
 WINDOW = 0.8
 """Share of the period in which the answers to a SYNC must arrive on the wall clock."""
 
@@ -125,10 +128,12 @@ class WallClock:
         late = self._clock() - self._deadline
         if late >= PAUSE:
             self._deadline += late
-        elif late >= self._period:
-            missed = int(late / self._period)
+            late = 0.0
+        elif late > TOO_LATE * self._period:
+            missed = math.ceil(late / self._period - TOO_LATE)
             self.skipped += missed
             self._deadline += missed * self._period
+            late -= missed * self._period
         return max(0.0, -late)
 
     def sent(self) -> float:

@@ -107,7 +107,7 @@ class SdoServer:
         self, network: PumpedNetwork, node: int, name: str, timeout: float = SDO_TIMEOUT
     ) -> None:
         self.node = node
-        self.label = f"axis {name!r}, node {node}"
+        self.label = f"{name} (node {node})"
         self.missing: set[Entry] = set()
         self.notes: list[str] = []
         self._network = network
