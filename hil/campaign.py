@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from hil.run_folder import RunFolder
 
 
-def run_campaign(
-    folder: RunFolder, bus: DriveBus, interface: str = "", channel: str = ""
-) -> Iterator[Event]:
+def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Iterator[Event]:
     """Measure what `folder` has no recording of.
 
     Parameters
@@ -31,8 +29,8 @@ def run_campaign(
         A new one, or one prepared by `RunFolder.set_aside_damaged`.
     bus : DriveBus
         Not entered yet.
-    interface, channel : str
-        What the bus is, for the journal.
+    bus_name : str
+        What the bus is, for the journal: python-can's interface and channel.
 
     Yields
     ------
@@ -46,7 +44,7 @@ def run_campaign(
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
-    with folder.session(interface, channel) as session, bus:
+    with folder.session(bus_name) as session, bus:
         folder.note_axes(bus.axes)
         for event in measure(folder.plan, folder.robot, bus, done):
             if isinstance(event, Recorded):

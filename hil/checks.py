@@ -8,6 +8,7 @@ lag, the ideal profile treated alike, so that no filter has to be trusted here.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,8 @@ PEAK = 0.9
 """Share of the profile's highest speed that an accelerating stroke has to reach."""
 FRICTION_CHANGE = 0.05
 """Half-sums of successive strokes may differ by this share of the friction level."""
+LAG = 0.02
+"""Time over which a highest velocity is averaged [s]."""
 CREEPING = 0.25
 """Share of the creep velocity below which an axis counts as stuck."""
 DISTURBED = 0.01
@@ -117,6 +120,15 @@ def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
             f"{missing} of {recording.n_samples} samples lack a telegram of axis {axes}, must be 0;"
             " check wiring, termination and bus load",
             missing,
+            0,
+        )
+    skipped = round(float(np.sum(np.diff(recording.time) > 1.5 * recording.period)))
+    if skipped:
+        yield Finding(
+            "gaps",
+            f"SYNC was late {skipped} times and the sample left out, must be 0; relieve this"
+            " computer or sample more slowly",
+            skipped,
             0,
         )
     bad = SampleFlag.DOUBLED | SampleFlag.LATE
@@ -252,19 +264,28 @@ def _partner(recording: Recording, measurement: Measurement) -> Iterator[Finding
 def _peak(
     q: NDArray[np.float64], profile: Trapezoid, period: float, check: str, name: str
 ) -> Iterator[Finding]:
-    lag = max(1, round(0.02 / period))
-    ideal = profile.q(np.arange(0.0, profile.duration, period))
-    wanted = float(np.max(np.abs(ideal[lag:] - ideal[:-lag]), initial=0.0)) / (lag * period)
-    steps = np.abs(q[lag:] - q[:-lag])
-    reached = float(np.max(steps[np.isfinite(steps)], initial=0.0)) / (lag * period)
-    if reached < PEAK * wanted:
+    reached = _highest_velocity(q, period)
+    wanted = PEAK * _ideal_velocity(profile, round(period, 9))
+    if reached < wanted:
         yield Finding(
             check,
-            f"{name}: highest velocity {reached:.3g} rad/s, must be at least {PEAK * wanted:.3g}"
-            " rad/s; check the drive's velocity and acceleration units and limits",
+            f"{name}: highest velocity {reached:.3g} rad/s, must be at least {wanted:.3g} rad/s;"
+            " check the drive's velocity and acceleration units and limits",
             reached,
-            PEAK * wanted,
+            wanted,
         )
+
+
+@lru_cache(maxsize=8)
+def _ideal_velocity(profile: Trapezoid, period: float) -> float:
+    return _highest_velocity(profile.q(np.arange(0.0, profile.duration, period)), period)
+
+
+def _highest_velocity(q: NDArray[np.float64], period: float) -> float:
+    """Highest mean velocity over `LAG` [rad/s]."""
+    lag = max(1, round(LAG / period))
+    steps = np.abs(q[lag:] - q[:-lag])
+    return float(np.fmax.reduce(steps, initial=0.0)) / (lag * period)
 
 
 def _mean_velocity(
@@ -273,7 +294,8 @@ def _mean_velocity(
     """Slope of a line through the positions of `window` [rad/s]."""
     t = recording.time[window]
     q = recording.q[window, measurement.index]
-    return float(np.polyfit(t - t.mean(), q, 1)[0])
+    t = t - t.mean()
+    return float(t @ q / (t @ t))
 
 
 def _axes(recording: Recording, flag: int) -> str:

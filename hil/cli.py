@@ -31,7 +31,7 @@ from hil.robot import ROBOTS, load_robot
 from hil.run_folder import RunFolder
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
@@ -136,8 +136,11 @@ def run(
     options = _options(bus_option or [])
     folder = _folder(output, the_plan, the_robot, text, resume)
     channel = channel or the_robot.name
-    bus = _open_bus(drives, interface, channel, options, pacing)
-    _measure(folder, bus, interface, channel)
+    _measure(
+        folder,
+        lambda: _open_bus(drives, interface, channel, options, pacing),
+        f"{interface} {channel}",
+    )
 
 
 @app.command()
@@ -259,19 +262,19 @@ def _folder(path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: b
     return folder
 
 
-def _measure(folder: RunFolder, bus: DriveBus, interface: str, channel: str) -> None:
+def _measure(folder: RunFolder, open_bus: Callable[[], DriveBus], bus_name: str) -> None:
     """Run the campaign; Ctrl-C and SIGTERM stop the axes and keep what was measured."""
     previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with shown(out) as show:
-            for event in run_campaign(folder, bus, interface, channel):
+            for event in run_campaign(folder, open_bus(), bus_name):
                 show(event)
                 last = event
     except KeyboardInterrupt:
         sys.stderr.write(f"stopped, the axes are off; {_what_remains(folder)}\n")
         raise typer.Exit(130) from None
     except (DriveError, FileError) as error:
-        sys.stderr.write(f"{error}\nthe axes are off; {_what_remains(folder)}\n")
+        sys.stderr.write(f"{error}\n{_what_remains(folder)}\n")
         raise typer.Exit(1) from None
     finally:
         signal.signal(signal.SIGTERM, previous)

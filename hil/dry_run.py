@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from hil.checks import MARGIN, SHORTEST_WINDOW
 from hil.identifiability import Identifiability, identifiability
-from hil.measurement import TURN, Coupling, Inertia
-from hil.motion import SETTLED
+from hil.measurement import Coupling, Inertia
+from hil.motion import PARTNER_TURN, SETTLED
 from hil.timetable import timetable
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ def _check_window(here: tuple[str | int, ...], measurement: Measurement) -> Iter
     begin, end = profile.window
     available, needed, what = end - begin, MARGIN + SHORTEST_WINDOW, "constant velocity"
     if isinstance(measurement, Coupling):
-        needed = SETTLED + 2 * (measurement.partner_profile(0).duration + TURN)
+        needed = SETTLED + 2 * (measurement.partner_profile(0).duration + PARTNER_TURN)
         what = "creep, needed for two strokes of the partner"
     if available < needed:
         length = measurement.stroke + (needed - available) * measurement.velocity
@@ -206,6 +206,6 @@ def _check_window(here: tuple[str | int, ...], measurement: Measurement) -> Iter
 
 def _angle_remedy(value: float, low: float, high: float, remedy: str) -> str:
     """Tell who wrote degrees that radians are wanted."""
-    if abs(value) > math.tau and low <= math.radians(value) <= high:
+    if abs(value) > 5 * max(abs(low), abs(high)) and low <= math.radians(value) <= high:
         return f"is it in degrees? then write {math.radians(value):.5g}"
     return remedy

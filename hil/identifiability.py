@@ -95,12 +95,13 @@ def _torque_rows(robot: Robot, chosen: Sequence[Measurement]) -> NDArray[np.floa
     still = np.zeros_like(q)
     sample = np.arange(len(chosen))
     axis = np.array([m.index for m in chosen])
-    at_rest = regressor(robot, q, still, still)[sample, axis]
+    at_rest: NDArray[np.float64] = regressor(robot, q, still, still)[sample, axis]
     if isinstance(chosen[0], Gravity):
         return at_rest
     qdd = still.copy()
     qdd[sample, [m.partner.index if isinstance(m, Coupling) else m.index for m in chosen]] = 1.0
-    return regressor(robot, q, still, qdd)[sample, axis] - at_rest
+    moving: NDArray[np.float64] = regressor(robot, q, still, qdd)[sample, axis]
+    return moving - at_rest
 
 
 def _columns(robot: Robot) -> dict[str, list[int]]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 REST = 0.3
 """Time at rest recorded before the first stroke and after the last, padding for filters [s]."""
-TURN = 0.1
+TURN = 0.03
 """Expected time between the end of one stroke's profile and the start of the next [s]."""
 
 

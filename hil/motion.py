@@ -12,7 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import LimitExceeded, Move, MoveFailed
-from hil.measurement import REST, TURN, Coupling
+from hil.measurement import REST, Coupling
 from hil.recording import IDLE, Recorder
 from hil.timetable import travel_time
 
@@ -32,6 +32,8 @@ SLACK = 2e-3
 """A robot may stand this far outside its limits and still travel back inside [rad]."""
 SETTLED = 0.2
 """Time after the creeping axis's ramp before its partner may start [s]."""
+PARTNER_TURN = 0.06
+"""Time for handshake and settling between a partner's profile and its next one [s]."""
 
 
 def locate(bus: DriveBus) -> Sample:
@@ -131,7 +133,7 @@ class _PartnerStrokes:
         """Allow strokes that lie between two instants [s]."""
         self._recorder.partner_stroke(IDLE)
         self._due = earliest + SETTLED
-        self._last = latest - self._measurement.partner_profile(0).duration - TURN
+        self._last = latest - self._measurement.partner_profile(0).duration - PARTNER_TURN
 
     def add(self, sample: Sample) -> None:
         """Take one sample and start a stroke when one is due."""
@@ -149,7 +151,7 @@ class _PartnerStrokes:
         self._recorder.partner_stroke(self._number)
         self._bus.move({self._measurement.partner.index: move})
         self._number += 1
-        self._due = now + profile.duration + TURN
+        self._due = now + profile.duration + PARTNER_TURN
 
 
 def _has_partner(measurement: Measurement) -> bool:

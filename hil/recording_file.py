@@ -130,7 +130,7 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
 
 
 def _checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:
-    digest = hashlib.sha256()
+    digest = hashlib.blake2b()
     for name, array in sorted(arrays.items()):
         little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
         digest.update(f"{name} {little.dtype.str} {little.shape}\n".encode())

@@ -204,10 +204,10 @@ class RunFolder:
         return True
 
     @contextmanager
-    def session(self, interface: str, channel: str) -> Iterator[int]:
+    def session(self, bus_name: str) -> Iterator[int]:
         """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
         number = len(self.journal.sessions)
-        started = Session(started=now(), interface=interface, channel=channel)
+        started = Session(started=now(), bus=bus_name)
         self._note(self.journal.with_session(started))
         try:
             yield number

@@ -52,8 +52,7 @@ class Session(FileModel):
     started: str
     ended: str | None = None
     reason: str = "was killed"
-    interface: str
-    channel: str
+    bus: str
     axes: tuple[Axis, ...] = ()
     host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
     versions: dict[str, str] = Field(default_factory=versions)

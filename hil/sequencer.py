@@ -155,5 +155,5 @@ def _check_bus(plan: Plan, robot: Robot, bus: DriveBus) -> None:
     if abs(bus.period - plan.sample_period) > 1e-9:
         raise DriveRefused(
             f"the bus samples every {bus.period:g} s, the plan wants {plan.sample_period:g} s;"
-            " make both alike (sample_period in the plan or in drives.yaml)"
+            " make sample_period in the plan and sync_period in drives.yaml alike"
         )

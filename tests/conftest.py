@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+import struct
+from typing import TYPE_CHECKING, ClassVar
 
 import canopen
 import numpy as np
@@ -13,15 +14,17 @@ from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
 from hil.measurement import Coupling, Gravity, Inertia, Partner
 from hil.plan import Plan, PlannedRobot
 from hil.profile import Trapezoid
-from hil.robot import load_robot
+from hil.robot import load_robot, parse_robot
+from hil.robot_file import LINK_PARAMETERS
 from sim_plant import plant_channel
+from sim_plant.abort_codes import AbortCode, SdoAbort
 from sim_plant.axis import AxisEvent, Reading
 from sim_plant.drive_settings import DriveSettings
-from sim_plant.eds import EDS_PATH
+from sim_plant.eds import EDS_PATH, drive_entries, key
 from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from drivers.drive_bus import Move
     from hil.robot import Robot
@@ -297,3 +300,130 @@ def master(ideal_channel: str) -> Iterator[canopen.Network]:
         network.add_node(node_id, str(EDS_PATH))
     yield network
     network.disconnect()
+
+
+# --- robots of any shape --------------------------------------------------------------------------
+
+
+class ChainBuilder:
+    """Robot files of any serial chain, as text and as robots; limits and drives are all alike."""
+
+    LENGTHS: ClassVar = {"a": 0.3, "b": 0.45}
+
+    def joint(self, kind: str = "revolute", parameters: object = None, **frame: object) -> str:
+        """One joint in YAML; `parameters` as a list, or None for all ten."""
+        places = ", ".join(f"{key}: {value}" for key, value in {"alpha": 0, **frame}.items())
+        present = "" if parameters is None else f", parameters: [{', '.join(parameters)}]"
+        return (
+            f"  - {{type: {kind}, frame: {{{places}}}{present}, q_min: -1, q_max: 1,"
+            " velocity_limit: 1, acceleration_limit: 1, torque_limit: 1,"
+            " drive: {gear_ratio: 100, rotor_inertia: 0.001, torque_constant: 1}}\n"
+        )
+
+    def robot(
+        self, *joints: str, gravity: Sequence[float] = (0, 0, -9.81), ties: Sequence[str] = ()
+    ) -> Robot:
+        """A robot of these joints."""
+        text = f"name: chain\ngravity: {list(gravity)}\nlengths: {self.LENGTHS}\njoints:\n"
+        return parse_robot(text + "".join(joints) + f"ties: [{', '.join(ties)}]\n", "chain.yaml")
+
+    def random(self, seed: int) -> Robot:
+        """One of one to six joints, rich in parallel and square axes, some with few parameters."""
+        rng = np.random.default_rng(seed)
+        pick = lambda *choices: choices[rng.integers(len(choices))]  # noqa: E731
+        names = np.array(LINK_PARAMETERS)
+        joints = [
+            self.joint(
+                pick("revolute", "revolute", "prismatic"),
+                rng.choice(names, rng.integers(8), replace=False) if rng.random() < 0.3 else None,
+                alpha=pick("0", "0", "pi/2", "-pi/2", "pi", "pi/4", "0.3"),
+                theta=pick("0", "pi/2", "0.7", "pi/4"),
+                d=pick("0", "0", "a", "-b", "0.2", "a + 0.1"),
+                r=pick("0", "0", "b", "0.11", "a - b"),
+            )
+            for _ in range(rng.integers(1, 7))
+        ]
+        gravity = pick((0, 0, -9.81), (0, 0, -9.81), (0, -9.81, 0), (3, 4, -7), (0, 0, 0))
+        return self.robot(*joints, gravity=gravity)
+
+
+@pytest.fixture(scope="session")
+def chains() -> ChainBuilder:
+    return ChainBuilder()
+
+
+class Desk:
+    """A master without bus and threads: SDO, SYNC and NMT straight into the slave network."""
+
+    def __init__(self, network: SlaveNetwork, machine: IdealMachine) -> None:
+        self.network = network
+        self.machine = machine
+        self.log: list[tuple[float, int, bytes]] = []
+        """Every frame that the drives sent."""
+
+    def send(self, identifier: int, data: bytes = b"") -> list[tuple[int, bytes]]:
+        frames = self.network.receive(identifier, data)
+        self.log += frames
+        return [(number, payload) for _, number, payload in frames]
+
+    def sync(self, count: int = 1) -> list[tuple[int, bytes]]:
+        return [frame for _ in range(count) for frame in self.send(0x80)]
+
+    def nmt(self, command: int, node: int = 0) -> list[tuple[int, bytes]]:
+        return self.send(0, bytes([command, node]))
+
+    def request(self, node: int, *data: int) -> bytes:
+        """The response to one SDO frame."""
+        frames = self.send(0x600 + node, bytes(data).ljust(8, b"\0"))
+        return next(payload for number, payload in frames if number == 0x580 + node)
+
+    def write(self, index: int, value: int, subindex: int = 0, node: int = 1) -> None:
+        """Write by expedited SDO; `SdoAbort` when refused."""
+        data = struct.pack("<" + drive_entries()[key(index, subindex)].code, value)
+        command = 0x23 | (4 - len(data)) << 2
+        self._checked(node, command, *struct.pack("<HB", index, subindex), *data)
+
+    def read(self, index: int, subindex: int = 0, node: int = 1) -> int:
+        """Read by expedited SDO; `SdoAbort` when refused."""
+        response = self._checked(node, 0x40, *struct.pack("<HB", index, subindex))
+        code = drive_entries()[key(index, subindex)].code
+        return int(struct.unpack_from("<" + code, response, 4)[0])
+
+    def _checked(self, node: int, *data: int) -> bytes:
+        response = self.request(node, *data)
+        if response[0] == 0x80:
+            raise SdoAbort(AbortCode(struct.unpack_from("<I", response, 4)[0]))
+        return response
+
+    def map_tpdo(self, transmission: int, *objects: int, number: int = 0, node: int = 1) -> None:
+        """Map objects (index << 16 | sub-index << 8 | bits) into a TPDO and switch it on."""
+        self._map(0x1800 + number, 0x180 + 0x100 * number, transmission, objects, node)
+
+    def map_rpdo(self, transmission: int, *objects: int, number: int = 0, node: int = 1) -> None:
+        """Map objects into an RPDO and switch it on."""
+        self._map(0x1400 + number, 0x200 + 0x100 * number, transmission, objects, node)
+
+    def _map(
+        self, record: int, identifier: int, kind: int, objects: Sequence[int], node: int
+    ) -> None:
+        self.write(record, 1 << 31 | identifier + node, 1, node)
+        self.write(record, kind, 2, node)
+        self.write(record + 0x200, 0, 0, node)
+        for subindex, entry in enumerate(objects, start=1):
+            self.write(record + 0x200, entry, subindex, node)
+        self.write(record + 0x200, len(objects), 0, node)
+        self.write(record, identifier + node, 1, node)
+
+    def enable(self, node: int = 1) -> None:
+        """To OPERATION ENABLED."""
+        for controlword in (0x06, 0x07, 0x0F):
+            self.write(0x6040, controlword, node=node)
+
+    def status(self, node: int = 1) -> int:
+        return self.read(0x6041, node=node)
+
+
+@pytest.fixture
+def desk(ideal_network: SlaveNetwork, ideal_machine: IdealMachine) -> Desk:
+    """A synchronous master of the drives in front of ideal axes."""
+    return Desk(ideal_network, ideal_machine)

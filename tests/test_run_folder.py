@@ -86,9 +86,7 @@ def test_a_folder_opened_again_has_plan_robot_and_verbatim_files(
 
 
 @pytest.mark.parametrize("position", [0.2, 0.5, 0.9])
-def test_a_flipped_bit_is_noticed(
-    folder: RunFolder, recording: Recording, position: float
-) -> None:
+def test_a_flipped_bit_is_noticed(folder: RunFolder, recording: Recording, position: float) -> None:
     measurement = folder.plan.measurements[0]
     folder.write(Measured(measurement, recording))
     path = folder.recording_path(measurement)
@@ -202,13 +200,13 @@ def test_a_place_that_cannot_be_written_is_told(
 
 
 def test_a_campaign_ends_in_a_folder_with_all_recordings(folder: RunFolder, ideal_bus) -> None:
-    events = list(run_campaign(folder, ideal_bus, "ideal", "test"))
+    events = list(run_campaign(folder, ideal_bus, "ideal test"))
     assert sum(isinstance(event, Recorded) for event in events) == 3
     again = RunFolder.open(folder.path)
     assert again.missing == ()
     assert [len(m.recording.time) > 200 for m in again] == [True] * 3
     session = again.journal.sessions[0]
-    assert (session.interface, session.channel, session.reason) == ("ideal", "test", "finished")
+    assert (session.bus, session.reason) == ("ideal test", "finished")
     assert [axis.identity for axis in session.axes] == ["ideal"] * 6
     assert session.ended is not None
 

@@ -196,6 +196,12 @@ def flagged(flag: SampleFlag, axis: int) -> Tamper:
 @pytest.mark.parametrize(
     ("identifier", "change", "check", "words"),
     [
+        (
+            "g1",
+            lambda s: s._replace(time=s.time + 0.004 * (s.time > 2.5)),
+            "gaps",
+            "SYNC was late 1 times",
+        ),
         ("i1", flagged(SampleFlag.LIMIT, 2), "saturation", "axis 3 is at its internal limit"),
         ("g1", flagged(SampleFlag.LATE, 4), "telegrams", "telegrams of axis 5"),
         (
