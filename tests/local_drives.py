@@ -121,7 +121,7 @@ class LocalDrive:
     """One drive.
 
     `state` is a key of STATES; `history` holds all states it was in. `stuck` states are not left
-    by command; `stale_reached` leaves bit 10 set from the move before until motion begins.
+    by command; what is in `insists` reads back whatever was written.
     """
 
     def __init__(
@@ -139,6 +139,7 @@ class LocalDrive:
         self.halted = self.acknowledge = False
         self.deaf_to_set_points = self.immobile = self.ignores_mode = False
         self.stuck: set[str] = set()
+        self.insists: dict[tuple[int, int], int] = {}
         self.heart_beats = self.powered = True
         self.extra_status = 0
         self._since_beat = 0.0
@@ -236,6 +237,8 @@ class LocalDrive:
             self.network.emit(0x700 + self.node.id, b"\x05")
 
     def _read(self, index: int, subindex: int, od: Any) -> int | None:
+        if (index, subindex) in self.insists:
+            return self.insists[index, subindex]
         match index:
             case 0x6041:
                 return self.statusword
