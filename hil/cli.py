@@ -8,7 +8,6 @@ bus: `_open_bus` is where simulation and hardware part, by an argument.
 
 from __future__ import annotations
 
-import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -21,17 +20,14 @@ from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
 from hil import dry_run_view, robot_view
 from hil.atomic_file import operator_told, write_file
-from hil.campaign import run_campaign
 from hil.drives_check import StatedAxis, refuse_contradictions
 from hil.dry_run import BITRATE, dry_run
-from hil.events import Finished
 from hil.plan import dump_plan, load_plan, refuse_other_robot
-from hil.progress import shown
 from hil.robot import ROBOTS, load_robot
-from hil.run_folder import RunFolder
+from hil.run_command import bus_options, carry_out, prepare_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
@@ -133,13 +129,14 @@ def run(
     drives_file = drives_file or _packaged_drives(the_robot)
     drives, text = _load_drives(drives_file, the_robot)
     _dry_run(plan_file, the_plan, the_robot, drives.bitrate, quiet=True)
-    options = _options(bus_option or [])
-    folder = _folder(output, the_plan, the_robot, text, resume)
+    options = bus_options(bus_option or [])
+    folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
     channel = channel or the_robot.name
-    _measure(
+    carry_out(
         folder,
         lambda: _open_bus(drives, interface, channel, options, pacing),
         f"{interface} {channel}",
+        out,
     )
 
 
@@ -228,70 +225,6 @@ def _open_bus(
     from drivers.canopen_bus import open_drive_bus  # noqa: PLC0415 - only where a bus is used
 
     return open_drive_bus(drives, interface, channel, options, pacing.value)
-
-
-def _options(pairs: Sequence[str]) -> dict[str, object]:
-    """Turn ``key=value`` into keyword arguments: numbers and true or false become such."""
-    options: dict[str, object] = {}
-    for pair in pairs:
-        key, separator, value = pair.partition("=")
-        if not separator or not key.isidentifier():
-            raise typer.BadParameter(f"{pair!r} must read key=value, such as bitrate=1000000")
-        options[key] = _value(value)
-    return options
-
-
-def _value(text: str) -> object:
-    if text in {"true", "false"}:
-        return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
-
-
-def _folder(path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool) -> RunFolder:
-    if not resume:
-        return RunFolder.create(path, the_plan, the_robot, drives)
-    folder = RunFolder.open(path)
-    folder.refuse_changes(the_plan, the_robot, drives)
-    for told in folder.set_aside_damaged():
-        out.print(told, highlight=False, soft_wrap=True)
-    return folder
-
-
-def _measure(folder: RunFolder, open_bus: Callable[[], DriveBus], bus_name: str) -> None:
-    """Run the campaign; Ctrl-C and SIGTERM stop the axes and keep what was measured."""
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with shown(out) as show:
-            for event in run_campaign(folder, open_bus(), bus_name):
-                show(event)
-                last = event
-    except KeyboardInterrupt:
-        sys.stderr.write(f"stopped, the axes are off; {_what_remains(folder)}\n")
-        raise typer.Exit(130) from None
-    except (DriveError, FileError) as error:
-        sys.stderr.write(f"{error}\n{_what_remains(folder)}\n")
-        raise typer.Exit(1) from None
-    finally:
-        signal.signal(signal.SIGTERM, previous)
-    if isinstance(last, Finished):
-        kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
-        out.print(
-            f"{last.recorded} measurements in {folder.path}"
-            f" ({dry_run_view.clock(last.time)} of robot time){kept if last.gave_up else ''}",
-            highlight=False,
-            soft_wrap=True,
-        )
-
-
-def _what_remains(folder: RunFolder) -> str:
-    if folder.discard_if_empty():
-        return "nothing was measured"
-    return f"what was measured stays in {folder.path}; finish with hil run ... --resume"
 
 
 if __name__ == "__main__":

@@ -12,10 +12,10 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.checks import MARGIN, SHORTEST_WINDOW
 from hil.identifiability import Identifiability, identifiability
 from hil.measurement import Coupling, Inertia
 from hil.motion import PARTNER_TURN, SETTLED
+from hil.stroke_checks import MARGIN, SHORTEST_WINDOW
 from hil.timetable import timetable
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hil.checks import Finding
+    from hil.finding import Finding
     from hil.measurement import Measurement
     from hil.recording import Recording
 

@@ -19,7 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from drivers.yaml_file import FileError
 from hil.atomic_file import write_file
-from hil.checks import Finding
+from hil.finding import Finding
 from hil.measurement import Measurement
 from hil.recording import Recording
 

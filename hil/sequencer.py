@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from drivers.drive_bus import DriveBus
-    from hil.checks import Finding
     from hil.events import Event
+    from hil.finding import Finding
     from hil.measurement import Measurement
     from hil.plan import Plan, WarmUp
     from hil.recording import Recording

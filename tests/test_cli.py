@@ -10,6 +10,7 @@ from drivers.drive_bus import DriveFault, NodeSilent, Sample
 from hil import cli
 from hil.plan import Plan, dump_plan
 from hil.robot import ROBOTS
+from hil.run_command import bus_options
 from hil.run_folder import RunFolder
 
 Hil = Callable[..., tuple[int, str, str]]
@@ -262,5 +263,5 @@ def test_a_bus_option_without_a_value_is_wrong_usage(
 
 
 def test_bus_options_become_numbers_and_switches() -> None:
-    options = cli._options(["bitrate=500000", "timeout=0.5", "fd=false", "name=can0"])
+    options = bus_options(["bitrate=500000", "timeout=0.5", "fd=false", "name=can0"])
     assert options == {"bitrate": 500_000, "timeout": 0.5, "fd": False, "name": "can0"}

@@ -13,8 +13,8 @@ import pytest
 from drivers.drive_bus import DriveFault, Sample
 from drivers.yaml_file import FileError
 from hil.campaign import run_campaign
-from hil.checks import Finding
 from hil.events import Recorded
+from hil.finding import Finding
 from hil.plan import Plan
 from hil.recording import Recording
 from hil.recording_file import Measured
