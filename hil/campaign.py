@@ -13,14 +13,14 @@ from hil.recording_file import Measured
 from hil.sequencer import measure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator
 
     from drivers.drive_bus import DriveBus
     from hil.events import Event
     from hil.run_folder import RunFolder
 
 
-def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Iterator[Event]:
+def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Generator[Event]:
     """Measure what `folder` has no recording of.
 
     Parameters

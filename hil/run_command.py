@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import typer
@@ -50,7 +51,7 @@ def _value(text: str) -> object:
 
 
 def prepare_folder(
-    path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool
+    path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool, out: Console
 ) -> RunFolder:
     """Make the folder of a new run, or open that of one to be resumed.
 
@@ -80,8 +81,8 @@ def carry_out(
     """
     previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with shown(out) as show:
-            for event in run_campaign(folder, open_bus(), bus_name):
+        with shown(out) as show, closing(run_campaign(folder, open_bus(), bus_name)) as events:
+            for event in events:
                 show(event)
                 last = event
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Did the axes move as planned, and was their friction steady?
+"""Whether the axes moved as planned and their friction was steady.
 
 Velocities are differences of position over some lag, the ideal profile treated alike, so that no
 filter has to be trusted here.
