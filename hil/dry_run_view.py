@@ -24,7 +24,8 @@ def render(result: DryRun, console: Console) -> None:
     console.print(_costs(result))
     console.print(
         f"bus load {result.bus_load:.1%} at {result.bitrate / 1000:g} kbit/s"
-        f" (SYNC and one TPDO of 8 bytes an axis; at most {MAX_LOAD:.0%})"
+        f" (SYNC and one TPDO of 8 bytes an axis; at most {MAX_LOAD:.0%})",
+        soft_wrap=True,
     )
     if result.groups:
         console.print(_gains(result))
@@ -32,7 +33,8 @@ def render(result: DryRun, console: Console) -> None:
             if group.weak:
                 console.print(
                     f"[yellow]weak in {_words(group.group)}: {', '.join(group.weak)}; vary more"
-                    " joints or add configurations[/]"
+                    " joints or add configurations[/]",
+                    soft_wrap=True,
                 )
 
 
