@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import logging
 import math
+from operator import mul, sub
 from typing import TYPE_CHECKING, NoReturn
 
+from drivers.admission import admit
 from drivers.cia402 import State, Status
-from drivers.commissioning import commission
 from drivers.drive_bus import (
     AxisInfo,
     DriveError,
     DriveFault,
-    DriveRefused,
     NodeSilent,
     Sample,
     SampleFlag,
@@ -38,7 +38,7 @@ from drivers.sdo import SdoServer
 from drivers.supervision import Supervision
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from types import TracebackType
     from typing import Self
 
@@ -53,6 +53,9 @@ log = logging.getLogger(__name__)
 
 class CanopenDriveBus:
     """CiA 402 drives as a `drivers.drive_bus.DriveBus`.
+
+    On the wall clock the caller must come back to `sample` within the heartbeat timeout of the
+    drives file, or the drives take us for dead and stop.
 
     Parameters
     ----------
@@ -123,11 +126,10 @@ class CanopenDriveBus:
         """
         self._connect()
         try:
-            self._commission()
+            self._admit()
             self._start()
             self._power.walk(State.SWITCHED_ON, self._cycle)
             self._power.walk(State.OPERATION_ENABLED, self._cycle)
-            self._supervision.forget()
         except BaseException as error:
             self._leave(error)
             raise
@@ -169,12 +171,10 @@ class CanopenDriveBus:
             failed = self._motions.advance(time, words, positions, exchange.flags)
             if failed:
                 self._fail(failed)
-        q = [(c - z) * k for c, z, k in zip(positions, self._zeros, self._per_count, strict=True)]
-        tau = [c * k for c, k in zip(values[2::3], self._torque_per_count, strict=True)]
-        flags = self._limit_flags
-        if exchange.irregular:
-            flags = self._mark_gaps(q, tau)
-        return Sample(time, tuple(q), tuple(tau), flags, not self._motions.active)
+        q = tuple(map(mul, map(sub, positions, self._zeros), self._per_count))
+        tau = tuple(map(mul, values[2::3], self._torque_per_count))
+        sample = Sample(time, q, tau, self._limit_flags, not self._motions.active)
+        return self._with_gaps(sample) if exchange.irregular else sample
 
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
@@ -201,50 +201,34 @@ class CanopenDriveBus:
             axis.position_window / abs(scale.position)
             for axis, scale in zip(drives.axes, self._scales, strict=True)
         ]
-        self._power = Power(self._exchange, self._servers, self._supervision, now, bands)
+        self._power = Power(
+            self._exchange, self._servers, self._supervision, self._heartbeats, now, bands
+        )
         self._commissioned: list[SdoServer] = []
         self._running = False
         self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
         self._words: tuple[int, ...] = ()
         self._limit_flags = (0,) * len(drives.axes)
 
-    def _commission(self) -> None:
-        problems: list[DriveError] = []
-        infos = []
-        for number, server in enumerate(self._servers):
-            try:
-                infos.append(self._commission_one(number, server))
-            except (DriveRefused, NodeSilent, DriveFault) as error:
-                problems.append(error)
-        if problems:
-            raise _joined(problems)
-        self._axes = tuple(infos)
+    def _admit(self) -> None:
+        self._axes = admit(
+            self._servers,
+            self._drives,
+            self._period,
+            self._power,
+            self._commissioned,
+            reset_faults=self._reset_faults,
+        )
         self.notes = tuple(note for server in self._servers for note in server.notes)
         for note in self.notes:
             log.info("%s", note)
-
-    def _commission_one(self, number: int, server: SdoServer) -> AxisInfo:
-        axis, scale = self._drives.axes[number], self._scales[number]
-        server.enter_pre_operational()
-        self._power.make_safe(server, reset_fault=self._reset_faults)
-        self._commissioned.append(server)
-        identity = commission(server, axis, self._drives, self._period, self._power.wait)
-        return AxisInfo(
-            name=axis.name,
-            identity=identity,
-            q_min=axis.limits.q_min,
-            q_max=axis.limits.q_max,
-            velocity_max=axis.limits.velocity,
-            acceleration_max=axis.limits.acceleration,
-            torque_resolution=abs(scale.torque),
-            position_resolution=abs(scale.position),
-        )
 
     def _start(self) -> None:
         for server in self._servers:
             server.enter_operational()
         self._running = True
         self._heartbeats.watch()
+        self._supervision.forget()
         ends = self._pacing.now() + 1.0
         self._cycle()
         while self._exchange.irregular:
@@ -280,18 +264,19 @@ class CanopenDriveBus:
         self._power.stop()
         raise trouble
 
-    def _mark_gaps(self, q: list[float], tau: list[float]) -> tuple[int, ...]:
+    def _with_gaps(self, sample: Sample) -> Sample:
         gaps = self._exchange.flags
-        for axis, gap in enumerate(gaps):
-            if gap & SampleFlag.MISSING:
-                q[axis] = tau[axis] = math.nan
-        return tuple(gap | limit for gap, limit in zip(gaps, self._limit_flags, strict=True))
+        gone = [bool(gap & SampleFlag.MISSING) for gap in gaps]
+        return sample._replace(
+            q=tuple(math.nan if g else q for g, q in zip(gone, sample.q, strict=True)),
+            tau=tuple(math.nan if g else tau for g, tau in zip(gone, sample.tau, strict=True)),
+            flags=tuple(gap | flag for gap, flag in zip(gaps, sample.flags, strict=True)),
+        )
 
     def _leave(self, error: BaseException | None) -> None:
         with interrupts_held():
             problems = self._power.power_down(self._commissioned, running=self._running)
             self._commissioned, self._running = [], False
-            self._exchange.close()
             if self._owns_bus:
                 self._bus.shutdown()
             text = "powering off is incomplete, press the emergency stop: " + "; ".join(problems)
@@ -332,10 +317,3 @@ def open_drive_bus(
     return CanopenDriveBus(
         open_can_bus(interface, channel, options), drives, pacing=pacing, owns_bus=True
     )
-
-
-def _joined(problems: Sequence[DriveError]) -> DriveError:
-    if len(problems) == 1:
-        return problems[0]
-    silent = all(isinstance(problem, NodeSilent) for problem in problems)
-    return (NodeSilent if silent else DriveRefused)("\n".join(map(str, problems)))

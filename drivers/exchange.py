@@ -110,11 +110,6 @@ class Exchange:
         self._pacing.sent()
         self._network.pump(0.0)
 
-    def close(self) -> None:
-        """Take no more frames."""
-        for cob_id in self._slots:
-            self._network.unsubscribe(cob_id, self._on_late)
-
     def _collect(self, pacing: Pacing) -> tuple[list[Data], int]:
         receive, slots, sizes = self._receive, self._slots, self._sizes
         synchronous = pacing.synchronous
@@ -124,7 +119,12 @@ class Exchange:
         while (frame := receive(timeout)) is not None:
             slot = slots.get(frame.arbitration_id)
             data = frame.data
-            if slot is None or len(data) != sizes[slot] or frame.is_error_frame:
+            if (
+                slot is None
+                or len(data) != sizes[slot]
+                or frame.is_error_frame
+                or frame.is_extended_id
+            ):
                 self._network.dispatch(frame)
             elif frames[slot]:
                 self._on_repeated(slot, data, frames)
@@ -153,7 +153,9 @@ class Exchange:
 
     def _on_late(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del data, timestamp
-        self._mark(self._slots[can_id], SampleFlag.LATE)
+        slot = self._slots[can_id]
+        self._owed.discard(slot)
+        self._mark(slot, SampleFlag.LATE)
 
     def _mark(self, slot: int, flag: SampleFlag) -> None:
         axis = self._axis_of[slot]

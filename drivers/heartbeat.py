@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import DriveError, NodeSilent
+from drivers.drive_bus import NodeSilent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -56,7 +56,7 @@ class Heartbeats:
         now: Callable[[], float],
     ) -> None:
         self.due = -math.inf
-        self.trouble: DriveError | None = None
+        self.trouble: NodeSilent | None = None
         self._network = network
         self._identifier = 0x700 + master
         self._labels = labels
@@ -71,10 +71,6 @@ class Heartbeats:
         """Begin to expect the drives' heartbeats; they are OPERATIONAL from now on."""
         self.trouble = None
         self._heard = dict.fromkeys(self._labels, self._now())
-
-    def ignore(self) -> None:
-        """Expect nothing more of the drives."""
-        self._heard = {}
 
     def beat(self) -> None:
         """Send our heartbeat if it is due."""

@@ -46,7 +46,7 @@ class PumpedNetwork(Network):
         self.channel = bus
         self.synchronous = synchronous
         self.idle: Callable[[], None] = _nothing
-        """Called between two receptions of a long wait, to keep our heartbeat going."""
+        """Called before every reception while waiting, to keep our heartbeat going."""
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send one frame, again if the transmit queue is full.
@@ -106,6 +106,7 @@ class PumpedNetwork(Network):
         """
         ends = time.perf_counter() + timeout
         while True:
+            self.idle()
             if until is not None and until():
                 return True
             left = max(0.0, ends - time.perf_counter())
@@ -114,7 +115,6 @@ class PumpedNetwork(Network):
                 self.dispatch(frame)
             elif self.synchronous or left == 0.0:
                 return until is not None and until()
-            self.idle()
 
 
 class PumpedSdoClient(SdoClient):
@@ -146,6 +146,7 @@ class PumpedSdoClient(SdoClient):
 
     def request_response(self, sdo_request: bytes) -> bytes:
         """Send a request and wait for its answer; answers to earlier requests are dropped."""
+        self._pumped.pump(0.0)
         self._answers.clear()
         self.send_request(sdo_request)  # type: ignore[no-untyped-call]
         return self.read_response()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.exchange import Exchange
+    from drivers.heartbeat import Heartbeats
     from drivers.sdo import SdoServer
     from drivers.supervision import Supervision
 
@@ -51,6 +52,8 @@ class Power:
         The drives in joint order.
     supervision : Supervision
         Puts faults into words.
+    heartbeats : Heartbeats
+        Kept going while axes come to rest.
     now : callable
         Time [s].
     bands : sequence of float
@@ -62,12 +65,14 @@ class Power:
         exchange: Exchange,
         servers: Sequence[SdoServer],
         supervision: Supervision,
+        heartbeats: Heartbeats,
         now: Callable[[], float],
         bands: Sequence[float],
     ) -> None:
         self._exchange = exchange
         self._servers = servers
         self._supervision = supervision
+        self._heartbeats = heartbeats
         self._now = now
         self._bands = bands
 
@@ -210,6 +215,7 @@ class Power:
         ends, gives_up = self._now() + STOP_TIME, time.monotonic() + 2 * STOP_TIME
         while True:
             self._exchange.sync()
+            self._heartbeats.beat()
             values, flags = self._exchange.values, self._exchange.flags
             moving = [
                 server.label
@@ -234,5 +240,6 @@ class Power:
 
 
 def _release(server: SdoServer) -> None:
-    server.put(objects.CONSUMER_HEARTBEAT, 0)
     server.enter_pre_operational()
+    if server.find(objects.CONSUMER_HEARTBEAT):
+        server.put(objects.CONSUMER_HEARTBEAT, 0)

@@ -26,7 +26,7 @@ from drivers.drive_bus import (
     NodeSilent,
     SampleFlag,
 )
-from drivers.drives_file import DrivesFile
+from drivers.drives_file import DrivesFile, load_drives
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -133,6 +133,13 @@ class TestConformanceOnLocalDrives(conformance.DriveBusConformance):
     @pytest.fixture
     def open_bus(self, can_bus: Any) -> Callable[[], DriveBus]:
         return lambda: CanopenDriveBus(can_bus, drives_file())
+
+
+class TestConformanceOnThePlant(conformance.DriveBusConformance):
+    @pytest.fixture
+    def open_bus(self) -> Iterator[Callable[[], DriveBus]]:
+        with can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus:
+            yield lambda: CanopenDriveBus(bus, load_drives(MANUTEC))
 
 
 # Entering
