@@ -1,0 +1,52 @@
+"""Base parameters of the manutec-r15 with all sixty link parameters and with its own, from scratch.
+
+Each is timed in a fresh interpreter, so that nothing is cached; with its imports and without.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+
+from rich.console import Console
+from rich.table import Table
+
+from hil import load_robot
+
+TIMED = """
+import sys, time
+from hil import base_parameters
+from hil.robot import parse_robot
+robot = parse_robot(sys.stdin.read(), "benchmark")
+begin = time.perf_counter()
+print(len(base_parameters(robot)), time.perf_counter() - begin)
+"""
+
+
+def measure(text: str) -> tuple[int, float, float]:
+    """Number of base parameters, time to regroup and time of the whole process [s]."""
+    begin = time.perf_counter()
+    result = subprocess.run(
+        [sys.executable, "-c", TIMED], input=text, capture_output=True, text=True, check=True
+    )
+    count, inner = result.stdout.split()
+    return int(count), float(inner), time.perf_counter() - begin
+
+
+def main() -> None:
+    """Print the table."""
+    own = load_robot("manutec-r15").text
+    full = re.sub(r"(?s)\nties:.*", "", re.sub(r"\n    parameters:.*", "", own))
+    table = Table(
+        "link parameters", "base parameters", "regrouping", "process", title="Base parameters"
+    )
+    for name, text in (("all sixty", full), ("Table 1 and tie", own)):
+        count, inner, outer = measure(text)
+        table.add_row(name, str(count), f"{inner:.3f} s", f"{outer:.2f} s")
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""The regressor of 100 000 samples, against Pinocchio called from Python for the same arm.
+
+Pinocchio is timed in the plain loop that a user writes, with each regressor kept and without: ours
+are kept. Pinocchio computes all sixty columns, ours only those of the base parameters.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from rich.console import Console
+from rich.table import Table
+
+from hil import load_robot, regressor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.robot import Robot
+
+N_SAMPLES = 100_000
+REPEATS = 5
+
+
+def pinocchio_arm(robot: Robot) -> pin.Model:
+    """The same frames in Pinocchio."""
+    model = pin.Model()
+    model.gravity.linear = robot.gravity
+    for k in range(robot.n_joints):
+        about_x = pin.SE3(pin.utils.rotate("x", robot.alpha[k]), np.array([robot.d[k], 0, 0]))
+        about_z = pin.SE3(pin.utils.rotate("z", robot.theta[k]), np.array([0, 0, robot.r[k]]))
+        model.addJoint(k, pin.JointModelRZ(), about_x * about_z, f"joint {k + 1}")
+    return model
+
+
+def best(task: Callable[[], object]) -> float:
+    """Shortest of several runs, per sample [us]."""
+    times = []
+    for _ in range(REPEATS):
+        begin = time.perf_counter()
+        task()
+        times.append(time.perf_counter() - begin)
+    return min(times) / N_SAMPLES * 1e6
+
+
+def main() -> None:
+    """Time everything in one process and print the table."""
+    robot = load_robot("manutec-r15")
+    model = pinocchio_arm(robot)
+    data = model.createData()
+    q, qd, qdd = np.random.default_rng(0).uniform(-2.0, 2.0, (3, N_SAMPLES, robot.n_joints))
+    kept = np.empty((N_SAMPLES, robot.n_joints, 10 * robot.n_joints))
+
+    def loop() -> None:
+        for k in range(N_SAMPLES):
+            pin.computeJointTorqueRegressor(model, data, q[k], qd[k], qdd[k])
+
+    def loop_keeping() -> None:
+        for k in range(N_SAMPLES):
+            kept[k] = pin.computeJointTorqueRegressor(model, data, q[k], qd[k], qdd[k])
+
+    regressor(robot, q[:1], qd[:1], qdd[:1])  # compiles, or loads what was compiled before
+    ours = best(lambda: regressor(robot, q, qd, qdd))
+    table = Table("", "us per sample", "times ours", title=f"Regressor, {N_SAMPLES} samples")
+    for name, cost in (
+        ("hil.regressor, all joints", ours),
+        ("hil.regressor, row of joint 3", best(lambda: regressor(robot, q, qd, qdd, [2]))),
+        ("Pinocchio in a loop", best(loop)),
+        ("Pinocchio in a loop, results kept", best(loop_keeping)),
+    ):
+        table.add_row(name, f"{cost:.2f}", f"{cost / ours:.1f}")
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

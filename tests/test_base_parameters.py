@@ -1,0 +1,199 @@
+"""Base parameters: eq. (22) and Table 2 of the paper, Gautier and Khalil's rules, any chain."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.base_parameters import BaseParameters, base_parameters, dependencies
+from hil.robot import load_robot, parse_robot
+
+EQUATION_22 = """
+Izz1 + Iyy2 + Iyy3 + l1^2 (m3 + m4 + m5 + m6)
+Ixx2 - Iyy2 - l1^2 (m3 + m4 + m5 + m6)
+Ixz2
+Izz2 + l1^2 (m3 + m4 + m5 + m6)
+sx2 + l1 (m3 + m4 + m5 + m6)
+Ixx3 - Iyy3 + Iyy4 + 2 l2 sz4 + l2^2 (m4 + m5 + m6)
+Izz3 + Iyy4 + 2 l2 sz4 + l2^2 (m4 + m5 + m6)
+sy3 - sz4 - l2 (m4 + m5 + m6)
+Ixx4 + Iyy5 - Iyy4
+Izz4 + Iyy5
+Ixx5 + Ixx6 - Iyy5
+Izz5 + Ixx6
+sy5 - sz6
+Izz6
+""".strip().splitlines()
+
+TABLE_2 = """
+1 2 6 8 9 10 11 12 13 14 | 3 9 11 12 13 14 | 9 11 12 13 14 | 10 11 13 14 | 12 13 | 14 |
+| 4 7 8 9 11 12 13 14 | 7 8 9 11 12 13 14 | 11 13 14 | 12 13 | 14 | 5 8 13
+| | 7 9 11 12 13 14 | 11 13 14 | 12 13 | 14 | 8 13
+| | | 10 11 14 | | 14 | 13
+| | | | 12 | | 13
+| | | | | 14 |
+""".strip().splitlines()
+
+
+def algebra(text: str) -> sympy.Expr:
+    """What an expression as the paper prints it means."""
+    products = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text.replace("^", "**"))
+    return sympy.sympify(products, {"l1": sympy.Symbol("l1"), "l2": sympy.Symbol("l2")})
+
+
+def without(text: str, *patterns: str) -> str:
+    for pattern in patterns:
+        text, count = re.subn(pattern, "", text)
+        assert count
+    return text
+
+
+@pytest.fixture(scope="module")
+def manutec_text() -> str:
+    return load_robot("manutec-r15").text
+
+
+def test_manutec_gives_equation_22_in_order_and_sign(manutec):
+    base = base_parameters(manutec)
+    assert base.names == tuple(f"p{k}" for k in range(1, 15))
+    for found, printed in zip(base.expressions, EQUATION_22, strict=True):
+        assert sympy.expand(algebra(found) - algebra(printed)) == 0
+
+
+def test_expressions_read_as_the_paper_prints_them_but_for_two_terms_order(manutec):
+    same = [f == e for f, e in zip(base_parameters(manutec).expressions, EQUATION_22, strict=True)]
+    assert [k + 1 for k, equal in enumerate(same) if not equal] == [9, 11]
+
+
+def test_manutec_groups_are_those_of_section_7(manutec):
+    groups = base_parameters(manutec).groups
+    assert groups["gravity"] == (4, 7, 12)
+    assert groups["off_diagonal"] == (2,)
+    assert groups["diagonal"] == (0, 1, 3, 5, 6, 8, 9, 10, 11, 13)
+
+
+@pytest.mark.parametrize("i", range(6))
+def test_manutec_gives_table_2_cell_by_cell(manutec, i):
+    found = dependencies(manutec)
+    cells = [[int(k) - 1 for k in cell.split()] for cell in TABLE_2[i].split("|")]
+    assert np.flatnonzero(found.gravity[i]).tolist() == cells[6]
+    for j in range(i, 6):
+        assert np.flatnonzero(found.mass[i, j]).tolist() == cells[j]
+        assert np.array_equal(found.mass[i, j], found.mass[j, i])
+
+
+def test_values_go_into_the_heads(manutec):
+    base = base_parameters(manutec)
+    heads = "Izz1 Ixx2 Ixz2 Izz2 sx2 Ixx3 Izz3 sy3 Ixx4 Izz4 Ixx5 Izz5 sy5 Izz6"
+    assert " ".join(base.heads) == heads
+    assert np.array_equal(base.matrix @ base.placement, np.eye(14))
+
+
+def test_all_sixty_link_parameters_give_36_of_which_10_in_gravity(manutec_text):
+    text = without(manutec_text, r"\n    parameters:.*", r"(?s)\nties:.*")
+    base = base_parameters(parse_robot(text, "full.yaml"))
+    assert len(base) == 36
+    assert len(base.groups["gravity"]) == 10
+
+
+def test_without_the_tie_there_are_15_and_the_difference_stands_alone(manutec_text):
+    base = base_parameters(parse_robot(without(manutec_text, r"(?s)\nties:.*"), "untied.yaml"))
+    assert len(base) == 15
+    assert "Ixx6 - Iyy6" in base.expressions
+
+
+def test_base_parameters_are_computed_once_per_robot(manutec):
+    assert base_parameters(manutec) is base_parameters(load_robot("manutec-r15"))
+
+
+def expressions(base: BaseParameters) -> list[str]:
+    return list(base.expressions)
+
+
+def test_planar_arm_across_gravity_keeps_only_planar_parameters(chains):
+    base = base_parameters(chains.robot(chains.joint(), chains.joint(d="a")))
+    assert expressions(base) == ["Izz1 + a^2 m2", "Izz2", "sx2", "sy2"]
+    assert base.groups["gravity"] == ()
+
+
+def test_planar_arm_in_gravity_also_tells_first_moments_of_its_first_link(chains):
+    base = base_parameters(chains.robot(chains.joint(), chains.joint(d="a"), gravity=(0, -9.81, 0)))
+    assert expressions(base) == ["Izz1 + a^2 m2", "sx1 + a m2", "sy1", "Izz2", "sx2", "sy2"]
+
+
+def test_sliding_only_chain_tells_only_masses(chains):
+    slide = chains.joint("prismatic")
+    across = chains.joint("prismatic", alpha="pi/2")
+    assert expressions(base_parameters(chains.robot(slide, across))) == ["m1", "m2"]
+
+
+def test_prismatic_joint_gives_its_whole_inertia_away(chains):
+    base = base_parameters(
+        chains.robot(
+            chains.joint(),
+            chains.joint(alpha="pi/2"),
+            chains.joint("prismatic", alpha="pi/2"),
+        )
+    )
+    third = [h for h in base.heads if h.endswith("3")]
+    assert third == ["sx3", "sy3", "sz3", "m3"]
+
+
+def test_slide_along_the_first_turning_axis_tells_mass_but_no_moment_along_it(chains):
+    base = base_parameters(chains.robot(chains.joint(), chains.joint("prismatic", d="a")))
+    assert expressions(base) == ["Izz1 + Izz2 + 2 a sx2", "m2"]
+
+
+def test_unnamed_lengths_stand_as_numbers(chains):
+    base = base_parameters(chains.robot(chains.joint(), chains.joint(d=0.5)))
+    assert base.expressions[0] == "Izz1 + 0.25 m2"
+
+
+def test_parameters_of_equal_coefficient_with_absent_heads_are_merged(chains):
+    shoulder = chains.joint(parameters=["Izz"])
+    upper = chains.joint(parameters=[], alpha="-pi/2")
+    elbow = chains.joint(parameters=["m"], d="a")
+    robot = chains.robot(shoulder, upper, elbow)
+    base = base_parameters(robot)
+    assert expressions(base) == ["Izz1 + a^2 m3", "-a^2 m3"]
+    assert base.heads == ("Izz1", "Ixx2")
+    carriers = dict(zip(robot.standard_parameters, base.placement[:, 1], strict=True))
+    assert {k: v for k, v in carriers.items() if v} == pytest.approx(
+        {"Ixx2": 1, "Izz2": -1, "sx2": -1 / 0.3}
+    )
+
+
+def test_gravity_direction_counts(chains):
+    joints = chains.joint(), chains.joint(alpha="pi/2")
+    upright = base_parameters(chains.robot(*joints))
+    tilted = base_parameters(chains.robot(*joints, gravity=(0, -6, -7)))
+    assert {"sx1", "sy1"} & set(upright.heads) == set()
+    assert {"sx1", "sy1"} <= set(tilted.heads)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_any_chain_is_regrouped_without_contradiction_to_its_numeric_rank(chains, seed):
+    robot = chains.random(seed)
+    base = base_parameters(robot)  # raises where regrouping and rank disagree
+    assert sorted(k for group in base.groups.values() for k in group) == list(range(len(base)))
+    assert base.matrix.shape == (len(base), 10 * robot.n_joints)
+    assert np.linalg.matrix_rank(base.matrix) == len(base)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_expressions_mean_what_the_matrix_says(chains, seed):
+    robot = chains.random(seed)
+    base = base_parameters(robot)
+    random = np.random.default_rng(seed)
+    values = {name: random.normal() for name in robot.standard_parameters}
+    numbers = base.matrix @ [values[name] for name in robot.standard_parameters]
+    for text, number in zip(base.expressions, numbers, strict=True):
+        python = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text.replace("^", "**"))
+        assert eval(python, {**values, **robot.file.lengths}) == pytest.approx(number, abs=1e-4)  # noqa: S307
