@@ -130,6 +130,7 @@ class CanopenDriveBus:
             self._start()
             self._power.walk(State.SWITCHED_ON, self._cycle)
             self._power.walk(State.OPERATION_ENABLED, self._cycle)
+            self._pacing.skipped = 0
         except BaseException as error:
             self._leave(error)
             raise

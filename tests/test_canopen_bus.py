@@ -8,6 +8,9 @@ import importlib.util
 import math
 import signal
 import sys
+import threading
+import time
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +30,8 @@ from drivers.drive_bus import (
     SampleFlag,
 )
 from drivers.drives_file import DrivesFile, load_drives
+from sim_plant.plant import load_plant
+from sim_plant.server import serve
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -365,6 +370,32 @@ def test_a_drive_that_stays_switched_off_keeps_all_others_unenergised() -> None:
         assert all(drive.value(0x1016, 1) == 0 for drive in can_bus.drives.values())
 
 
+def test_a_drive_that_answers_no_sync_keeps_all_others_unenergised(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    can_bus.outgoing = lambda frame: [] if frame.arbitration_id == 0x182 else [frame]
+    with pytest.raises(NodeSilent, match=r"^joint 2 .*: does not answer each SYNC"):
+        drive_bus.__enter__()
+    assert never_energised(can_bus)
+    assert all_off(can_bus)
+
+
+@pytest.mark.parametrize("word", [0x06, 0x07, 0x0F])
+def test_an_interrupt_while_powering_on_switches_all_off_again(
+    can_bus: Any, drive_bus: CanopenDriveBus, word: int
+) -> None:
+    def interrupt(frame: can.Message) -> None:
+        if frame.arbitration_id == 0x202 and frame.data[4] == word:
+            can_bus.on_send = lambda _: None
+            raise KeyboardInterrupt
+
+    can_bus.on_send = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        drive_bus.__enter__()
+    assert all_off(can_bus)
+    assert all(drive.value(0x1016, 1) == 0 for drive in can_bus.drives.values())
+
+
 # Samples
 
 
@@ -438,6 +469,87 @@ def test_saturation_is_flagged(can_bus: Any, drive_bus: CanopenDriveBus) -> None
         assert drive_bus.sample().flags == (SampleFlag.LIMIT, 0, 0)
         can_bus.drives[1].extra_status = 0
         assert drive_bus.sample().flags == (0, 0, 0)
+
+
+# Other clocks
+
+
+@pytest.fixture
+def wall_bus(can_bus: Any) -> CanopenDriveBus:
+    """The driver on the wall clock, slow enough for a busy machine."""
+    return CanopenDriveBus(can_bus, drives_file(), period=0.02, pacing="wall-clock")
+
+
+def test_on_the_wall_clock_samples_come_at_their_deadlines(wall_bus: CanopenDriveBus) -> None:
+    with wall_bus:
+        begin, first = time.perf_counter(), wall_bus.sample()
+        samples = [wall_bus.sample() for _ in range(10)]
+        elapsed = time.perf_counter() - begin
+        assert samples[-1].time - first.time == pytest.approx(elapsed, abs=0.03)
+        slots = 10 + wall_bus.skipped_syncs
+        assert wall_bus.skipped_syncs < 10
+        assert samples[-1].time - first.time == pytest.approx(slots * 0.02, abs=0.015)
+
+
+def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
+    can_bus: Any, wall_bus: CanopenDriveBus
+) -> None:
+    held: list[can.Message] = []
+
+    def outgoing(frame: can.Message) -> list[can.Message]:
+        if frame.arbitration_id == 0x182 and not held:
+            held.append(frame)
+            return []
+        return [frame]
+
+    with wall_bus:
+        can_bus.outgoing = outgoing
+        assert wall_bus.sample().flags[1] == SampleFlag.MISSING
+        can_bus.inbox.extend(held)
+        can_bus.drives[2].position = can_bus.drives[2].target = 500.0 - 4096
+        sample = wall_bus.sample()
+        assert sample.flags == (0, SampleFlag.LATE, 0)
+        assert sample.q[1] == pytest.approx(2 * math.pi / 100)
+        assert wall_bus.sample().flags == (0, 0, 0)
+
+
+def test_on_the_wall_clock_our_heartbeat_goes_on_during_a_long_set_up(
+    can_bus: Any, wall_bus: CanopenDriveBus
+) -> None:
+    beats: list[float] = []
+
+    def dawdle(frame: can.Message) -> None:
+        time.sleep(0.003)
+        if frame.arbitration_id == 0x77F:
+            beats.append(time.perf_counter())
+
+    can_bus.on_send = dawdle
+    begin = time.perf_counter()
+    with wall_bus:
+        ends = [begin, *beats, time.perf_counter()]
+    assert ends[-1] - begin > 0.5
+    assert max(after - before for before, after in pairwise(ends)) < 0.4
+
+
+def test_the_plant_in_another_thread_is_driven_in_lock_step_over_a_stock_bus() -> None:
+    stop = threading.Event()
+    with (
+        can.Bus("served", "virtual", ignore_config=True) as theirs,
+        can.Bus("served", "virtual", ignore_config=True) as ours,
+    ):
+        plant = load_plant("manutec-r15")
+        thread = threading.Thread(target=serve, args=(theirs, plant, "sync", stop))
+        thread.start()
+        try:
+            with CanopenDriveBus(ours, load_drives(MANUTEC), pacing="lock-step") as drive_bus:
+                start = drive_bus.sample().q[5]
+                drive_bus.move({5: Move(start + 0.1, 1.0, 10.0)})
+                samples = conformance.travel(drive_bus)
+                assert samples[-1].q[5] == pytest.approx(start + 0.1, abs=3e-3)
+                assert not any(flag for sample in samples for flag in sample.flags)
+        finally:
+            stop.set()
+            thread.join()
 
 
 # Trouble
