@@ -32,11 +32,11 @@ def main(
 ) -> None:
     """Serve the simulated plant's drives on a CAN bus."""
     try:
-        options = _options(bus_option or [])
+        options, passing = _options(bus_option or []), _clock(clock)
         machine = load_plant(plant, seed)
         with can.Bus(channel, interface=interface, **options) as bus:  # type: ignore[arg-type]
-            typer.echo(_announcement(machine, plant, bus, clock))
-            serve(bus, machine, _clock(clock), threading.Event())
+            typer.echo(_announcement(machine, plant, bus, passing))
+            serve(bus, machine, passing, threading.Event())
     except KeyboardInterrupt:
         typer.echo("stopped")
     except (FileError, can.CanError, ValueError, TypeError, OSError, NotImplementedError) as error:
@@ -58,7 +58,7 @@ def _clock(text: str) -> Clock:
     raise ValueError(f"--clock {text}: must be one of {', '.join(CLOCKS)}")
 
 
-def _announcement(machine: DrivenMachine, plant: str, bus: can.BusABC, clock: str) -> str:
+def _announcement(machine: DrivenMachine, plant: str, bus: can.BusABC, clock: Clock) -> str:
     drives = ", ".join(f"{drive.node_id} {drive.name}" for drive in machine.drives)
     passing = "SYNC lets its time pass" if clock == "sync" else "on the wall clock"
     return (

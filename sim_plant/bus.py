@@ -100,9 +100,13 @@ class PlantBus(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         self._opened()
         try:
-            return self._inbox.get(timeout=None if timeout is None else max(0.0, timeout)), False
+            message = self._inbox.get(timeout=None if timeout is None else max(0.0, timeout))
+            # recv(0) of the base class would give up at the first frame that its filters drop
+            while not self._matches_filters(message):
+                message = self._inbox.get_nowait()
         except queue.Empty:
             return None, False
+        return message, True
 
     def shutdown(self) -> None:
         """Leave the channel; the last one to leave switches the plant off."""

@@ -93,18 +93,23 @@ class Cia402Node(CanopenNode):
             reading.events != self._motion.events
             or not window.quiet_low <= reading.position <= window.quiet_high
         ):
-            self._window.observe(reading.position)
-            self.handle_events(reading.events)
+            self._take_events(reading.events)
+            if self._follows_set_points:
+                self._position.observe(reading)
+            self._refresh()
 
     def handle_events(self, events: int) -> None:
         """Take events at the instant at which they change."""
+        self._take_events(events)
+        self._refresh()
+
+    def _take_events(self, events: int) -> None:
         self._motion.events = events
         if events & AxisEvent.FOLLOWING_ERROR and self.state in POWERED:
             self._fail(ErrorCode.FOLLOWING_ERROR)
         self._leave_at_rest()
         if self._follows_set_points:
             self._position.progress()
-        self._refresh()
 
     # Commands
 

@@ -20,6 +20,7 @@ from sim_plant.emcy import ErrorCode
 from sim_plant.motion import Motion, Ramp
 
 if TYPE_CHECKING:
+    from sim_plant.axis import Reading
     from sim_plant.emcy import Emergencies
     from sim_plant.object_dictionary import ObjectDictionary
     from sim_plant.target_window import TargetWindow
@@ -52,6 +53,7 @@ class ProfilePosition:
         self._emergencies = emergencies
         self.window = window
         self._target = 0
+        self._anchored = True
         self._controlword = 0
         self._active: SetPoint | None = None
         self._buffered: SetPoint | None = None
@@ -69,13 +71,16 @@ class ProfilePosition:
             | (Status.INTERNAL_LIMIT | Status.WARNING if self._clipped else 0)
         )
 
-    def start(self, position: int, controlword: int) -> None:
-        """Begin without set-point at `position`; bit 4 must rise anew."""
+    def start(self, demand: int, controlword: int) -> None:
+        """Begin without set-point: the axis rests at `demand`, or comes to rest near it.
+
+        Bit 4 must rise anew.
+        """
         self.abandon()
-        self._target = position
+        self._target, self._anchored = demand, False
         self._controlword = controlword
         self._halted = bool(controlword & Control.HALT)
-        self.window.open(position)
+        self.window.attend()
 
     def abandon(self) -> None:
         """Forget all set-points."""
@@ -97,6 +102,15 @@ class ProfilePosition:
         if fallen & Control.HALT and not begun:
             self._go_on()
         self._lower_acknowledge()
+
+    def observe(self, reading: Reading) -> None:
+        """Take what was latched."""
+        if not self._anchored and self._motion.at_rest:
+            self._anchored = True
+            self._target = reading.demand
+            if not self._halted:
+                self.window.open(self._target)
+        self.window.observe(reading.position)
 
     def progress(self) -> None:
         """Take note that the axis's events have changed."""
@@ -142,6 +156,7 @@ class ProfilePosition:
         else:
             self._emergencies.clear(ErrorCode.POSITION_LIMIT)
         self._active = set_point
+        self._anchored = True
         self.window.close()
         if not self._halted:
             self._move()

@@ -47,7 +47,7 @@ class TargetWindow:
         self.close()
         self._target = target
         self._open = True
-        self._attend()
+        self.attend()
 
     def observe(self, position: int) -> None:
         """Take an actual position."""
@@ -60,10 +60,10 @@ class TargetWindow:
         elif not inside:
             self._timers.stop(self._name)
             self.reached = False
-            self._attend()
+            self.attend()
         self._inside = inside
 
-    def _attend(self) -> None:
+    def attend(self) -> None:
         """Want to see every position."""
         self.quiet_low, self.quiet_high = math.inf, -math.inf
 

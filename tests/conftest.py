@@ -295,6 +295,7 @@ def ideal_channel(monkeypatch: pytest.MonkeyPatch, ideal_machine: IdealMachine) 
 def master(ideal_channel: str) -> Iterator[canopen.Network]:
     """canopen's own master on the plant, with a remote node for each drive."""
     network = canopen.Network()
+    network.NOTIFIER_CYCLE = 0.02
     network.connect(interface="sim_plant", channel=ideal_channel)
     for node_id in range(1, 7):
         network.add_node(node_id, str(EDS_PATH))

@@ -1,0 +1,93 @@
+"""Cost of one SYNC with six drives, each answering with status, position and current.
+
+The machine behind the drives does nothing, so what is measured is CANopen and python-can alone::
+
+    python benchmarks/slave_network.py
+"""
+
+from __future__ import annotations
+
+import timeit
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+from unittest import mock
+
+import can
+import canopen
+
+from sim_plant import plant_channel
+from sim_plant.axis import AxisEvent, Reading
+from sim_plant.drive_settings import DriveSettings
+from sim_plant.eds import EDS_PATH
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+N_AXES = 6
+SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
+
+
+def idle_machine() -> SimpleNamespace:
+    """A machine whose axes stand still at no cost."""
+    reading = Reading(1, 2, 3, 4, 5, 6, int(AxisEvent.DONE | AxisEvent.STANDSTILL))
+    rows = [reading] * N_AXES
+    drives = [
+        DriveSettings(
+            f"axis {n}", n, 1, 2, 3, n, 5000, 3000, 3000, 4096, (1, 1), (0, 0), 6000, 9999
+        )
+        for n in range(1, N_AXES + 1)
+    ]
+    return SimpleNamespace(
+        drives=drives,
+        axes=[mock.MagicMock() for _ in drives],
+        advance=lambda _duration: None,
+        read=lambda: rows,
+    )
+
+
+def configure(channel: str) -> None:
+    """Map TPDO1 of every drive and start all."""
+    network = canopen.Network()
+    network.NOTIFIER_CYCLE = 0.02
+    network.connect(interface="sim_plant", channel=channel)
+    for n in range(1, N_AXES + 1):
+        node = network.add_node(n, str(EDS_PATH))
+        node.tpdo.read()
+        node.tpdo[1].clear()
+        for index in (0x6041, 0x6064, 0x6078):
+            node.tpdo[1].add_variable(index)
+        node.tpdo[1].trans_type, node.tpdo[1].enabled = 1, True
+        node.tpdo[1].save()
+    network.nmt.state = "OPERATIONAL"
+    network.disconnect()
+
+
+def best(action: Callable[[], object], number: int = 2000) -> float:
+    """Shortest mean time of one call [us]."""
+    return min(timeit.repeat(action, number=number, repeat=15)) / number * 1e6
+
+
+def main() -> None:
+    """Measure and print."""
+    machine = idle_machine()
+    with (
+        mock.patch.object(plant_channel, "load_plant", return_value=machine),
+        can.Bus(interface="sim_plant", channel="idle") as bus,
+    ):
+        configure("idle")
+        while bus.recv(0):
+            pass
+
+        def cycle() -> None:
+            bus.send(SYNC)
+            for _ in range(N_AXES):
+                assert bus.recv(0) is not None
+
+        network = bus._plant._network  # type: ignore[attr-defined]
+        slaves = best(lambda: network.receive(0x80, b""))
+        print(f"six drives, frames in to frames out: {slaves:.1f} us/SYNC")
+        print(f"with PlantBus.send and six recv:     {best(cycle):.1f} us/SYNC")
+
+
+if __name__ == "__main__":
+    main()
