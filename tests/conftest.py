@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 import struct
 from typing import TYPE_CHECKING, ClassVar
 
 import canopen
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
 from hil.measurement import Coupling, Gravity, Inertia, Partner
@@ -28,6 +30,10 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import Move
     from hil.robot import Robot
+
+settings.register_profile("local", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
+settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 
 class _Path:

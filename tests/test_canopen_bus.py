@@ -4,10 +4,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import signal
-import sys
 import threading
 import time
 from itertools import pairwise
@@ -15,6 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import can
+import drive_bus_conformance as conformance
+import local_drives
 import pytest
 
 from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
@@ -41,20 +41,6 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 MANUTEC = HERE.parent / "hil" / "robots" / "manutec-r15.drives.yaml"
 
-
-def _beside(name: str) -> Any:
-    """Import a module that lies beside this one (tests are no package)."""
-    spec = importlib.util.spec_from_file_location(name, HERE / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-conformance = _beside("drive_bus_conformance")
-local_drives = _beside("local_drives")
 
 NODES = 3
 ENERGISED = {"enabled", "stopping"}

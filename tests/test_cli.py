@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from drivers.drive_bus import DriveFault, NodeSilent, Sample
 from hil import cli
@@ -20,7 +21,7 @@ DRIVES = ROBOTS / "manutec-r15.drives.yaml"
 @pytest.fixture
 def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
     """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(cli, "out", Console(width=200))
 
     def call(*arguments: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:

@@ -1,0 +1,61 @@
+# `make demo` and `make test` need a Python >= 3.11, make and the package index; all else goes into
+# .venv. A Python of your choice: make PYTHON=python3.12 test
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint bench clean
+
+VENV := .venv
+BIN := $(VENV)/bin
+USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	"$$p" -c '$(USABLE)' >/dev/null 2>&1 && echo "$$p" && break; done)
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+MADE := $(VENV)/made
+RUNTIME := $(VENV)/installed
+DEV := $(VENV)/installed-dev
+
+help:
+	@echo 'make demo   measure, identify and report on the virtual manutec-r15, into runs/'
+	@echo 'make test   every check and every test'
+	@echo 'make lint   the checks alone: ruff, mypy, import-linter'
+	@echo 'make bench  the benchmarks'
+	@echo 'make clean  remove .venv and caches; runs/ stays'
+
+demo: $(RUNTIME)
+	@sh examples/demo.sh $(BIN)/hil
+
+test: lint
+	$(BIN)/pytest -n auto
+
+lint: $(DEV)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+bench: $(DEV)
+	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file"; done
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .hypothesis
+	find hil drivers sim_plant tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+
+$(MADE):
+	@test -n '$(PYTHON)' || { echo 'No Python >= 3.11 with venv and ensurepip was found. Install one' \
+		'(Debian: apt install python3 python3-venv), or name it: make PYTHON=/path/to/python3' >&2; exit 1; }
+	@'$(PYTHON)' -c '$(USABLE)' 2>/dev/null || { echo '$(PYTHON) is no Python >= 3.11 with venv and' \
+		'ensurepip; name another: make PYTHON=/path/to/python3' >&2; exit 1; }
+	@echo 'making $(VENV) with $(PYTHON)'
+	@'$(PYTHON)' -m venv $(VENV)
+	@touch $@
+
+$(RUNTIME): pyproject.toml | $(MADE)
+	@echo 'installing what it needs into $(VENV); a minute or two, once'
+	@$(PIP) install -e .
+	@touch $@
+
+$(DEV): pyproject.toml | $(MADE)
+	@echo 'installing it and its checks into $(VENV); some minutes, once'
+	@$(PIP) install -e '.[dev]'
+	@touch $(RUNTIME) $@
