@@ -1,0 +1,311 @@
+"""Choice of configurations and motions from g(q) and M(q), section 6.2.
+
+What a measurement can tell is one row: that of the axis's gravity torque, of its moment of inertia,
+or of the coupling inertia with its partner. The rows depend on few joints, found by moving one
+joint at a time. Candidates spread these joints over their ranges by a low-discrepancy sequence and
+leave the others in the middle; from the candidates of an axis those are taken, one after the
+other, that add most to the determinant of the group's information matrix (Fedorov's greedy
+D-optimal choice). The axes share the number of measurements as their rows hold parameters.
+
+Every measurement of an axis begins at another angle of its motor, spread by the golden ratio:
+torque ripple then averages out over the configurations instead of biasing all of them alike.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import qmc
+
+from hil.base_parameters import base_parameters
+from hil.dynamics import regressor
+from hil.measurement import Coupling, Gravity, Inertia, Partner
+from hil.plan import Plan, PlannedRobot
+from hil.timetable import travel_time
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.measurement import Measurement
+    from hil.robot import Robot
+
+    Array = NDArray[np.float64]
+    Row = Callable[[Array], Array]
+    """Rows (n, n_parameters) at configurations (n, n_joints)."""
+
+COUNTS = (64, 92, 9)
+"""Configurations for gravity, diagonal and off-diagonal group: those of section 8."""
+TRAVEL = 0.6
+"""Share of the limits used between configurations."""
+
+CANDIDATES = 512
+RANGE = 0.85
+"""Share of each joint's range that configurations use."""
+SPACING = 0.06
+"""Least distance between configurations in one joint at least, as part of its range."""
+LEAST_SHARE = 4
+"""Measurements that an axis gets at least, however few parameters its row holds."""
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_CYCLES = 0.10, 2.0, 3
+"""Share of the speed limit, duration of a window [s], back-and-forth motions."""
+INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.7, 0.5, 0.15, 5
+"""Shares of the limits, shortest ramp [s]."""
+LONGEST_STROKE = 1.0
+"""So that a measurement stays in the neighbourhood of its configuration [rad]."""
+CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
+RAMP_OF_CREEP = 0.2
+"""Duration of a ramp to constant velocity [s]."""
+
+
+def design(robot: Robot, counts: tuple[int, int, int] = COUNTS) -> Plan:
+    """Plan a campaign for `robot`.
+
+    Parameters
+    ----------
+    robot : Robot
+    counts : tuple of int
+        Number of gravity, inertia and coupling measurements; a kind without parameters is left
+        out.
+
+    Raises
+    ------
+    ValueError
+        A count too small to tell the group's parameters apart.
+    """
+    groups = base_parameters(robot).groups
+    for count, (group, columns) in zip(counts, groups.items(), strict=True):
+        if count < len(columns):
+            raise ValueError(
+                f"{count} measurements for the {group} group must be at least {len(columns)}, one"
+                f" for each of its parameters; raise that count"
+            )
+    measurements = [
+        *_gravity(robot, counts[0], list(groups["gravity"])),
+        *_inertia(robot, counts[1], list(groups["diagonal"])),
+        *_coupling(robot, counts[2], list(groups["off_diagonal"])),
+    ]
+    return Plan(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        travel=TRAVEL,
+        measurements=tuple(measurements),
+    )
+
+
+def _gravity(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
+    if not columns:
+        return []
+    rows = {
+        i: _gravity_row(robot, i, columns)
+        for i in np.flatnonzero(base_parameters(robot).dependencies.gravity.any(axis=1)).tolist()
+    }
+    chosen = _choose(robot, rows, count)
+    return [
+        Gravity(id=f"g{k:02d}", axis=i + 1, q=tuple(q), **_gravity_motion(robot, i))
+        for k, (i, q) in enumerate(_tour(robot, chosen), start=1)
+    ]
+
+
+def _inertia(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
+    if not columns:
+        return []
+    mass = base_parameters(robot).dependencies.mass
+    rows = {
+        i: _inertia_row(robot, i, i, columns)
+        for i in range(robot.n_joints)
+        if mass[i, i, columns].any()
+    }
+    chosen = _choose(robot, rows, count)
+    return [
+        Inertia(id=f"i{k:02d}", axis=i + 1, q=tuple(q), **_inertia_motion(robot, i))
+        for k, (i, q) in enumerate(_tour(robot, chosen), start=1)
+    ]
+
+
+def _coupling(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
+    if not columns:
+        return []
+    pairs = _pairs(robot, columns)
+    rows = {creep: _inertia_row(robot, creep, other, columns) for creep, other in pairs.items()}
+    found: list[Measurement] = []
+    for k, (i, q) in enumerate(_tour(robot, _choose(robot, rows, count)), start=1):
+        motion = _inertia_motion(robot, pairs[i])
+        partner = Partner(
+            axis=pairs[i] + 1,
+            stroke=motion["stroke"],
+            velocity=motion["velocity"],
+            acceleration=motion["acceleration"],
+        )
+        creep = _creep_motion(robot, i)
+        found.append(Coupling(id=f"c{k:02d}", axis=i + 1, q=tuple(q), partner=partner, **creep))
+    return found
+
+
+def _pairs(robot: Robot, columns: list[int]) -> dict[int, int]:
+    """Creeping axis to accelerated axis for every off-diagonal parameter.
+
+    Of the elements that hold a parameter the one is taken whose torque stands out most: much
+    acceleration on one side, little torque range (so little noise and friction) on the other.
+    """
+    mass = base_parameters(robot).dependencies.mass
+    pairs: dict[int, int] = {}
+    for column in columns:
+        best = max(
+            ((j, i) for j, i in np.argwhere(mass[:, :, column]).tolist() if i != j),
+            key=lambda pair: robot.acceleration_limit[pair[1]] / robot.torque_limit[pair[0]],
+        )
+        pairs[best[0]] = best[1]
+    return pairs
+
+
+def _gravity_row(robot: Robot, axis: int, columns: list[int]) -> Row:
+    def row(q: Array) -> Array:
+        still = np.zeros_like(q)
+        return regressor(robot, q, still, still)[:, axis, columns]
+
+    return row
+
+
+def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) -> Row:
+    def row(q: Array) -> Array:
+        still, unit = np.zeros_like(q), np.zeros_like(q)
+        unit[:, accelerated] = 1.0
+        moving = regressor(robot, q, still, unit) - regressor(robot, q, still, still)
+        return moving[:, axis, columns]
+
+    return row
+
+
+def _choose(robot: Robot, rows: dict[int, Row], count: int) -> list[tuple[int, list[float]]]:
+    """Axis and configuration of `count` measurements."""
+    candidates = {i: _candidates(robot, i, row) for i, row in rows.items()}
+    weighted = {i: row(candidates[i]) / robot.torque_limit[i] for i, row in rows.items()}
+    scale = np.sqrt(np.mean(np.concatenate(list(weighted.values())) ** 2, axis=0))
+    chosen: list[tuple[int, list[float]]] = []
+    n_columns = len(scale)
+    covariance = 1e3 * np.eye(n_columns)
+    for i, share in _shares(weighted, count).items():
+        picked = _greedy(weighted[i] / scale, _places(robot, candidates[i]), covariance, share)
+        for k, index in enumerate(picked):
+            q = candidates[i][index].copy()
+            q[i] += ((k + 1) * GOLDEN % 1.0 - 0.5) * math.tau / robot.gear_ratio[i]
+            chosen.append((i, q.tolist()))
+    return chosen
+
+
+def _shares(rows: dict[int, Array], count: int) -> dict[int, int]:
+    """Divide `count` among the axes in proportion to the parameters that their rows hold."""
+    held = {i: max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for i, r in rows.items()}
+    least = min(LEAST_SHARE, count // len(held))
+    spare = count - least * len(held)
+    total = sum(held.values())
+    exact = {i: spare * h / total for i, h in held.items()}
+    shares = {i: least + int(e) for i, e in exact.items()}
+    for i in sorted(exact, key=lambda j: int(exact[j]) - exact[j])[: count - sum(shares.values())]:
+        shares[i] += 1
+    return shares
+
+
+def _greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[int]:
+    """Choose `count` rows, each the one that then adds most to det(information).
+
+    Candidates close to a chosen one are passed over while there are others, so that the
+    measurements show a dependence on the configuration that the model lacks. `covariance`, the
+    inverse of the information so far, is updated in place.
+    """
+    left = np.ones(len(rows), dtype=bool)
+    picked: list[int] = []
+    for _ in range(count):
+        if not left.any():
+            left[:] = True
+        gain = np.einsum("ij,jk,ik->i", rows, covariance, rows)
+        best = int(np.argmax(np.where(left, gain, -1.0)))
+        direction = covariance @ rows[best]
+        covariance -= np.outer(direction, direction) / (1.0 + gain[best])
+        left &= np.abs(places - places[best]).max(axis=1, initial=0.0) > SPACING
+        picked.append(best)
+    return picked
+
+
+def _places(robot: Robot, candidates: Array) -> Array:
+    """Configurations in parts of the joints' ranges, without the joints that all share."""
+    varied = np.ptp(candidates, axis=0) > 0
+    places: Array = (candidates / (robot.q_max - robot.q_min))[:, varied]
+    return places
+
+
+def _candidates(robot: Robot, axis: int, row: Row) -> Array:
+    """Spread the joints that `row` depends on over their ranges, the others stay in the middle."""
+    middle = (robot.q_min + robot.q_max) / 2
+    half = RANGE * (robot.q_max - robot.q_min) / 2
+    half[axis] = np.maximum(half[axis] - LONGEST_STROKE / 2, 0.0)
+    joints = _influencing(row, middle, half)
+    q = np.tile(middle, (CANDIDATES, 1))
+    if joints:
+        points = qmc.Halton(len(joints), scramble=False).random(CANDIDATES + 1)[1:]
+        q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
+    return q
+
+
+def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
+    """Joints whose angle changes the row."""
+    n = len(middle)
+    base = middle + half * qmc.Halton(n, scramble=False).random(17)[1:]
+    before = row(base)
+    scale = np.abs(before).max()
+    found = []
+    for joint in range(n):
+        moved = base.copy()
+        moved[:, joint] -= 0.7 * half[joint]
+        if np.abs(row(moved) - before).max() > 1e-9 * scale:
+            found.append(joint)
+    return found
+
+
+def _tour(robot: Robot, chosen: Sequence[tuple[int, list[float]]]) -> list[tuple[int, list[float]]]:
+    """Order by nearest neighbour in travel time, beginning nearest to the middle of the ranges."""
+    here: list[float] = ((robot.q_min + robot.q_max) / 2).tolist()
+    left, tour = list(chosen), []
+    while left:
+        nearest = min(left, key=lambda item: travel_time(robot, here, item[1], TRAVEL))
+        left.remove(nearest)
+        tour.append(nearest)
+        here = nearest[1]
+    return tour
+
+
+def _gravity_motion(robot: Robot, axis: int) -> dict[str, float | int]:
+    velocity = GRAVITY_SPEED * float(robot.velocity_limit[axis])
+    return {
+        "stroke": min(velocity * GRAVITY_TIME, LONGEST_STROKE),
+        "velocity": velocity,
+        "acceleration": velocity / RAMP_OF_CREEP,
+        "cycles": GRAVITY_CYCLES,
+    }
+
+
+def _inertia_motion(robot: Robot, axis: int) -> dict[str, float | int]:
+    velocity = INERTIA_SPEED * float(robot.velocity_limit[axis])
+    limit = INERTIA_ACCELERATION * float(robot.acceleration_limit[axis])
+    acceleration = min(limit, velocity / INERTIA_RAMP)
+    ramp = velocity**2 / (2 * acceleration)
+    return {
+        "stroke": min(3 * ramp, LONGEST_STROKE),
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "cycles": INERTIA_CYCLES,
+    }
+
+
+def _creep_motion(robot: Robot, axis: int) -> dict[str, float | int]:
+    velocity = CREEP_SPEED * float(robot.velocity_limit[axis])
+    return {
+        "stroke": velocity * CREEP_TIME,
+        "velocity": velocity,
+        "acceleration": velocity / RAMP_OF_CREEP,
+        "cycles": CREEP_CYCLES,
+    }
