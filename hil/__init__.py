@@ -13,10 +13,12 @@ from hil.robot import load_robot
 
 if TYPE_CHECKING:
     from hil.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
+    from hil.model_file import identify
 
 __all__ = [
     "base_parameters",
     "gravity_torque",
+    "identify",
     "inverse_dynamics",
     "load_robot",
     "mass_matrix",
@@ -25,6 +27,7 @@ __all__ = [
 
 _LATER = {
     "gravity_torque": "hil.dynamics",
+    "identify": "hil.model_file",
     "inverse_dynamics": "hil.dynamics",
     "mass_matrix": "hil.dynamics",
     "regressor": "hil.dynamics",

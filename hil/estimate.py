@@ -11,7 +11,7 @@ from scipy import stats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.local_fits import LocalFit
+    from hil.local_fits import LocalValue
 
     Array = NDArray[np.float64]
 
@@ -37,8 +37,8 @@ class Estimate:
         Root mean square of what the local models of inertia and coupling leave of each axis's
         torque [N m]; NaN where an axis was not measured so.
     condition : dict
-        Condition number of each group's observation matrix, columns of unit length.
-    local : tuple of LocalFit
+        Condition number of each group's observation matrix, rows weighted by eq. (16).
+    local : tuple of LocalValue
         Step 1: each measurement by itself, in the order of the plan.
     left_out : tuple of str
         Measurements that could not be used, and why.
@@ -51,7 +51,7 @@ class Estimate:
     drive_covariance: Array
     residual: Array
     condition: dict[str, float]
-    local: tuple[LocalFit, ...]
+    local: tuple[LocalValue, ...]
     left_out: tuple[str, ...]
 
     @property

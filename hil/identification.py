@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.local_fits import LocalFit
+    from hil.local_fits import LocalFit, LocalValue
     from hil.measurement import Measurement
     from hil.recording import Recording
     from hil.robot import Robot
@@ -92,13 +92,12 @@ def estimate(
         Base parameters that the measurements do not excite.
     """
     prepared = [(measurement, signals(recording)) for measurement, recording in recorded]
-    nothing = np.zeros(len(base_parameters(robot)))
-    local, left_out = local_fits(robot, prepared, nothing)
-    condition = _require_rank(robot, local)
-    solver: Solver = TwoStep(robot, local) if method == "printed" else Joint(robot, prepared)
+    fits, left_out = _local_fits(robot, prepared)
+    condition = _require_rank(robot, fits)
+    solver: Solver = TwoStep(robot, fits) if method == "printed" else Joint(robot, prepared)
     p = solver.solve()
     covariance, degrees = jackknife(solver, p)
-    local, _ = local_fits(robot, prepared, p)
+    local = tuple(each.at(p) for each in fits)
     relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
     carried = solver.sensitivity() * relative
     return Estimate(
@@ -109,17 +108,17 @@ def estimate(
         drive_covariance=carried @ carried.T,
         residual=_residual(robot, local),
         condition=condition,
-        local=tuple(local),
+        local=local,
         left_out=tuple(left_out),
     )
 
 
-def local_fits(robot: Robot, prepared: Prepared, p_g: Array) -> tuple[list[LocalFit], list[str]]:
+def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[str]]:
     """Step 1 for all measurements, and the reasons for those that are of no use."""
     found, left_out = [], []
     for measurement, s in prepared:
         try:
-            found.append(fit(robot, measurement, s, p_g))
+            found.append(fit(robot, measurement, s))
         except NotEnoughData as error:
             left_out.append(str(error))
     return found, left_out
@@ -135,7 +134,7 @@ def jackknife(solver: Solver, p: Array) -> tuple[Array, Array]:
     return covariance, np.clip(effective - 1.0, 2.0, n - 1.0)
 
 
-def _residual(robot: Robot, local: Sequence[LocalFit]) -> Array:
+def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
     """Root mean square of what the local models of inertia and coupling leave of each axis."""
     found = np.full(robot.n_joints, np.nan)
     for axis in range(robot.n_joints):
@@ -145,7 +144,7 @@ def _residual(robot: Robot, local: Sequence[LocalFit]) -> Array:
     return found
 
 
-def _require_rank(robot: Robot, local: Sequence[LocalFit]) -> dict[str, float]:
+def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
     """Condition number of each group's observation matrix.
 
     Raises
@@ -159,10 +158,9 @@ def _require_rank(robot: Robot, local: Sequence[LocalFit]) -> dict[str, float]:
         columns = list(base.groups[group])
         if not columns:
             continue
-        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in local if f.kind == kind]
+        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind == kind]
         W = np.array(rows).reshape(len(rows), len(columns))
-        length = np.linalg.norm(W, axis=0)
-        sizes = np.linalg.svd(W / np.where(length > 0, length, 1.0), compute_uv=False)
+        sizes = np.linalg.svd(W, compute_uv=False)
         if len(sizes) < len(columns) or sizes[-1] < _RANK * sizes[0]:
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import linalg
 
 from hil.base_parameters import base_parameters
 from hil.condensed import N_COMMON, condense
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 
 _ROUNDS = 3
 """Times that weights and solution are found from each other."""
-_RANK = 1e-12
+_RIDGE = 1e-12
+"""Relative, so that common terms without excitation stay zero."""
 
 
 class Joint:
@@ -89,10 +91,11 @@ class Joint:
         """Solve the normal equations, scaled to a unit diagonal; `vector` may have columns."""
         diagonal = np.diag(information)
         scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        sides = vector * (scale if vector.ndim == 1 else scale[:, np.newaxis])
-        scaled = information * np.outer(scale, scale)
-        found = np.linalg.lstsq(scaled, sides, rcond=_RANK)[0]
-        solution: Array = found * (scale if vector.ndim == 1 else scale[:, np.newaxis])
+        if vector.ndim > 1:
+            vector = vector.T
+        scaled = information * np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+        found = linalg.cho_solve(linalg.cho_factor(scaled), (vector * scale).T)
+        solution: Array = (found.T * scale).T
         return solution
 
     def _residual_variance(self, solution: Array) -> Array:

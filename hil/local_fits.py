@@ -55,8 +55,8 @@ class NotEnoughData(Exception):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LocalFit:
-    """What one measurement says by itself.
+class LocalValue:
+    """One element of g(q) or M(q) as measured.
 
     Attributes
     ----------
@@ -67,22 +67,14 @@ class LocalFit:
         Mean configuration [rad].
     time : float
         Middle of the recording since the bus was entered [s].
-    torque, motor : float
-        What the measured torque and the motors' part H of it amount to as a torque [N m] or as a
-        moment of inertia [kg m^2].
-    gravity : ndarray, shape (n_base,)
-        Share of the base parameters in `torque` by gravity; zero for gravity measurements, whose
-        value it is.
-    row : ndarray, shape (n_base,)
-        The value that belongs to the model: ``row @ p``.
-    value : float
-        g_i [N m], M_ii or M_ji [kg m^2]: ``torque - motor - gravity @ p_g``.
+    value, model : float
+        Measured, and what the base parameters say: g_i [N m], M_ii or M_ji [kg m^2].
     standard_error : float
-        From the scatter inside the measurement.
+        Of `value`, from the scatter inside the measurement; NaN where there is none.
     friction : float
-        Level at `REFERENCE_SPEED`, mean of both directions [N m].
+        Level at `REFERENCE_SPEED` (at creep speed for coupling), mean of both directions [N m].
     residual : float
-        Root mean square of what the fit leaves [N m].
+        Root mean square of what the local model leaves [N m].
     """
 
     id: str
@@ -91,27 +83,70 @@ class LocalFit:
     partner: int
     q: Array
     time: float
-    torque: float
-    motor: float
-    gravity: Array
-    row: Array
     value: float
+    model: float
     standard_error: float
     friction: float
     residual: float
 
 
-def fit(robot: Robot, measurement: Measurement, s: Signals, p_g: Array) -> LocalFit:
-    """Evaluate one measurement.
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalFit:
+    """A measurement evaluated as far as it goes without knowing p_g.
 
-    Parameters
+    A fit is linear in its right-hand side, which has several columns here: the measured torque, the
+    motors' part of it, and the gravity torque of one unit of each base parameter.
+
+    Attributes
     ----------
-    robot : Robot
-    measurement : Gravity, Inertia or Coupling
-    s : Signals
-    p_g : ndarray, shape (n_base,)
-        Base parameters of which the gravitational ones are right. Gravity measurements do not use
-        them.
+    id, kind, axis, partner, q, time
+        See `LocalValue`.
+    sides : ndarray, shape (2 + n_base,)
+        The element that each column amounts to. The gravity columns of a gravity measurement are
+        zero, since they are what it measures.
+    friction : ndarray, shape (2 + n_base,)
+        The friction level that each column amounts to.
+    gram : ndarray, shape (2 + n_base, 2 + n_base)
+        Mean products of the columns' residuals.
+    leverage : float
+        Standard error of the element per residual.
+    row : ndarray, shape (n_base,)
+        The element as the model has it: ``row @ p``.
+    """
+
+    id: str
+    kind: str
+    axis: int
+    partner: int
+    q: Array
+    time: float
+    sides: Array
+    friction: Array
+    gram: Array
+    leverage: float
+    row: Array
+
+    def at(self, p: Array) -> LocalValue:
+        """Values with gravity compensated by base parameters `p`."""
+        weights = np.concatenate([[1.0, -1.0], -p])
+        residual = float(np.sqrt(max(weights @ self.gram @ weights, 0.0)))
+        return LocalValue(
+            id=self.id,
+            kind=self.kind,
+            axis=self.axis,
+            partner=self.partner,
+            q=self.q,
+            time=self.time,
+            value=float(self.sides @ weights),
+            model=float(self.row @ p),
+            standard_error=self.leverage * residual,
+            friction=float(self.friction @ weights),
+            residual=residual,
+        )
+
+
+def fit(robot: Robot, measurement: Measurement, s: Signals) -> LocalFit:
+    """Evaluate one measurement.
 
     Raises
     ------
@@ -121,123 +156,90 @@ def fit(robot: Robot, measurement: Measurement, s: Signals, p_g: Array) -> Local
     if isinstance(measurement, Gravity):
         return _gravity(robot, measurement, s)
     if isinstance(measurement, Inertia):
-        return _inertia(robot, measurement, s, p_g)
-    return _coupling(robot, measurement, s, p_g)
+        return _inertia(robot, measurement, s)
+    return _coupling(robot, measurement, s)
 
 
 def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
     i = m.index
-    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, i]
-    signals = s.filtered(np.column_stack([s.tau[:, i], motor, _gravity_rows(robot, s, i)]))
+    sides = s.filtered(_sides(robot, s, i))
     means: tuple[list[Array], list[Array]] = ([], [])
     for stroke in range(m.n_strokes):
         window = _window(m, s, stroke)
         if window.sum() * s.period >= SHORTEST_WINDOW:
-            means[stroke % 2].append(signals[window].mean(axis=0))
+            means[stroke % 2].append(sides[window].mean(axis=0))
     pairs = min(len(means[0]), len(means[1]))
     if not pairs:
         raise NotEnoughData(f"{m.id}: no window of constant velocity in both directions; repeat it")
     forward, backward = np.array(means[0][:pairs]), np.array(means[1][:pairs])
     half_sums, half_differences = (forward + backward) / 2, (forward - backward) / 2
-    torque, moved = half_sums[:, 0].mean(), half_sums[:, 1].mean()
-    scatter = float(np.std(half_sums[:, 0], ddof=1)) if pairs > 1 else float("nan")
+    still = np.zeros(sides.shape[1])
+    still[:2] = 1.0
+    scatter = (half_sums - half_sums.mean(axis=0)) * still
     return LocalFit(
         id=m.id,
-        kind="gravity",
+        kind=m.kind,
         axis=i,
         partner=i,
         q=_mean_q(s, s.stroke >= 0),
         time=float(s.time.mean()),
-        torque=float(torque),
-        motor=float(moved),
-        gravity=np.zeros(signals.shape[1] - 2),
+        sides=half_sums.mean(axis=0) * still,
+        friction=half_differences.mean(axis=0) * still,
+        gram=scatter.T @ scatter / max(pairs - 1, 1),
+        leverage=1.0 / np.sqrt(pairs) if pairs > 1 else np.nan,
         row=half_sums[:, 2:].mean(axis=0),
-        value=float(torque - moved),
-        standard_error=scatter / np.sqrt(pairs),
-        friction=float(half_differences[:, 0].mean()),
-        residual=scatter,
     )
 
 
-def _inertia(robot: Robot, m: Inertia, s: Signals, p_g: Array) -> LocalFit:
+def _inertia(robot: Robot, m: Inertia, s: Signals) -> LocalFit:
     i = m.index
     v = s.qd[:, i]
-    used = usable(robot, s, i)
-    columns = np.column_stack([s.qdd[:, i], v, np.sign(v), np.cbrt(v)])
-    solution = _solve(m, robot, s, i, columns, used, p_g)
     reference = REFERENCE_SPEED * robot.velocity_limit[i]
-    levels = np.array([reference, 1.0, np.cbrt(reference)])
-    return _mass_fit(robot, m, s, (i, i), used, solution, float(solution.friction[1:] @ levels))
+    columns = np.column_stack([s.qdd[:, i], v, np.sign(v), np.cbrt(v)])
+    levels = np.array([0.0, reference, 1.0, np.cbrt(reference)])
+    return _mass_element(robot, m, s, (i, i), columns, levels, usable(robot, s, i))
 
 
-def _coupling(robot: Robot, m: Coupling, s: Signals, p_g: Array) -> LocalFit:
+def _coupling(robot: Robot, m: Coupling, s: Signals) -> LocalFit:
     j, i = m.index, m.partner.index
     used = usable(robot, s, j) & (s.partner_stroke >= 0) & (s.stroke >= 0)
-    levels = (s.stroke[:, np.newaxis] == np.arange(m.n_strokes)).astype(float)
-    columns = np.column_stack([s.qdd[:, i], levels])
-    solution = _solve(m, robot, s, j, columns, used, p_g)
-    forward, backward = solution.friction[1::2].mean(), solution.friction[2::2].mean()
-    return _mass_fit(robot, m, s, (j, i), used, solution, float(forward - backward) / 2)
+    strokes = (s.stroke[:, np.newaxis] == np.arange(m.n_strokes)).astype(float)
+    columns = np.column_stack([s.qdd[:, i], strokes])
+    levels = np.concatenate([[0.0], np.resize([1.0, -1.0], m.n_strokes) / m.n_strokes])
+    return _mass_element(robot, m, s, (j, i), columns, levels, used)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Solution:
-    """Eq. (20) for the torque, the motors' part of it and each base parameter's gravity."""
-
-    torque: float
-    motor: float
-    gravity: Array
-    friction: Array
-    standard_error: float
-    residual: float
-
-
-def _solve(
-    m: Measurement,
+def _mass_element(
     robot: Robot,
+    m: Inertia | Coupling,
     s: Signals,
-    axis: int,
+    element: tuple[int, int],
     columns: Array,
+    levels: Array,
     used: NDArray[np.bool_],
-    p_g: Array,
-) -> _Solution:
-    """Fit `columns`, of which the first is the acceleration, to the torque of `axis`."""
+) -> LocalFit:
+    """Eq. (20) for an element of M(q).
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, k)
+        Of the observation matrix, the acceleration first.
+    levels : ndarray, shape (k,)
+        Weights with which the coefficients make up the friction level.
+    used : ndarray of bool, shape (n,)
+    """
     W = s.filtered(columns)[used]
     if len(W) < FEWEST * W.shape[1]:
         raise NotEnoughData(
             f"{m.id}: {len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat it"
             " with a longer stroke or a higher velocity"
         )
-    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-    sides = np.column_stack([s.tau[:, axis], motor, _gravity_rows(robot, s, axis)])
-    C = s.filtered(sides)[used]
+    C = s.filtered(_sides(robot, s, element[0]))[used]
     scale = np.linalg.norm(W, axis=0)
-    scale[scale == 0] = 1.0
-    pr = np.linalg.lstsq(W / scale, C, rcond=None)[0] / scale[:, np.newaxis]
-    weights = np.concatenate([[1.0, -1.0], -p_g])
-    left = (C - W @ pr) @ weights
-    variance = left @ left / (len(C) - W.shape[1])
-    inverse = np.linalg.pinv((W / scale).T @ (W / scale))
-    return _Solution(
-        torque=float(pr[0, 0]),
-        motor=float(pr[0, 1]),
-        gravity=pr[0, 2:],
-        friction=pr @ weights,
-        standard_error=float(np.sqrt(variance * inverse[0, 0]) / scale[0]),
-        residual=float(np.sqrt(variance)),
-    )
-
-
-def _mass_fit(
-    robot: Robot,
-    m: Inertia | Coupling,
-    s: Signals,
-    element: tuple[int, int],
-    used: NDArray[np.bool_],
-    solution: _Solution,
-    friction: float,
-) -> LocalFit:
-    """Put together what a measurement says about an `element` of M(q)."""
+    W, scale = W / np.where(scale > 0, scale, 1.0), np.where(scale > 0, scale, 1.0)
+    inverse = np.linalg.pinv(W.T @ W)
+    pr = inverse @ (W.T @ C)
+    left = C - W @ pr
     weight = s.qdd[used, element[1]] ** 2
     rows = _inertia_rows(robot, s, *element)[used]
     return LocalFit(
@@ -247,15 +249,18 @@ def _mass_fit(
         partner=element[1],
         q=_mean_q(s, used),
         time=float(s.time.mean()),
-        torque=solution.torque,
-        motor=solution.motor,
-        gravity=solution.gravity,
+        sides=pr[0] / scale[0],
+        friction=(levels / scale) @ pr,
+        gram=left.T @ left / (len(W) - W.shape[1]),
+        leverage=float(np.sqrt(inverse[0, 0])) / scale[0],
         row=weight @ rows / weight.sum(),
-        value=float(solution.friction[0]),
-        standard_error=solution.standard_error,
-        friction=friction,
-        residual=solution.residual,
     )
+
+
+def _sides(robot: Robot, s: Signals, axis: int) -> Array:
+    """Columns of the right-hand side of an axis: see `LocalFit`."""
+    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
+    return np.column_stack([s.tau[:, axis], motor, _gravity_rows(robot, s, axis)])
 
 
 def usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
@@ -271,7 +276,7 @@ def _window(m: Gravity, s: Signals, stroke: int) -> NDArray[np.bool_]:
     v = s.filtered(s.qd[:, m.index])
     wanted = m.velocity if stroke % 2 == 0 else -m.velocity
     off = (s.stroke != stroke) | (np.abs(v - wanted) > STEADY * m.velocity)
-    steady = ~off & s.valid
+    steady: NDArray[np.bool_] = ~off & s.valid
     if steady.any():
         first = int(np.flatnonzero(steady)[0])
         steady[first : first + round(SETTLING / s.period)] = False

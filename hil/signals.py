@@ -20,6 +20,7 @@ rest, and samples closer to an end or to a missing sample than the filters reach
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,11 +74,9 @@ class Signals:
 
     def filtered(self, x: Array) -> Array:
         """Butterworth low-pass along the first axis."""
-        nyquist = 0.5 / self.period
-        if nyquist <= CUTOFF:
+        if self.period * CUTOFF >= 0.5:
             return x
-        sections = signal.butter(ORDER, CUTOFF / nyquist, output="sos")
-        filtered: Array = signal.sosfiltfilt(sections, x, axis=0)
+        filtered: Array = signal.sosfiltfilt(_butterworth(self.period), x, axis=0)
         return filtered
 
     def smoothed(self, x: Array) -> Array:
@@ -123,6 +122,13 @@ def signals(recording: Recording) -> Signals:
         partner_stroke=recording.partner_stroke[nearest],
         valid=~spoilt,
     )
+
+
+@lru_cache(maxsize=8)
+def _butterworth(period: float) -> Array:
+    """Second-order sections of the filter that runs forth and back."""
+    sections: Array = signal.butter(ORDER, 2 * CUTOFF * period, output="sos")
+    return sections
 
 
 def _reach(period: float) -> int:

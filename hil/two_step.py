@@ -39,9 +39,9 @@ class TwoStep:
         self._kind = np.array([f.kind for f in local])
         self._axis = np.array([f.axis for f in local])
         self._weight = 1.0 / robot.torque_limit[self._axis]
-        self._rows = np.array([f.row + f.gravity for f in local])
-        self._torque = np.array([f.torque for f in local])
-        self._motor = np.array([f.motor for f in local])
+        self._rows = np.array([f.row + f.sides[2:] for f in local])
+        self._torque = np.array([f.sides[0] for f in local])
+        self._motor = np.array([f.sides[1] for f in local])
 
     @property
     def n_measurements(self) -> int:
