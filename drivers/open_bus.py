@@ -28,7 +28,7 @@ def open_can_bus(interface: str, channel: str, options: Mapping[str, Any]) -> ca
         )
     try:
         return can.Bus(channel, interface, ignore_config=True, **options)
-    except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+    except Exception as error:  # back ends without their vendor's library raise what they like
         raise BusUnavailable(
             f"{interface} channel {channel!r} cannot be opened: {error}; "
             f"{_remedy(interface, channel, options)}"
@@ -42,4 +42,4 @@ def _remedy(interface: str, channel: str, options: Mapping[str, object]) -> str:
             f"list interfaces with `ip link`, bring it up with "
             f"`ip link set {channel} up type can bitrate {bitrate}`"
         )
-    return "check the channel's name, that the adapter is plugged in and its driver installed"
+    return "check channel and options, that the adapter is plugged in and its driver installed"

@@ -8,6 +8,7 @@ joints.2.velocity_limit: -1.2 must be greater than 0``.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TypeVar
 
@@ -74,6 +75,7 @@ def _describe(problem: object, root: yaml.Node | None, source: str) -> str:
     assert isinstance(problem, dict)  # noqa: S101 - pydantic's ErrorDetails
     location = tuple(problem["loc"])
     message = str(problem["msg"]).removeprefix("Value error, ")
+    message = re.sub(r"^\w+ should (be|have|match)\b", r"must \1", message)
     if problem["type"] == "extra_forbidden":
         message = "unknown key; remove it or correct its spelling"
     elif problem["type"] == "missing":

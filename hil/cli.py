@@ -42,6 +42,9 @@ app = typer.Typer(
 )
 out = Console()
 
+SIMULATED = "sim_plant"
+"""The interface of the virtual plant, whose channels are named like their robots."""
+
 PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
 RobotOption = Annotated[
@@ -112,8 +115,10 @@ def dry_run_(
 def run(
     plan_file: PlanFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
-    interface: Annotated[str, typer.Option(help="python-can's interface.")] = "sim_plant",
-    channel: Annotated[str | None, typer.Option(help="Its channel [robot's name].")] = None,
+    interface: Annotated[str, typer.Option(help="python-can's interface.")] = SIMULATED,
+    channel: Annotated[
+        str | None, typer.Option(help="Its channel [on sim_plant the robot's name].")
+    ] = None,
     drives_file: Annotated[
         Path | None, typer.Option("--drives", help="Drives file [that of the robot].")
     ] = None,
@@ -126,12 +131,12 @@ def run(
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     the_plan, the_robot = _load(plan_file, robot_file)
+    channel = channel or _default_channel(interface, the_robot)
     drives_file = drives_file or _packaged_drives(the_robot)
     drives, text = _load_drives(drives_file, the_robot)
     _dry_run(plan_file, the_plan, the_robot, drives.bitrate, quiet=True)
     options = bus_options(bus_option or [])
     folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
-    channel = channel or the_robot.name
     carry_out(
         folder,
         lambda: _open_bus(drives, interface, channel, options, pacing),
@@ -186,6 +191,14 @@ def _dry_run(
     if result.problems:
         text = plan_file.read_text(encoding="utf-8")
         raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
+
+
+def _default_channel(interface: str, the_robot: Robot) -> str:
+    if interface != SIMULATED:
+        raise typer.BadParameter(
+            f"interface {interface} needs a channel too, such as can0", param_hint="--channel"
+        )
+    return the_robot.name
 
 
 def _packaged_drives(the_robot: Robot) -> Path:

@@ -74,11 +74,16 @@ def carry_out(
 ) -> None:
     """Run the campaign; Ctrl-C and SIGTERM stop the axes and keep what was measured.
 
+    Where nothing is missing no bus is opened.
+
     Raises
     ------
     typer.Exit
         With status 130 when interrupted, 1 when drives, bus or disk failed; all has been told.
     """
+    if not folder.missing:
+        out.print(f"{folder.path}: nothing is missing", highlight=False, soft_wrap=True)
+        return
     previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with shown(out) as show, closing(run_campaign(folder, open_bus(), bus_name)) as events:
@@ -88,9 +93,15 @@ def carry_out(
     except KeyboardInterrupt:
         sys.stderr.write(f"stopped, the axes are off; {_what_remains(folder)}\n")
         raise typer.Exit(130) from None
+    except (BrokenPipeError, SystemExit):  # rich turns the one into the other
+        sys.stderr.write(f"nobody reads the output, the axes are off; {_what_remains(folder)}\n")
+        raise typer.Exit(1) from None
     except (DriveError, FileError) as error:
         sys.stderr.write(f"{error}\n{_what_remains(folder)}\n")
         raise typer.Exit(1) from None
+    except Exception:
+        folder.discard_if_empty()
+        raise
     finally:
         signal.signal(signal.SIGTERM, previous)
     if isinstance(last, Finished):

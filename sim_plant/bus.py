@@ -65,8 +65,13 @@ class PlantBus(can.BusABC):
         seed: int | str | None = None,
         clock: str | None = None,
         bitrate: int | str = BITRATE,
-        **kwargs: Any,
+        **unknown: Any,
     ) -> None:
+        if unknown:
+            raise can.CanInitializationError(
+                f"{', '.join(unknown)}: the simulated plant knows no such option; it knows"
+                " seed, clock, bitrate and receive_own_messages"
+            )
         self._inbox: queue.SimpleQueue[can.Message] = queue.SimpleQueue()
         self._echo = receive_own_messages
         self._plant: PlantChannel | None = open_channel(
@@ -74,7 +79,7 @@ class PlantBus(can.BusABC):
         )
         self.lock_step = self._plant.clock == "sync"
         self.channel_info = f"simulated plant {channel}"
-        super().__init__(channel, can_filters, **kwargs)
+        super().__init__(channel, can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
         """Send a frame; the drives' answers are in the receive queues when this returns.

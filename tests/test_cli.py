@@ -183,8 +183,27 @@ def test_a_run_in_which_nothing_was_measured_leaves_no_folder(
     assert not (tmp_path / "first").exists()
 
 
+def test_real_interfaces_need_a_channel(hil: Hil, plan_file: Path, tmp_path: Path) -> None:
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "r", "--interface", "socketcan")
+    assert status == 2
+    assert "interface socketcan needs a channel too" in err
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_finished_run_is_resumed_without_a_bus(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "first"
+    assert hil("run", plan_file, "-o", folder)[0] == 0
+    bus.log.clear()
+    status, out, _ = hil("run", plan_file, "-o", folder, "--resume")
+    assert (status, bus.log) == (0, [])
+    assert "nothing is missing" in out
+
+
 def test_a_bus_that_is_not_there_is_refused(hil: Hil, plan_file: Path, tmp_path: Path) -> None:
-    status, _, err = hil("run", plan_file, "-o", tmp_path / "r", "--interface", "nonsense")
+    bus = ("--interface", "nonsense", "--channel", "can0")
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "r", *bus)
     assert status == 1
     assert "interface 'nonsense' is unknown to python-can" in err
     assert not (tmp_path / "r").exists()

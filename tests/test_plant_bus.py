@@ -171,6 +171,7 @@ def test_an_unknown_channel_is_refused_with_the_known_ones() -> None:
     [
         ({"seed": "x"}, "seed='x'"),
         ({"seed": -1}, "seed=-1"),
+        ({"colour": "red"}, "colour: the simulated plant knows no such option"),
         ({"clock": "sundial"}, "sync, wall"),
         ({"bitrate": 0}, "bitrate=0"),
     ],
