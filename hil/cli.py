@@ -151,9 +151,11 @@ def identify(
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil import identification  # noqa: PLC0415 - slow to import, used here only
+    from hil import model_file, model_view  # noqa: PLC0415 - slow to import, used here only
 
-    identification.identify(folder, method=method.value)
+    model_file.identify(folder, method.value)
+    model_view.render(model_file.load_model(folder), out)
+    out.print(f"model in {folder / model_file.NAME}", highlight=False, soft_wrap=True)
 
 
 @app.command()
