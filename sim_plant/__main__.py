@@ -14,7 +14,7 @@ from sim_plant.server import serve
 from sim_plant.slave_network import CLOCKS, Clock
 
 if TYPE_CHECKING:
-    from sim_plant.slave_network import DrivenMachine
+    from sim_plant.axis import Machine
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -58,7 +58,7 @@ def _clock(text: str) -> Clock:
     raise ValueError(f"--clock {text}: must be one of {', '.join(CLOCKS)}")
 
 
-def _announcement(machine: DrivenMachine, plant: str, bus: can.BusABC, clock: Clock) -> str:
+def _announcement(machine: Machine, plant: str, bus: can.BusABC, clock: Clock) -> str:
     drives = ", ".join(f"{drive.node_id} {drive.name}" for drive in machine.drives)
     passing = "SYNC lets its time pass" if clock == "sync" else "on the wall clock"
     return (

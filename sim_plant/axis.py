@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from sim_plant.drive_settings import DriveSettings
+
 
 class AxisEvent(enum.IntFlag):
     """Conditions of an axis that the firmware reacts to."""
@@ -82,12 +84,19 @@ class Axis(Protocol):
 
 
 class Machine(Protocol):
-    """All axes and the arm that they share."""
+    """All axes, the arm that they share, and what the drives report about themselves."""
 
-    time: float
-    """Time of the machine [s]."""
+    @property
+    def time(self) -> float:
+        """Time of the machine [s]."""
 
-    axes: Sequence[Axis]
+    @property
+    def axes(self) -> Sequence[Axis]:
+        """What the drives command."""
+
+    @property
+    def drives(self) -> Sequence[DriveSettings]:
+        """One for each axis."""
 
     def advance(self, duration: float) -> None:
         """Let the physics run for `duration` [s].

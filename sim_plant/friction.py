@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from sim_plant import state as st
+from sim_plant.compiled import compiled, inlined
+from sim_plant.trigonometry import arc_tangent
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,19 +40,19 @@ DEGRESSIVE_SPEED = 0.08
 LUBRICANT_SPEED_REST, LUBRICANT_SPEED_MOTION = 0.01, 0.25
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@inlined
 def level(const: Array, state: Array, i: int, v: float) -> float:
     """Friction torque without its direction, at speed `v` >= 0 of one axis [N m]."""
-    vmax = const[i, st.VELOCITY_MAX]
-    x = v / (STRIBECK_SPEED * vmax)
+    share = v * const[i, st.PER_VELOCITY_MAX]
+    x = share * (1.0 / STRIBECK_SPEED)
     coulomb = state[i, st.C_NOW]
     if x < 6.0:
         coulomb *= 1.0 + STRIBECK_GAIN * math.exp(-x * x)
-    degressive = state[i, st.D_NOW] * (2.0 / math.pi) * math.atan(v / (DEGRESSIVE_SPEED * vmax))
-    return float(coulomb + degressive + state[i, st.V_NOW] * v)
+    saturated = (2.0 / math.pi) * arc_tangent(share * (1.0 / DEGRESSIVE_SPEED))
+    return float(coulomb + state[i, st.D_NOW] * saturated + state[i, st.V_NOW] * v)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@inlined
 def torque(const: Array, state: Array, i: int, v: float, h: float) -> float:
     """Friction torque of one axis moving at `v`, and the bristle's step over `h`.
 
@@ -76,18 +76,15 @@ def torque(const: Array, state: Array, i: int, v: float, h: float) -> float:
     magnitude = level(const, state, i, speed) + const[i, st.F_LOAD] * abs(state[i, st.LOAD])
     if state[i, st.ENABLED] == 0.0:
         magnitude += const[i, st.BRAKE]
-    z = state[i, st.Z]
-    distance = const[i, st.BRISTLE]
-    z_new = (z + h * v / distance) / (1.0 + h * speed / distance)
-    state[i, st.Z] = z_new
-    direction = 1.0 if z_new > 0.0 else -1.0
-    asymmetric = 1.0 + direction * const[i, st.ASYMMETRY]
-    return (
-        magnitude * asymmetric * z_new + const[i, st.BRISTLE_DAMPING] * (z_new - z) * distance / h
-    )
+    # backward Euler of dz/dt = (v - |v| z) / distance
+    slip = (v - speed * state[i, st.Z]) / (1.0 + h * speed * const[i, st.PER_BRISTLE])
+    z = state[i, st.Z] + h * slip * const[i, st.PER_BRISTLE]
+    state[i, st.Z] = z
+    asymmetric = 1.0 + math.copysign(1.0, z) * const[i, st.ASYMMETRY]
+    return float(magnitude * asymmetric * z + const[i, st.BRISTLE_DAMPING] * slip)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled
 def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
     """Advance the slow states of all axes by `dt` and refresh their coefficients.
 
@@ -102,7 +99,7 @@ def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
     for i in range(const.shape[0]):
         if const[i, st.DRIFT] != 0.0:
             speed = abs(state[i, st.QD])
-            x = speed / const[i, st.VELOCITY_MAX]
+            x = speed * const[i, st.PER_VELOCITY_MAX]
             heat = const[i, st.HEAT_PER_POWER] * abs(state[i, st.FRICTION]) * speed
             state[i, st.TEMPERATURE] += (
                 dt * (heat - state[i, st.TEMPERATURE]) / const[i, st.HEAT_TIME]
@@ -120,7 +117,7 @@ def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
         refresh(const, state, i)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled
 def refresh(const: Array, state: Array, i: int) -> None:
     """Friction coefficients of one axis from its slow states."""
     warmer = state[i, st.TEMPERATURE] - REFERENCE_TEMPERATURE

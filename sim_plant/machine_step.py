@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from sim_plant import friction, profile_generator, rigid_body, servo
 from sim_plant import state as st
+from sim_plant.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,11 +26,12 @@ SLOW_STEPS = 10
 """Steps between two updates of the slow friction states."""
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled
 def run(
     steps: int,
     number: int,
     h: float,
+    joints: tuple[int, ...],
     frames: Array,
     bodies: Array,
     gravity: Array,
@@ -48,7 +49,7 @@ def run(
         Steps done since the machine was switched on.
     h : float
         Step [s].
-    frames, bodies, gravity : ndarray
+    joints, frames, bodies, gravity
         See `sim_plant.rigid_body`.
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.state`.
@@ -60,18 +61,18 @@ def run(
     int
         Steps done; negative if events have changed in the last of them.
     """
-    n = const.shape[0]
+    n = len(joints)
     middle, rhs = np.empty((2, n)), np.empty(n)
     mass, work = np.empty((n, n)), np.empty((n, rigid_body.WORK))
     for done in range(1, steps + 1):
-        now = number * h
         for i in range(n):
             v = state[i, st.QD] + 0.5 * h * state[i, st.QDD]
             middle[0, i] = state[i, st.Q] + 0.5 * h * state[i, st.QD]
             middle[1, i] = v
-        rigid_body.bias_and_mass(frames, bodies, gravity, middle[0], middle[1], rhs, mass, work)
+        rigid_body.bias_and_mass(
+            joints, frames, bodies, gravity, middle[0], middle[1], rhs, mass, work
+        )
         for i in range(n):
-            profile_generator.evaluate(profile, i, now)
             u = servo.command(const, state, profile, i, h)
             tau = 0.5 * (state[i, st.TORQUE] + u)
             state[i, st.TORQUE] = u
@@ -81,9 +82,11 @@ def run(
             state[i, st.LOAD] = tau - state[i, st.FRICTION]
             rhs[i] = state[i, st.LOAD] - rhs[i]
             mass[i, i] += const[i, st.MOTOR_INERTIA]
-        rigid_body.solve_in_place(mass, rhs)
+        rigid_body.solve_in_place(joints, mass, rhs)
         number += 1
         now = number * h
+        for i in range(n):
+            profile_generator.evaluate(profile, i, now)
         changed = False
         for i in range(n):
             state[i, st.QDD] = rhs[i]
@@ -92,9 +95,8 @@ def run(
             state[i, st.Q] = middle[0, i] + 0.5 * h * v
             state[i, st.QD] = v
             bits = servo.events(const, state, profile, i, now, h)
-            if bits != state[i, st.EVENTS]:
-                state[i, st.EVENTS] = bits
-                changed = True
+            changed |= bits != state[i, st.EVENTS]
+            state[i, st.EVENTS] = bits
         if number % SLOW_STEPS == 0:
             row = (number // SLOW_STEPS) % normal.shape[0]
             friction.drift(const, state, normal[row], SLOW_STEPS * h)

@@ -217,13 +217,14 @@ class Plant:
         return [_new_tuple(Reading, row) for row in self._image.tolist()]
 
 
-def _arm(file: PlantFile) -> tuple[Array, Array, Array]:
+def _arm(file: PlantFile) -> tuple[tuple[int, ...], Array, Array, Array]:
     angle = np.radians([axis.frame.alpha_deg for axis in file.axes])
-    d, r = [axis.frame.d for axis in file.axes], [axis.frame.r for axis in file.axes]
-    frames = np.column_stack([np.cos(angle), np.sin(angle), d, r])
+    d, r = np.array([(axis.frame.d, axis.frame.r) for axis in file.axes]).T
+    cos, sin = np.cos(angle), np.sin(angle)
+    frames = np.column_stack([cos, sin, d, -sin * r, cos * r])
     order = ("m", "sx", "sy", "sz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
     bodies = np.array([[getattr(body, key) for key in order] for body in file.bodies()])
-    return frames, bodies, np.array(file.gravity)
+    return tuple(range(len(bodies))), frames, bodies, np.array(file.gravity)
 
 
 def _constants(axis: AxisFile, file: PlantFile) -> Array:
@@ -240,7 +241,8 @@ def _constants(axis: AxisFile, file: PlantFile) -> Array:
     c[st.F_DEGRESSIVE] = 0.45 * (f.full_speed - c[st.F_COULOMB])
     c[st.F_VISCOUS] = 0.55 * (f.full_speed - c[st.F_COULOMB]) / drive.velocity_max
     c[st.F_LOAD], c[st.ASYMMETRY] = f.load, 0.0 if file.symmetric else f.asymmetry
-    c[st.BRISTLE] = f.presliding
+    c[st.PER_BRISTLE] = 1.0 / f.presliding
+    c[st.PER_VELOCITY_MAX] = 1.0 / drive.velocity_max
     c[st.BRISTLE_DAMPING] = math.sqrt(f.creep / f.presliding * motor_inertia)
     c[st.BRAKE] = BRAKE_OVER_PEAK * drive.peak_torque
     c[st.HEAT_TIME], c[st.DRIFT] = f.heat_time, float(file.drift)

@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from numba import njit
-
 from sim_plant import state as st
+from sim_plant.compiled import inlined
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,23 +68,17 @@ def load(
     profile[st.TARGET] = p if target is None else target
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def evaluate(profile: Array, i: int, now: float) -> None:
     """Write demand position and velocity of one axis at time `now`."""
-    if now >= profile[i, st.END]:
-        profile[i, st.DEMAND] = profile[i, st.TARGET]
-        profile[i, st.DEMAND_V] = 0.0
-        return
     t = now - profile[i, st.START]
     p, v = profile[i, st.P0], profile[i, st.V0]
     for k in range(st.N_SEGMENTS):
-        duration = profile[i, st.SEGMENTS + 2 * k]
+        part = min(t, profile[i, st.SEGMENTS + 2 * k])
         a = profile[i, st.SEGMENTS + 2 * k + 1]
-        part = min(t, duration)
         p += (v + 0.5 * a * part) * part
         v += a * part
         t -= part
-        if t <= 0.0:
-            break
-    profile[i, st.DEMAND] = p
-    profile[i, st.DEMAND_V] = v
+    ended = now >= profile[i, st.END]
+    profile[i, st.DEMAND] = profile[i, st.TARGET] if ended else p
+    profile[i, st.DEMAND_V] = 0.0 if ended else v

@@ -1,38 +1,43 @@
 """Rigid-body dynamics of a serial arm of revolute joints, compiled.
 
 Newton-Euler in link coordinates for the torques without acceleration, composite rigid bodies for
-the mass matrix, Cholesky for the accelerations (Featherstone, *Rigid Body Dynamics Algorithms*,
-2008, chapters 5 and 6). Links are given by what their motion is linear in: mass, first moment and
-inertia about the frame's origin; so a set of base parameters without mass is as good a link as a
-real body. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d) Rz(q) Tz(r)`` takes link i-1 to
-link i, and each link's vectors are expressed in its own frame.
+the mass matrix, its factors L D L' for the accelerations (Featherstone, *Rigid Body Dynamics
+Algorithms*, 2008, chapters 5 and 6). Links are given by what their motion is linear in: mass, first
+moment and inertia about the frame's origin; so a set of base parameters without mass is as good a
+link as a real body. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d) Rz(q) Tz(r)`` takes
+link i-1 to link i, and each link's vectors are expressed in its own frame.
+
+Joint indices are handed over as a tuple because the length of a tuple is part of its type: the
+compiler then unrolls all loops for this very arm, and the dynamics take two thirds of the time.
 
 Nothing is shared with the model that the identification uses: two derivations, two programs.
 """
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from sim_plant.compiled import compiled, inlined
+from sim_plant.trigonometry import sin_cos
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
-FRAME = 4
-"""Columns of a frame: cos(alpha), sin(alpha), d, r."""
+FRAME = 5
+"""Columns of a frame: cos(alpha), sin(alpha) and where its origin lies in the frame before (3)."""
 BODY = 10
 """Columns of a body: m, sx, sy, sz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz."""
 WORK = 8
 """Columns of the scratch array: cos(q), sin(q), force (3), moment (3)."""
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled
 def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for speed
+    joints: tuple[int, ...],
     frames: Array,
     bodies: Array,
     gravity: Array,
@@ -46,6 +51,8 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
 
     Parameters
     ----------
+    joints : tuple of int
+        0..n-1.
     frames : ndarray, shape (n, FRAME)
     bodies : ndarray, shape (n, BODY)
     gravity : ndarray, shape (3,)
@@ -55,20 +62,21 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     bias : ndarray, shape (n,)
         Written: c(q, qd) + g(q) [N m].
     mass : ndarray, shape (n, n)
-        Written: M(q), both triangles [kg m^2].
+        Written: the lower triangle of M(q) [kg m^2].
     work : ndarray, shape (n, WORK)
         Scratch.
     """
-    n = q.shape[0]
+    n = len(joints)
     wx = wy = wz = 0.0
     ex = ey = ez = 0.0  # angular acceleration
     ax, ay, az = -gravity[0], -gravity[1], -gravity[2]
     for i in range(n):
-        ca, sa, d, r = frames[i, 0], frames[i, 1], frames[i, 2], frames[i, 3]
-        c, s, v = math.cos(q[i]), math.sin(q[i]), qd[i]
+        ca, sa = frames[i, 0], frames[i, 1]
+        px, py, pz = frames[i, 2], frames[i, 3], frames[i, 4]
+        v = qd[i]
+        s, c = sin_cos(q[i])
         work[i, 0] = c
         work[i, 1] = s
-        px, py, pz = d, -sa * r, ca * r
         ux = wy * pz - wz * py
         uy = wz * px - wx * pz
         uz = wx * py - wy * px
@@ -120,12 +128,12 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
         ixz += bodies[i, 8]
         iyz += bodies[i, 9]
         mass[i, i] = izz
-        _column(frames, work, i, -sy, sx, ixz, iyz, izz, mass)
+        _row(frames, work, i, -sy, sx, ixz, iyz, izz, mass)
 
         # carry wrench and composite body over joint i into the frame of link i-1
-        ca, sa, d, r = frames[i, 0], frames[i, 1], frames[i, 2], frames[i, 3]
+        ca, sa = frames[i, 0], frames[i, 1]
+        px, py, pz = frames[i, 2], frames[i, 3], frames[i, 4]
         c, s = work[i, 0], work[i, 1]
-        px, py, pz = d, -sa * r, ca * r
         t = s * fx + c * fy
         fx, fy, fz = c * fx - s * fy, ca * t - sa * fz, sa * t + ca * fz
         t = s * nx + c * ny
@@ -162,8 +170,8 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
         sz += m * pz
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
-def _column(
+@inlined
+def _row(
     frames: Array,
     work: Array,
     i: int,
@@ -174,57 +182,61 @@ def _column(
     nz: float,
     mass: Array,
 ) -> None:
-    """Column i of M: the wrench of unit acceleration of joint i, felt at the joints before it."""
+    """Row i of M: the wrench of unit acceleration of joint i, felt at the joints before it."""
     fz = 0.0
     for k in range(i, 0, -1):
-        ca, sa, d, r = frames[k, 0], frames[k, 1], frames[k, 2], frames[k, 3]
+        ca, sa = frames[k, 0], frames[k, 1]
+        px, py, pz = frames[k, 2], frames[k, 3], frames[k, 4]
         c, s = work[k, 0], work[k, 1]
         t = s * fx + c * fy
         fx, fy, fz = c * fx - s * fy, ca * t - sa * fz, sa * t + ca * fz
         t = s * nx + c * ny
         nx, ny, nz = c * nx - s * ny, ca * t - sa * nz, sa * t + ca * nz
-        nx += -sa * r * fz - ca * r * fy
-        ny += ca * r * fx - d * fz
-        nz += d * fy + sa * r * fx
-        mass[k - 1, i] = nz
+        nx += py * fz - pz * fy
+        ny += pz * fx - px * fz
+        nz += px * fy - py * fx
         mass[i, k - 1] = nz
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
-def solve_in_place(mass: Array, x: Array) -> None:
-    """Solve mass @ x = x by Cholesky; `mass` is overwritten by its factor.
+@compiled
+def solve_in_place(joints: tuple[int, ...], mass: Array, x: Array) -> None:
+    """Solve mass @ x = x by the factors L D L'.
 
     Parameters
     ----------
+    joints : tuple of int
+        0..n-1.
     mass : ndarray, shape (n, n)
-        Symmetric positive definite [kg m^2].
+        Lower triangle of a positive definite matrix [kg m^2]; overwritten: L below the diagonal,
+        the reciprocals of D on it, D L' above.
     x : ndarray, shape (n,)
         Right-hand side, overwritten by the solution.
     """
-    n = x.shape[0]
+    n = len(joints)
     for j in range(n):
         t = mass[j, j]
+        u = x[j]
         for k in range(j):
-            t -= mass[j, k] * mass[j, k]
-        t = 1.0 / math.sqrt(t)
+            t -= mass[k, j] * mass[j, k]
+            u -= mass[j, k] * x[k]
+        t = 1.0 / t
         mass[j, j] = t
+        x[j] = u
         for i in range(j + 1, n):
             u = mass[i, j]
             for k in range(j):
-                u -= mass[i, k] * mass[j, k]
+                u -= mass[k, i] * mass[j, k]
+            mass[j, i] = u
             mass[i, j] = u * t
-        u = x[j]
-        for k in range(j):
-            u -= mass[j, k] * x[k]
-        x[j] = u * t
     for j in range(n - 1, -1, -1):
-        u = x[j]
+        u = x[j] * mass[j, j]
         for k in range(j + 1, n):
             u -= mass[k, j] * x[k]
-        x[j] = u * mass[j, j]
+        x[j] = u
 
 
 def forward_dynamics(
+    joints: tuple[int, ...],
     frames: Array,
     bodies: Array,
     gravity: Array,
@@ -237,7 +249,7 @@ def forward_dynamics(
 
     Parameters
     ----------
-    frames, bodies, gravity : ndarray
+    joints, frames, bodies, gravity
         See `bias_and_mass`.
     motor_inertia : ndarray, shape (n,)
         Rotor inertias seen at the joints, added to the diagonal of M [kg m^2].
@@ -249,10 +261,10 @@ def forward_dynamics(
     ndarray, shape (n,)
         qdd [rad/s^2].
     """
-    n = len(q)
+    n = len(joints)
     bias, mass, work = np.empty(n), np.empty((n, n)), np.empty((n, WORK))
-    bias_and_mass(frames, bodies, gravity, q, qd, bias, mass, work)
+    bias_and_mass(joints, frames, bodies, gravity, q, qd, bias, mass, work)
     mass[np.diag_indices(n)] += motor_inertia
     qdd: Array = tau - bias
-    solve_in_place(mass, qdd)
+    solve_in_place(joints, mass, qdd)
     return qdd

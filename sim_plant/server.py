@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import threading
     from collections.abc import Iterable
 
-    from sim_plant.slave_network import Clock, DrivenMachine, Frame
+    from sim_plant.axis import Machine
+    from sim_plant.slave_network import Clock, Frame
 
 IDLE = 0.1
 """How long the server waits for a frame before it looks at `stop_event` [s]."""
@@ -23,14 +24,14 @@ RETRIES = 12
 """Doubling pauses from 0.1 ms: half a second for a full transmit queue to drain."""
 
 
-def serve(bus: can.BusABC, plant: DrivenMachine, clock: Clock, stop_event: threading.Event) -> None:
+def serve(bus: can.BusABC, plant: Machine, clock: Clock, stop_event: threading.Event) -> None:
     """Answer on `bus` as the plant's drives until `stop_event` is set.
 
     Parameters
     ----------
     bus : can.BusABC
         Left open.
-    plant : DrivenMachine
+    plant : Machine
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     stop_event : threading.Event

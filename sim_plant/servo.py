@@ -12,13 +12,12 @@ per mille, the current with white noise before quantisation.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
-
-from numba import njit
 
 from sim_plant import state as st
 from sim_plant.axis import AxisEvent
+from sim_plant.compiled import exactly, inlined
+from sim_plant.trigonometry import sin_cos
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,7 +31,7 @@ _DONE, _STANDSTILL = int(AxisEvent.DONE), int(AxisEvent.STANDSTILL)
 _SATURATED, _FOLLOWING = int(AxisEvent.SATURATED), int(AxisEvent.FOLLOWING_ERROR)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@inlined
 def command(const: Array, state: Array, profile: Array, i: int, h: float) -> float:
     """Torque that the loops of one axis ask for [N m]; the integral part is advanced."""
     if state[i, st.ENABLED] == 0.0:
@@ -47,11 +46,10 @@ def command(const: Array, state: Array, profile: Array, i: int, h: float) -> flo
     return float(min(max(u, -limit), limit))
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@inlined
 def ripple(const: Array, i: int, q: float) -> float:
     """Torque ripple of one motor at joint angle `q` [N m]."""
-    angle = const[i, st.GEAR] * q
-    s1, c1 = math.sin(angle), math.cos(angle)
+    s1, c1 = sin_cos(const[i, st.GEAR] * q)
     s2, c2 = 2.0 * s1 * c1, c1 * c1 - s1 * s1
     s4, c4 = 2.0 * s2 * c2, c2 * c2 - s2 * s2
     s6, c6 = s4 * c2 + c4 * s2, c4 * c2 - s4 * s2
@@ -65,29 +63,23 @@ def ripple(const: Array, i: int, q: float) -> float:
     )
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+@inlined
 def events(const: Array, state: Array, profile: Array, i: int, now: float, h: float) -> int:
     """`AxisEvent` bits of one axis after a step."""
-    bits = 0
-    if now >= profile[i, st.END]:
-        bits |= _DONE
-    was = int(state[i, st.EVENTS])
-    speed = abs(state[i, st.QD]) / const[i, st.VELOCITY_MAX]
-    if speed < STANDSTILL_IN or (was & _STANDSTILL and speed < STANDSTILL_OUT):
-        bits |= _STANDSTILL
-    if state[i, st.ENABLED] != 0.0:
-        if abs(state[i, st.TORQUE]) >= state[i, st.TORQUE_LIMIT]:
-            bits |= _SATURATED
-        if abs(profile[i, st.DEMAND] - state[i, st.Q]) > state[i, st.WINDOW]:
-            state[i, st.OUTSIDE] += h
-            if state[i, st.OUTSIDE] > state[i, st.WINDOW_TIME]:
-                bits |= _FOLLOWING
-        else:
-            state[i, st.OUTSIDE] = 0.0
-    return bits
+    # without branches: they would cost more than all that is decided
+    speed = abs(state[i, st.QD]) * const[i, st.PER_VELOCITY_MAX]
+    stood = int(state[i, st.EVENTS]) & _STANDSTILL
+    error = abs(profile[i, st.DEMAND] - state[i, st.Q])
+    outside = state[i, st.OUTSIDE] + h if error > state[i, st.WINDOW] else 0.0
+    state[i, st.OUTSIDE] = outside
+    bits = _DONE * (now >= profile[i, st.END])
+    bits |= _STANDSTILL * (speed < (STANDSTILL_OUT if stood else STANDSTILL_IN))
+    alarms = _SATURATED * (abs(state[i, st.TORQUE]) >= state[i, st.TORQUE_LIMIT])
+    alarms |= _FOLLOWING * (outside > state[i, st.WINDOW_TIME])
+    return int(bits | alarms * (state[i, st.ENABLED] != 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@exactly
 def latch(
     const: Array, state: Array, profile: Array, normal: Array, image: NDArray[np.int64]
 ) -> None:

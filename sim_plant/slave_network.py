@@ -13,37 +13,15 @@ from __future__ import annotations
 
 from collections import defaultdict
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from sim_plant.cia402_node import Cia402Node
 from sim_plant.timers import Timers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from sim_plant.axis import Axis, Reading
-    from sim_plant.drive_settings import DriveSettings
-
-
-class DrivenMachine(Protocol):
-    """A `sim_plant.axis.Machine` that says which drives turn its axes."""
-
-    on_event: Callable[[int, int], None]
-
-    @property
-    def drives(self) -> Sequence[DriveSettings]:
-        """One for each axis."""
-
-    @property
-    def axes(self) -> Sequence[Axis]:
-        """What the drives command."""
-
-    def advance(self, duration: float) -> None:
-        """Let the physics run for `duration` [s]."""
-
-    def read(self) -> Sequence[Reading]:
-        """Latch all axes."""
-
+    from sim_plant.axis import Machine
 
 Clock: TypeAlias = Literal["sync", "wall"]
 CLOCKS: tuple[Clock, ...] = ("sync", "wall")
@@ -63,7 +41,7 @@ class SlaveNetwork:
 
     Parameters
     ----------
-    machine : DrivenMachine
+    machine : Machine
     clock : {"sync", "wall"}
 
     Attributes
@@ -73,7 +51,7 @@ class SlaveNetwork:
         Time since power-on [s].
     """
 
-    def __init__(self, machine: DrivenMachine, clock: Clock = "sync") -> None:
+    def __init__(self, machine: Machine, clock: Clock = "sync") -> None:
         self._machine = machine
         self._clock = clock
         self._timers = Timers()

@@ -15,7 +15,8 @@ MOTOR_INERTIA = next(_c)
 """Rotor inertia times the gear ratio squared [kg m^2]."""
 GEAR = next(_c)
 """Motor revolutions per joint revolution."""
-VELOCITY_MAX = next(_c)
+VELOCITY_MAX, PER_VELOCITY_MAX = next(_c), next(_c)
+"""[rad/s] and its reciprocal, for a division costs a step dearly."""
 KP, KV, KI = next(_c), next(_c), next(_c)
 """Position loop [1/s], velocity loop [N m s/rad], its integral part [N m/rad]."""
 F_COULOMB, F_DEGRESSIVE, F_VISCOUS = next(_c), next(_c), next(_c)
@@ -23,8 +24,8 @@ F_COULOMB, F_DEGRESSIVE, F_VISCOUS = next(_c), next(_c), next(_c)
 F_LOAD = next(_c)
 """Friction per transmitted torque."""
 ASYMMETRY = next(_c)
-BRISTLE = next(_c)
-"""Presliding distance [rad]."""
+PER_BRISTLE = next(_c)
+"""Reciprocal of the presliding distance [1/rad]."""
 BRISTLE_DAMPING = next(_c)
 """[N m s/rad]."""
 BRAKE = next(_c)
