@@ -27,8 +27,8 @@ import numpy as np
 from hil.base_parameters import base_parameters
 from hil.estimate import Estimate
 from hil.joint import Joint
-from hil.local_fits import NotEnoughData, fit
-from hil.signals import signals
+from hil.local_fits import fit
+from hil.signals import NotEnoughData, signals
 from hil.two_step import TwoStep
 
 if TYPE_CHECKING:
@@ -91,8 +91,8 @@ def estimate(
     NotIdentifiable
         Base parameters that the measurements do not excite.
     """
-    prepared = [(measurement, signals(recording)) for measurement, recording in recorded]
-    fits, left_out = _local_fits(robot, prepared)
+    prepared, left_out = _prepare(recorded)
+    fits, useless = _local_fits(robot, prepared)
     condition = _require_rank(robot, fits)
     solver: Solver = TwoStep(robot, fits) if method == "printed" else Joint(robot, prepared)
     p = solver.solve()
@@ -109,8 +109,21 @@ def estimate(
         residual=_residual(robot, local),
         condition=condition,
         local=local,
-        left_out=tuple(left_out),
+        left_out=(*left_out, *useless),
     )
+
+
+def _prepare(
+    recorded: Iterable[tuple[Measurement, Recording]],
+) -> tuple[list[tuple[Measurement, Signals]], list[str]]:
+    """Signals of all measurements, and the reasons for those without any."""
+    found, left_out = [], []
+    for measurement, recording in recorded:
+        try:
+            found.append((measurement, signals(recording)))
+        except NotEnoughData as error:
+            left_out.append(f"{measurement.id}: {error}")
+    return found, left_out
 
 
 def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[str]]:

@@ -26,6 +26,7 @@ import numpy as np
 from hil.dynamics import regressor
 from hil.measurement import Coupling, Gravity, Inertia
 from hil.motors import motor_torque
+from hil.signals import NotEnoughData
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,10 +49,6 @@ FEWEST = 5
 """Samples for each coefficient of a fit."""
 REFERENCE_SPEED = 0.1
 """Share of the speed limit at which friction levels are stated."""
-
-
-class NotEnoughData(Exception):
-    """A recording without enough usable samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +181,7 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
         q=_mean_q(s, s.stroke >= 0),
         time=float(s.time.mean()),
         sides=half_sums.mean(axis=0) * still,
-        friction=half_differences.mean(axis=0) * still,
+        friction=half_differences.mean(axis=0),
         gram=scatter.T @ scatter / max(pairs - 1, 1),
         leverage=1.0 / np.sqrt(pairs) if pairs > 1 else np.nan,
         row=half_sums[:, 2:].mean(axis=0),

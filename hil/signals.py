@@ -44,6 +44,10 @@ _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
 
+class NotEnoughData(Exception):
+    """A recording without enough usable samples."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
     """One measurement on an even grid of time, differentiated, not filtered.
@@ -97,13 +101,20 @@ def signals(recording: Recording) -> Signals:
     ----------
     recording : Recording
         With missing samples as NaN or as gaps in time.
+
+    Raises
+    ------
+    NotEnoughData
+        All samples are missing.
     """
-    period = recording.period
+    period = float(np.median(np.diff(recording.time)))
     index = np.rint((recording.time - recording.time[0]) / period).astype(int)
     n = int(index[-1]) + 1
     time = recording.time[0] + period * np.arange(n)
     missing = np.ones(n, dtype=bool)
     sampled = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
+    if not sampled.any():
+        raise NotEnoughData("no usable sample among all those recorded; repeat it")
     missing[index[sampled]] = False
     q = _on_grid(time, recording.time[sampled], recording.q[sampled])
     tau = _on_grid(time, recording.time[sampled], recording.tau[sampled])
