@@ -10,20 +10,11 @@ axes before it is raised, and leaving powers everything off, whatever happened.
 from __future__ import annotations
 
 import logging
-import math
-from operator import mul, sub
 from typing import TYPE_CHECKING, NoReturn
 
 from drivers.admission import admit
-from drivers.cia402 import State, Status
-from drivers.drive_bus import (
-    AxisInfo,
-    DriveError,
-    DriveFault,
-    NodeSilent,
-    Sample,
-    SampleFlag,
-)
+from drivers.cia402 import State
+from drivers.drive_bus import AxisInfo, DriveError, DriveFault, NodeSilent
 from drivers.exchange import Exchange
 from drivers.heartbeat import Heartbeats
 from drivers.interrupts import interrupts_held
@@ -33,6 +24,7 @@ from drivers.network import PumpedNetwork
 from drivers.open_bus import open_can_bus
 from drivers.pacing import choose_pacing
 from drivers.power import Power
+from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
 from drivers.supervision import Supervision
@@ -44,7 +36,7 @@ if TYPE_CHECKING:
 
     import can
 
-    from drivers.drive_bus import Move
+    from drivers.drive_bus import Move, Sample
     from drivers.drives_file import DrivesFile
     from drivers.pacing import PacingName
 
@@ -97,9 +89,7 @@ class CanopenDriveBus:
         self._owns_bus = owns_bus
         self._axes: tuple[AxisInfo, ...] = ()
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
-        self._zeros = [scale.zero for scale in self._scales]
-        self._per_count = [scale.position for scale in self._scales]
-        self._torque_per_count = [scale.torque for scale in self._scales]
+        self._readout = Readout(drives.axes)
 
     @property
     def period(self) -> float:
@@ -160,22 +150,18 @@ class CanopenDriveBus:
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
-        exchange = self._exchange
+        exchange, motions = self._exchange, self._motions
         time = exchange.sync()
         if time >= self._heartbeats.due:
             self._heartbeats.service()
-        values = exchange.values
-        words, positions = values[0::3], values[1::3]
+        words = exchange.words
         if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
             self._attend(words)
-        if self._motions.active:
-            failed = self._motions.advance(time, words, positions, exchange.flags)
+        if motions.active:
+            failed = motions.advance(time, words, exchange.positions, exchange.flags)
             if failed:
                 self._fail(failed)
-        q = tuple(map(mul, map(sub, positions, self._zeros), self._per_count))
-        tau = tuple(map(mul, values[2::3], self._torque_per_count))
-        sample = Sample(time, q, tau, self._limit_flags, not self._motions.active)
-        return self._with_gaps(sample) if exchange.irregular else sample
+        return self._readout.sample(time, exchange, not motions.active)
 
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
@@ -209,7 +195,6 @@ class CanopenDriveBus:
         self._running = False
         self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
         self._words: tuple[int, ...] = ()
-        self._limit_flags = (0,) * len(drives.axes)
 
     def _admit(self) -> None:
         self._axes = admit(
@@ -253,8 +238,7 @@ class CanopenDriveBus:
 
     def _attend(self, words: tuple[int, ...]) -> None:
         self._words = words
-        limit = Status.INTERNAL_LIMIT.value
-        self._limit_flags = tuple(SampleFlag.LIMIT.value if w & limit else 0 for w in words)
+        self._readout.note_limits(words)
         trouble = self._heartbeats.trouble or self._supervision.judge(words)
         if trouble:
             self._fail(trouble)
@@ -264,15 +248,6 @@ class CanopenDriveBus:
         self._motions.active.clear()
         self._power.stop()
         raise trouble
-
-    def _with_gaps(self, sample: Sample) -> Sample:
-        gaps = self._exchange.flags
-        gone = [bool(gap & SampleFlag.MISSING) for gap in gaps]
-        return sample._replace(
-            q=tuple(math.nan if g else q for g, q in zip(gone, sample.q, strict=True)),
-            tau=tuple(math.nan if g else tau for g, tau in zip(gone, sample.tau, strict=True)),
-            flags=tuple(gap | flag for gap, flag in zip(gaps, sample.flags, strict=True)),
-        )
 
     def _leave(self, error: BaseException | None) -> None:
         with interrupts_held():

@@ -44,9 +44,9 @@ class Exchange:
 
     Attributes
     ----------
-    values : tuple of int, length 3 n_axes
-        Statusword, position and current of each axis in turn; where a TPDO is missing, those of
-        the SYNC before.
+    words, positions, currents : tuple of int, length n_axes
+        Statusword, position [increments] and current [the drive's unit]; where a TPDO is missing,
+        those of the SYNC before.
     flags : tuple of int, length n_axes
         MISSING, DOUBLED and LATE of each axis.
     irregular : bool
@@ -57,6 +57,7 @@ class Exchange:
         pdos = [(axis, pdo) for axis, drive in enumerate(axes) for pdo in transmitted(drive)]
         self._network = network
         self._pacing = pacing
+        self._synchronous = pacing.synchronous
         self._receive = network.channel.recv
         self._slots = {pdo.cob_id: slot for slot, (_, pdo) in enumerate(pdos)}
         self._sizes = [pdo.size for _, pdo in pdos]
@@ -70,7 +71,9 @@ class Exchange:
         self._regular = (0,) * len(axes)
         self.flags: tuple[int, ...] = self._regular
         self.irregular = False
-        self.values: tuple[int, ...] = (0,) * (3 * len(axes))
+        self.words: tuple[int, ...] = self._regular
+        self.positions: tuple[int, ...] = self._regular
+        self.currents: tuple[int, ...] = self._regular
         for cob_id in self._slots:
             network.subscribe(cob_id, self._on_late)
 
@@ -87,7 +90,7 @@ class Exchange:
             The bus does not take or give frames any more.
         """
         pacing = self._pacing
-        if not pacing.synchronous:
+        if not self._synchronous:
             self._network.pump(pacing.due())
         self._network.send_frame(SYNC)
         instant = pacing.sent()
@@ -98,9 +101,10 @@ class Exchange:
         if missing or self._owed:
             self._fill(frames)
         self._last = frames
-        self.values = self._unpack(b"".join(frames))
-        self.irregular = bool(self._found)
-        self.flags = self._publish() if self._found else self._regular
+        values = self._unpack(b"".join(frames))
+        self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
+        if self._found or self.irregular:
+            self._publish()
         return instant
 
     def tick(self) -> None:
@@ -112,7 +116,7 @@ class Exchange:
 
     def _collect(self, pacing: Pacing) -> tuple[list[Data], int]:
         receive, slots, sizes = self._receive, self._slots, self._sizes
-        synchronous = pacing.synchronous
+        synchronous = self._synchronous
         timeout = 0.0 if synchronous else pacing.window()
         frames: list[Data] = [b""] * len(sizes)
         missing = len(sizes)
@@ -161,7 +165,7 @@ class Exchange:
         axis = self._axis_of[slot]
         self._found[axis] = self._found.get(axis, 0) | flag.value
 
-    def _publish(self) -> tuple[int, ...]:
-        flags = tuple(self._found.get(axis, 0) for axis in range(len(self._regular)))
-        self._found = {}
-        return flags
+    def _publish(self) -> None:
+        found, self._found = self._found, {}
+        self.irregular = bool(found)
+        self.flags = tuple(found.get(axis, 0) for axis in range(len(self._regular)))

@@ -28,6 +28,8 @@ ACKNOWLEDGE_TIME = 0.5
 GRACE = 2.0
 """How much longer than its trapezoid a move may take, beside half of that again [s]."""
 
+_MISSING = SampleFlag.MISSING.value
+
 
 @dataclass(slots=True)
 class _Motion:
@@ -98,13 +100,11 @@ class Motions:
 
         Axes whose TPDO is missing (`flags`) wait for the next sample.
         """
-        for axis, motion in list(self.active.items()):
-            if flags[axis] & SampleFlag.MISSING:
+        for axis, motion in tuple(self.active.items()):
+            if flags[axis] & _MISSING:
                 continue
             self._step(axis, motion, words[axis], positions[axis])
-            if motion.command.phase is Phase.REACHED:
-                del self.active[axis]
-            elif time > motion.deadline:
+            if time > motion.deadline and axis in self.active:
                 return self._failure(axis, motion, positions[axis])
         return None
 
@@ -122,7 +122,7 @@ class Motions:
 
     def _offer(self, axis: int, move: Move) -> None:
         scale, drive = self._scales[axis], self._axes[axis]
-        target, word = scale.position_to_counts(move.target), self._exchange.values[3 * axis]
+        target, word = scale.position_to_counts(move.target), self._exchange.words[axis]
         window = drive.position_window / abs(scale.position)
         distance = abs(target - self._position(axis)) * abs(scale.position)
         duration = distance / move.velocity + 2 * move.velocity / move.acceleration
@@ -137,12 +137,17 @@ class Motions:
             self._step(axis, motion, word, self._position(axis))
 
     def _step(self, axis: int, motion: _Motion, word: int, position: int) -> None:
-        command, phase = motion.command, motion.command.phase
+        command = motion.command
+        phase = command.phase
         controlword = command.step(word, position)
+        if command.phase is phase:
+            return
         if controlword is not None and isinstance(command, SetPoint):
             self._exchange.command(axis, command.target, controlword)
-        if phase is Phase.TAKEN and command.phase is Phase.TRAVELLING:
+        if command.phase is Phase.TRAVELLING:
             motion.deadline = self._deadline(motion.duration)
+        elif command.phase is Phase.REACHED:
+            del self.active[axis]
 
     def _deadline(self, duration: float) -> float:
         return self._now() + 1.5 * duration + GRACE
@@ -158,7 +163,7 @@ class Motions:
         )
 
     def _position(self, axis: int) -> int:
-        return self._exchange.values[3 * axis + 1]
+        return self._exchange.positions[axis]
 
     def _standstill(self, axis: int) -> Standstill:
         drive = self._axes[axis]

@@ -64,16 +64,22 @@ class PumpedNetwork(Network):
 
     def send_frame(self, frame: can.Message) -> None:
         """Send a prepared frame (see `send_message`)."""
-        for attempt in range(SEND_ATTEMPTS):
+        try:
+            self.channel.send(frame)
+        except can.CanError:
+            self._send_again(frame)
+
+    def _send_again(self, frame: can.Message) -> None:
+        for attempt in range(2, SEND_ATTEMPTS + 1):
+            time.sleep(SEND_BACK_OFF)
             try:
                 return self.channel.send(frame)
             except can.CanError as error:
-                if attempt == SEND_ATTEMPTS - 1:
+                if attempt == SEND_ATTEMPTS:
                     raise BusUnavailable(
                         f"{self.channel.channel_info}: frame {frame.arbitration_id:03X} cannot be "
                         f"sent: {error}; check cable, termination and that the interface is up"
                     ) from error
-                time.sleep(SEND_BACK_OFF)
         return None
 
     def receive(self, timeout: float) -> can.Message | None:

@@ -112,7 +112,7 @@ class Power:
         ends = self._now() + STEP_TIME
         while True:
             cycle()
-            words = self._exchange.values[0::3]
+            words = self._exchange.words
             states = [decode_state(word) for word in words]
             if all(state is goal for state in states):
                 return
@@ -188,7 +188,7 @@ class Power:
         self, axis: int, server: SdoServer, state: State | None, goal: State, *, late: bool
     ) -> None:
         if state in _FAULTS:
-            raise self._supervision.diagnose(server, self._exchange.values[3 * axis])
+            raise self._supervision.diagnose(server, self._exchange.words[axis])
         if late and state is not goal:
             shown = "an undefined state" if state is None else state.value
             raise DriveRefused(
@@ -202,7 +202,7 @@ class Power:
             self._command(axis, command)
 
     def _command(self, axis: int, command: Command) -> None:
-        position = self._exchange.values[3 * axis + 1]
+        position = self._exchange.positions[axis]
         for word in command.value:
             self._exchange.command(axis, position, word)
 
@@ -216,11 +216,16 @@ class Power:
         while True:
             self._exchange.sync()
             self._heartbeats.beat()
-            values, flags = self._exchange.values, self._exchange.flags
+            exchange = self._exchange
             moving = [
                 server.label
                 for server, rest, word, position, flag in zip(
-                    self._servers, rests, values[0::3], values[1::3], flags, strict=True
+                    self._servers,
+                    rests,
+                    exchange.words,
+                    exchange.positions,
+                    exchange.flags,
+                    strict=True,
                 )
                 if not rest.update(position)
                 and decode_state(word) in _STOPPING

@@ -86,7 +86,13 @@ class SetPoint:
     def step(self, statusword: int, position: int) -> int | None:
         """Take one statusword (6041) and position (6064); return a controlword to send, if any."""
         still = self.rest.update(position)
-        acknowledged = statusword & _ACKNOWLEDGE
+        if self.phase is not Phase.TRAVELLING:
+            return self._shake_hands(statusword & _ACKNOWLEDGE)
+        if still and statusword & _REACHED and abs(position - self.target) <= self.window:
+            self.phase = Phase.REACHED
+        return None
+
+    def _shake_hands(self, acknowledged: int) -> int | None:
         match self.phase:
             case Phase.WAITING if not acknowledged:
                 self.phase = Phase.OFFERED
@@ -96,9 +102,6 @@ class SetPoint:
                 return ENABLED
             case Phase.TAKEN if not acknowledged:
                 self.phase = Phase.TRAVELLING
-            case Phase.TRAVELLING if still and statusword & _REACHED:
-                if abs(position - self.target) <= self.window:
-                    self.phase = Phase.REACHED
         return None
 
 
