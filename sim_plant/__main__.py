@@ -34,14 +34,24 @@ def main(
     try:
         options, passing = _options(bus_option or []), _clock(clock)
         machine = load_plant(plant, seed)
-        with can.Bus(channel, interface=interface, **options) as bus:  # type: ignore[arg-type]
+        with _open(interface, channel, options) as bus:
             typer.echo(_announcement(machine, plant, bus, passing))
             serve(bus, machine, passing, threading.Event())
     except KeyboardInterrupt:
         typer.echo("stopped")
-    except (FileError, can.CanError, ValueError, TypeError, OSError, NotImplementedError) as error:
+    except (FileError, can.CanError, ValueError, OSError) as error:
         typer.echo(f"sim_plant: {error or type(error).__name__}", err=True)
         raise typer.Exit(1) from None
+
+
+def _open(interface: str, channel: str, options: dict[str, str]) -> can.BusABC:
+    try:
+        return can.Bus(channel, interface=interface, **options)  # type: ignore[arg-type]
+    except Exception as error:  # back ends without their vendor's library raise what they like
+        raise can.CanInitializationError(
+            f"{interface} channel {channel!r} cannot be opened: {error};"
+            " check channel and options, that the adapter is plugged in and its driver installed"
+        ) from error
 
 
 def _options(pairs: list[str]) -> dict[str, str]:
