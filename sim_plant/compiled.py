@@ -33,5 +33,8 @@ def inlined(function: F) -> F:
 
 
 def exactly(function: F) -> F:
-    """Compile `function` so that every operation rounds as it is written."""
-    return cast("F", njit(cache=True, error_model="numpy")(function))
+    """Compile `function` so that every operation rounds as it is written, whoever calls it.
+
+    Numba would hand on the caller's rules where a function states none.
+    """
+    return cast("F", njit(cache=True, fastmath=False, error_model="numpy")(function))
