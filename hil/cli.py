@@ -117,10 +117,10 @@ def run(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     interface: Annotated[str, typer.Option(help="python-can's interface.")] = SIMULATED,
     channel: Annotated[
-        str | None, typer.Option(help="Its channel [on sim_plant the robot's name].")
+        str | None, typer.Option(help="Its channel; on sim_plant by default the robot's name.")
     ] = None,
     drives_file: Annotated[
-        Path | None, typer.Option("--drives", help="Drives file [that of the robot].")
+        Path | None, typer.Option("--drives", help="Drives file; by default that of the robot.")
     ] = None,
     bus_option: Annotated[
         list[str] | None, typer.Option(help="key=value for python-can, may be repeated.")
