@@ -3,9 +3,9 @@
 What a measurement can tell is one row: that of the axis's gravity torque, of its moment of inertia,
 or of the coupling inertia with its partner. The rows depend on few joints, found by moving one
 joint at a time. Candidates spread these joints over their ranges by a low-discrepancy sequence and
-leave the others in the middle; from the candidates of an axis those are taken, one after the
+leave the others in the middle; from the candidates of an element those are taken, one after the
 other, that add most to the determinant of the group's information matrix (Fedorov's greedy
-D-optimal choice). The axes share the number of measurements as their rows hold parameters.
+D-optimal choice). The elements share the number of measurements as their rows hold parameters.
 
 Every measurement of an axis begins at another angle of its motor, spread by the golden ratio:
 torque ripple then averages out over the configurations instead of biasing all of them alike.
@@ -48,7 +48,7 @@ RANGE = 0.85
 SPACING = 0.06
 """Least distance between configurations in one joint at least, as part of its range."""
 LEAST_SHARE = 4
-"""Measurements that an axis gets at least, however few parameters its row holds."""
+"""Measurements that an element gets at least, however few parameters its row holds."""
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_CYCLES = 0.10, 2.0, 3
@@ -57,6 +57,8 @@ INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.7, 0.5, 0.
 """Shares of the limits, shortest ramp [s]."""
 LONGEST_STROKE = 1.0
 """So that a measurement stays in the neighbourhood of its configuration [rad]."""
+LONGEST_CREEP = 1.7
+"""Way of a creeping axis [rad]."""
 CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
 RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity [s]."""
@@ -99,14 +101,11 @@ def design(robot: Robot, counts: tuple[int, int, int] = COUNTS) -> Plan:
 def _gravity(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     if not columns:
         return []
-    rows = {
-        i: _gravity_row(robot, i, columns)
-        for i in np.flatnonzero(base_parameters(robot).dependencies.gravity.any(axis=1)).tolist()
-    }
-    chosen = _choose(robot, rows, count)
+    axes = np.flatnonzero(base_parameters(robot).dependencies.gravity.any(axis=1)).tolist()
+    rows = {(i, i): _gravity_row(robot, i, columns) for i in axes}
     return [
         Gravity(id=f"g{k:02d}", axis=i + 1, q=tuple(q), **_gravity_motion(robot, i))
-        for k, (i, q) in enumerate(_tour(robot, chosen), start=1)
+        for k, ((i, _), q) in enumerate(_configurations(robot, rows, count), start=1)
     ]
 
 
@@ -114,52 +113,44 @@ def _inertia(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     if not columns:
         return []
     mass = base_parameters(robot).dependencies.mass
-    rows = {
-        i: _inertia_row(robot, i, i, columns)
-        for i in range(robot.n_joints)
-        if mass[i, i, columns].any()
-    }
-    chosen = _choose(robot, rows, count)
+    axes = [i for i in range(robot.n_joints) if mass[i, i, columns].any()]
+    rows = {(i, i): _inertia_row(robot, i, i, columns) for i in axes}
     return [
         Inertia(id=f"i{k:02d}", axis=i + 1, q=tuple(q), **_inertia_motion(robot, i))
-        for k, (i, q) in enumerate(_tour(robot, chosen), start=1)
+        for k, ((i, _), q) in enumerate(_configurations(robot, rows, count), start=1)
     ]
 
 
 def _coupling(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     if not columns:
         return []
-    pairs = _pairs(robot, columns)
-    rows = {creep: _inertia_row(robot, creep, other, columns) for creep, other in pairs.items()}
-    found: list[Measurement] = []
-    for k, (i, q) in enumerate(_tour(robot, _choose(robot, rows, count)), start=1):
-        motion = _inertia_motion(robot, pairs[i])
-        partner = Partner(
-            axis=pairs[i] + 1,
-            stroke=motion["stroke"],
-            velocity=motion["velocity"],
-            acceleration=motion["acceleration"],
+    rows = {pair: _inertia_row(robot, *pair, columns) for pair in _pairs(robot, columns)}
+    return [
+        Coupling(
+            id=f"c{k:02d}",
+            axis=j + 1,
+            q=tuple(q),
+            partner=_partner(robot, i),
+            **_creep_motion(robot, j),
         )
-        creep = _creep_motion(robot, i)
-        found.append(Coupling(id=f"c{k:02d}", axis=i + 1, q=tuple(q), partner=partner, **creep))
-    return found
+        for k, ((j, i), q) in enumerate(_configurations(robot, rows, count), start=1)
+    ]
 
 
-def _pairs(robot: Robot, columns: list[int]) -> dict[int, int]:
-    """Creeping axis to accelerated axis for every off-diagonal parameter.
+def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
+    """Creeping and accelerated axis for every off-diagonal parameter.
 
     Of the elements that hold a parameter the one is taken whose torque stands out most: much
     acceleration on one side, little torque range (so little noise and friction) on the other.
     """
     mass = base_parameters(robot).dependencies.mass
-    pairs: dict[int, int] = {}
+    found = []
     for column in columns:
-        best = max(
-            ((j, i) for j, i in np.argwhere(mass[:, :, column]).tolist() if i != j),
-            key=lambda pair: robot.acceleration_limit[pair[1]] / robot.torque_limit[pair[0]],
+        elements = [(j, i) for j, i in np.argwhere(mass[:, :, column]).tolist() if i != j]
+        found.append(
+            max(elements, key=lambda e: robot.acceleration_limit[e[1]] / robot.torque_limit[e[0]])
         )
-        pairs[best[0]] = best[1]
-    return pairs
+    return list(dict.fromkeys(found))
 
 
 def _gravity_row(robot: Robot, axis: int, columns: list[int]) -> Row:
@@ -180,25 +171,28 @@ def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) 
     return row
 
 
-def _choose(robot: Robot, rows: dict[int, Row], count: int) -> list[tuple[int, list[float]]]:
-    """Axis and configuration of `count` measurements."""
-    candidates = {i: _candidates(robot, i, row) for i, row in rows.items()}
-    weighted = {i: row(candidates[i]) / robot.torque_limit[i] for i, row in rows.items()}
+def _configurations(
+    robot: Robot, rows: dict[tuple[int, int], Row], count: int
+) -> list[tuple[tuple[int, int], list[float]]]:
+    """Axes (torque read, accelerated) and configuration of `count` measurements, in order."""
+    candidates = {axes: _candidates(robot, axes, row) for axes, row in rows.items()}
+    weighted = {axes: rows[axes](candidates[axes]) / robot.torque_limit[axes[0]] for axes in rows}
     scale = np.sqrt(np.mean(np.concatenate(list(weighted.values())) ** 2, axis=0))
-    chosen: list[tuple[int, list[float]]] = []
-    n_columns = len(scale)
-    covariance = 1e3 * np.eye(n_columns)
-    for i, share in _shares(weighted, count).items():
-        picked = _greedy(weighted[i] / scale, _places(robot, candidates[i]), covariance, share)
-        for k, index in enumerate(picked):
-            q = candidates[i][index].copy()
-            q[i] += ((k + 1) * GOLDEN % 1.0 - 0.5) * math.tau / robot.gear_ratio[i]
-            chosen.append((i, q.tolist()))
-    return chosen
+    covariance = 1e3 * np.eye(len(scale))
+    chosen: list[tuple[tuple[int, int], list[float]]] = []
+    for axes, share in _shares(weighted, count).items():
+        places = _places(robot, candidates[axes])
+        picked = _greedy(weighted[axes] / scale, places, covariance, share)
+        for k, index in enumerate(picked, start=1):
+            q = candidates[axes][index].copy()
+            for i in set(axes):
+                q[i] += (k * GOLDEN % 1.0 - 0.5) * math.tau / robot.gear_ratio[i]
+            chosen.append((axes, q.tolist()))
+    return _tour(robot, chosen)
 
 
-def _shares(rows: dict[int, Array], count: int) -> dict[int, int]:
-    """Divide `count` among the axes in proportion to the parameters that their rows hold."""
+def _shares(rows: dict[tuple[int, int], Array], count: int) -> dict[tuple[int, int], int]:
+    """Divide `count` among the elements in proportion to the parameters that their rows hold."""
     held = {i: max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for i, r in rows.items()}
     least = min(LEAST_SHARE, count // len(held))
     spare = count - least * len(held)
@@ -238,11 +232,12 @@ def _places(robot: Robot, candidates: Array) -> Array:
     return places
 
 
-def _candidates(robot: Robot, axis: int, row: Row) -> Array:
+def _candidates(robot: Robot, axes: tuple[int, int], row: Row) -> Array:
     """Spread the joints that `row` depends on over their ranges, the others stay in the middle."""
     middle = (robot.q_min + robot.q_max) / 2
     half = RANGE * (robot.q_max - robot.q_min) / 2
-    half[axis] = np.maximum(half[axis] - LONGEST_STROKE / 2, 0.0)
+    for i in set(axes):
+        half[i] = max(half[i] - LONGEST_CREEP / 2, 0.0)
     joints = _influencing(row, middle, half)
     q = np.tile(middle, (CANDIDATES, 1))
     if joints:
@@ -266,7 +261,9 @@ def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
     return found
 
 
-def _tour(robot: Robot, chosen: Sequence[tuple[int, list[float]]]) -> list[tuple[int, list[float]]]:
+def _tour(
+    robot: Robot, chosen: Sequence[tuple[tuple[int, int], list[float]]]
+) -> list[tuple[tuple[int, int], list[float]]]:
     """Order by nearest neighbour in travel time, beginning nearest to the middle of the ranges."""
     here: list[float] = ((robot.q_min + robot.q_max) / 2).tolist()
     left, tour = list(chosen), []
@@ -301,10 +298,20 @@ def _inertia_motion(robot: Robot, axis: int) -> dict[str, float | int]:
     }
 
 
+def _partner(robot: Robot, axis: int) -> Partner:
+    motion = _inertia_motion(robot, axis)
+    return Partner(
+        axis=axis + 1,
+        stroke=motion["stroke"],
+        velocity=motion["velocity"],
+        acceleration=motion["acceleration"],
+    )
+
+
 def _creep_motion(robot: Robot, axis: int) -> dict[str, float | int]:
     velocity = CREEP_SPEED * float(robot.velocity_limit[axis])
     return {
-        "stroke": velocity * CREEP_TIME,
+        "stroke": min(velocity * CREEP_TIME, LONGEST_CREEP),
         "velocity": velocity,
         "acceleration": velocity / RAMP_OF_CREEP,
         "cycles": CREEP_CYCLES,

@@ -7,7 +7,7 @@ from hil.dry_run import dry_run
 from hil.experiment_design import COUNTS, design
 from hil.identifiability import identifiability
 from hil.plan import dump_plan
-from hil.robot import load_robot
+from hil.robot import load_robot, parse_robot
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +64,13 @@ def test_the_same_robot_gives_the_same_plan(robot, plan):
 def test_too_few_measurements_are_refused(robot):
     with pytest.raises(ValueError, match="2 measurements for the gravity group must be at least 3"):
         design(robot, (2, 92, 9))
+
+
+def test_a_robot_with_all_link_parameters_gets_a_complete_plan(robot):
+    lines = [line for line in robot.text.splitlines() if "parameters:" not in line]
+    full = parse_robot("\n".join(lines).partition("ties:")[0], "full.yaml")
+    plan = design(full, (80, 120, 30))
+    assert len(plan.measurements) == 230
+    assert not dry_run(plan, full).problems
+    for group in identifiability(plan, full):
+        assert group.complete, group
