@@ -11,6 +11,7 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -89,6 +90,10 @@ def robot(name: Annotated[str, typer.Argument(help="Name, or path of a robot fil
 def plan(
     name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
+    gravity: Annotated[int, typer.Option(min=1, help="Gravity measurements.")] = 64,
+    inertia: Annotated[int, typer.Option(min=1, help="Inertia measurements.")] = 92,
+    coupling: Annotated[int, typer.Option(min=1, help="Coupling measurements.")] = 9,
+    warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand [s].")] = 0.0,
 ) -> None:
     """Choose configurations and motions from g(q) and M(q)."""
     from hil.experiment_design import design  # noqa: PLC0415 - slow to import, used here only
@@ -96,7 +101,10 @@ def plan(
     the_robot = load_robot(name)
     if output.exists():
         raise FileError(f"{output}: is there already; remove it or choose another name with -o")
-    designed = design(the_robot)
+    try:
+        designed = design(the_robot, (gravity, inertia, coupling), warm_up)
+    except ValueError as error:
+        raise FileError(f"{name}: {error}") from error
     write_file(output, dump_plan(designed).encode())
     out.print(f"{len(designed.measurements)} measurements in {output}", highlight=False)
 
@@ -151,11 +159,13 @@ def identify(
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil import model_file, model_view  # noqa: PLC0415 - slow to import, used here only
+    from hil import estimate_view, model_file  # noqa: PLC0415 - slow to import, used here only
 
-    model_file.identify(folder, method.value)
-    model_view.render(model_file.load_model(folder), out)
-    out.print(f"model in {folder / model_file.NAME}", highlight=False, soft_wrap=True)
+    begun = perf_counter()
+    found = model_file.identify(folder, method.value)
+    estimate_view.render(found, load_robot(folder / "robot.yaml"), out)
+    took = f"{perf_counter() - begun:.1f} s"
+    out.print(f"model in {folder / model_file.NAME} ({took})", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -22,7 +22,7 @@ from scipy.stats import qmc
 from hil.base_parameters import base_parameters
 from hil.dynamics import regressor
 from hil.measurement import Coupling, Gravity, Inertia, Partner
-from hil.plan import Plan, PlannedRobot
+from hil.plan import Plan, PlannedRobot, WarmUp
 from hil.timetable import travel_time
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity [s]."""
 
 
-def design(robot: Robot, counts: tuple[int, int, int] = COUNTS) -> Plan:
+def design(robot: Robot, counts: tuple[int, int, int] = COUNTS, warm_up: float = 0.0) -> Plan:
     """Plan a campaign for `robot`.
 
     Parameters
@@ -73,6 +73,9 @@ def design(robot: Robot, counts: tuple[int, int, int] = COUNTS) -> Plan:
     counts : tuple of int
         Number of gravity, inertia and coupling measurements; a kind without parameters is left
         out.
+
+    warm_up : float
+        Motion before the first measurement; 0 for none [s].
 
     Raises
     ------
@@ -94,6 +97,7 @@ def design(robot: Robot, counts: tuple[int, int, int] = COUNTS) -> Plan:
     return Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         travel=TRAVEL,
+        warm_up=WarmUp(duration=warm_up) if warm_up else None,
         measurements=tuple(measurements),
     )
 
