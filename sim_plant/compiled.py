@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound="Callable[..., object]")
 
 RELAXED = {"reassoc", "contract", "arcp", "nsz"}
+IN_ORDER = {"contract"}
 
 
 def compiled(function: F) -> F:
@@ -32,9 +33,9 @@ def inlined(function: F) -> F:
     )
 
 
-def exactly(function: F) -> F:
-    """Compile `function` so that every operation rounds as it is written, whoever calls it.
+def in_order(function: F) -> F:
+    """Compile `function` so that every operation is done as it is written, whoever calls it.
 
     Numba would hand on the caller's rules where a function states none.
     """
-    return cast("F", njit(cache=True, fastmath=False, error_model="numpy")(function))
+    return cast("F", njit(cache=True, fastmath=IN_ORDER, error_model="numpy")(function))

@@ -97,23 +97,22 @@ def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
         [s].
     """
     for i in range(const.shape[0]):
-        if const[i, st.DRIFT] != 0.0:
-            speed = abs(state[i, st.QD])
-            x = speed * const[i, st.PER_VELOCITY_MAX]
-            heat = const[i, st.HEAT_PER_POWER] * abs(state[i, st.FRICTION]) * speed
-            state[i, st.TEMPERATURE] += (
-                dt * (heat - state[i, st.TEMPERATURE]) / const[i, st.HEAT_TIME]
-            )
-            settled = state[i, st.LUBRICANT]
-            settled += dt * (
-                (1.0 - settled) / SETTLING_TIME * math.exp(-x / LUBRICANT_SPEED_REST)
-                - settled * x / LUBRICANT_SPEED_MOTION / STIRRING_TIME
-            )
-            state[i, st.LUBRICANT] = min(max(settled, 0.0), 1.0)
-            state[i, st.WANDER] += (
-                -dt * state[i, st.WANDER] / WANDER_TIME
-                + WANDER_SIGMA * math.sqrt(2.0 * dt / WANDER_TIME) * normal[i]
-            )
+        if const[i, st.DRIFT] == 0.0:
+            continue
+        speed = abs(state[i, st.QD])
+        x = speed * const[i, st.PER_VELOCITY_MAX]
+        heat = const[i, st.HEAT_PER_POWER] * abs(state[i, st.FRICTION]) * speed
+        state[i, st.TEMPERATURE] += dt * (heat - state[i, st.TEMPERATURE]) / const[i, st.HEAT_TIME]
+        settled = state[i, st.LUBRICANT]
+        settled += dt * (
+            (1.0 - settled) / SETTLING_TIME * math.exp(-x / LUBRICANT_SPEED_REST)
+            - settled * x / LUBRICANT_SPEED_MOTION / STIRRING_TIME
+        )
+        state[i, st.LUBRICANT] = min(max(settled, 0.0), 1.0)
+        state[i, st.WANDER] += (
+            -dt * state[i, st.WANDER] / WANDER_TIME
+            + WANDER_SIGMA * math.sqrt(2.0 * dt / WANDER_TIME) * normal[i]
+        )
         refresh(const, state, i)
 
 

@@ -3,7 +3,7 @@
 A cascade as in industrial drives: a position loop gives a velocity command, a velocity loop with
 integral part gives a torque, the torque saturates. The current loop reaches its command within one
 control period, so the motor's torque is a polygon in time and has one value at every instant: what
-the current sensor reads at a SYNC belongs to exactly that SYNC. The loops see the shaft's angle
+the current sensor reads at a SYNC belongs to in_order that SYNC. The loops see the shaft's angle
 finer than the increments that the drive reports, as drives with interpolated encoders do.
 
 `position` and `torque` readings are quantised as the object dictionary wants them: increments and
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from sim_plant import state as st
 from sim_plant.axis import AxisEvent
-from sim_plant.compiled import exactly, inlined
+from sim_plant.compiled import in_order, inlined
 from sim_plant.trigonometry import sin_cos
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def events(const: Array, state: Array, profile: Array, i: int, now: float, h: fl
     return int(bits | alarms * (state[i, st.ENABLED] != 0.0))
 
 
-@exactly
+@in_order
 def latch(
     const: Array, state: Array, profile: Array, normal: Array, image: NDArray[np.int64]
 ) -> None:

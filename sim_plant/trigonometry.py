@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from sim_plant.compiled import exactly
+from sim_plant.compiled import compiled, in_order
 
 _PARTS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
 """pi/2 as a sum, the first two with so few bits that their multiples are exact."""
@@ -31,7 +31,7 @@ _Q = (
 )  # fmt: skip
 
 
-@exactly
+@in_order
 def sin_cos(angle: float) -> tuple[float, float]:
     """Return sine and cosine of `angle`, at most 1e5 rad: far more than any motor turns.
 
@@ -51,7 +51,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
     return sine, cosine
 
 
-@exactly
+@compiled
 def arc_tangent(x: float) -> float:
     """Return the arc tangent of `x` >= 0 [rad], from that of `x`, (x - 1)/(x + 1) or -1/x."""
     middle, high = x > _MIDDLE, x > _HIGH
