@@ -9,7 +9,7 @@ begin behind this seam.
 from __future__ import annotations
 
 import enum
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -54,6 +54,10 @@ class Reading(NamedTuple):
     demand: int
     following_error: int
     events: int
+
+
+Row: TypeAlias = "Sequence[int]"
+"""The values of a `Reading` in order, not yet made one: few of those of a SYNC are looked at."""
 
 
 class Axis(Protocol):
@@ -105,7 +109,7 @@ class Machine(Protocol):
         that the firmware acts at the right instant, however long `duration` is.
         """
 
-    def read(self) -> Sequence[Reading]:
+    def read(self) -> Sequence[Row]:
         """Latch encoders and current sensors of all axes at the present instant."""
 
     on_event: Callable[[int, int], None]

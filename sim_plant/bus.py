@@ -77,6 +77,8 @@ class PlantBus(can.BusABC):
         self._plant: PlantChannel | None = open_channel(
             str(channel), self._inbox, seed=seed, clock=clock, bitrate=bitrate
         )
+        self._next = self._inbox.get_nowait
+        self._direct = True
         self.lock_step = self._plant.clock == "sync"
         self.channel_info = f"simulated plant {channel}"
         super().__init__(channel, can_filters)
@@ -95,11 +97,12 @@ class PlantBus(can.BusABC):
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
-        if self._filters is None and self._plant is not None:
+        if self._direct:
             try:
-                return self._inbox.get_nowait()
+                return self._next()
             except queue.Empty:
-                pass
+                if timeout == 0:
+                    return None
         return super().recv(timeout)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -116,9 +119,13 @@ class PlantBus(can.BusABC):
     def shutdown(self) -> None:
         """Leave the channel; the last one to leave switches the plant off."""
         super().shutdown()
+        self._direct = False
         plant, self._plant = self._plant, None
         if plant is not None:
             close_channel(plant, self._inbox)
+
+    def _apply_filters(self, filters: CanFilters | None) -> None:
+        self._direct = filters is None and self._plant is not None
 
     def _opened(self) -> PlantChannel:
         if self._plant is None:

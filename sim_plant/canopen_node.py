@@ -42,7 +42,8 @@ class CanopenNode:
     emit : callable
         Sends a frame: identifier and data.
     rewired : callable
-        Told when any of `routes`, `remote_routes`, `sync_actions`, `event_actions` has changed.
+        Told when any of `routes`, `remote_routes`, `sync_actions`, `sync_reports`, `event_actions`
+        has changed.
     """
 
     def __init__(
@@ -103,9 +104,16 @@ class CanopenNode:
         return [(t.identifier, t.answer_remote) for t in tpdos if t.enabled and t.answers_remote]
 
     def sync_actions(self) -> list[Callable[[], None]]:
-        """What to do on SYNC in the present state: RPDOs take effect, TPDOs are sent."""
+        """What to do on SYNC in the present state: RPDOs take effect, TPDOs may be sent."""
         pdos: list[Rpdo | Tpdo] = [*self._rpdos, *self._tpdos] if self._operational else []
-        return [pdo.sync_action() for pdo in pdos if pdo.enabled and pdo.on_sync]
+        return [
+            pdo.act_on_sync for pdo in pdos if pdo.enabled and pdo.on_sync and not pdo.on_every_sync
+        ]
+
+    def sync_reports(self) -> list[tuple[int, Callable[[], bytes]]]:
+        """Return identifier and data of the TPDOs that answer every SYNC in the present state."""
+        tpdos = self._tpdos if self._operational else []
+        return [(t.identifier, t.reporter()) for t in tpdos if t.enabled and t.on_every_sync]
 
     def event_actions(self) -> list[Callable[[], None]]:
         """What to do whenever something may have changed: event-driven TPDOs look at their data."""

@@ -31,12 +31,13 @@ from sim_plant.target_window import TargetWindow
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_plant.axis import Axis
+    from sim_plant.axis import Axis, Row
     from sim_plant.drive_settings import DriveSettings
     from sim_plant.timers import Timers
 
 _ALWAYS_SET = Status.VOLTAGE_ENABLED | Status.REMOTE
 _OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
+_POSITION, _EVENTS = Reading._fields.index("position"), Reading._fields.index("events")
 _STAYS_STOPPED = 4
 """Quick stop options above this one stay in QUICK STOP ACTIVE; less 4 they are the ramp."""
 
@@ -55,8 +56,8 @@ class Cia402Node(CanopenNode):
     ----------
     state : State
     statusword : int
-    reading : Reading
-        Latched last.
+    row : sequence of int
+        The values of the `Reading` that was latched last.
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class Cia402Node(CanopenNode):
         super().__init__(settings.node_id, timers, emit, rewired)
         self.state = State.NOT_READY
         self.statusword = 0
-        self.reading = Reading(0, 0, 0, 0, 0, 0, 0)
+        self.row: Row = Reading(0, 0, 0, 0, 0, 0, 0)
         self._controlword = 0
         self._next_state: State | None = None
         self._motion = Motion(self.dictionary, axis, settings)
@@ -85,18 +86,27 @@ class Cia402Node(CanopenNode):
 
     # What the axis reports
 
-    def latch(self, reading: Reading) -> None:
-        """Take what was latched at a SYNC."""
-        self.reading = reading
+    @property
+    def reading(self) -> Reading:
+        """What was latched last."""
+        return Reading(*self.row)
+
+    def latch(self, row: Row) -> None:
+        """Take what was latched at a SYNC; there is seldom news in it."""
+        self.row = row
         window = self._window
         if (
-            reading.events != self._motion.events
-            or not window.quiet_low <= reading.position <= window.quiet_high
+            row[_EVENTS] != self._motion.events
+            or not window.quiet_low <= row[_POSITION] <= window.quiet_high
         ):
-            self._take_events(reading.events)
-            if self._follows_set_points:
-                self._position.observe(reading)
-            self._refresh()
+            self._attend()
+
+    def _attend(self) -> None:
+        reading = self.reading
+        self._take_events(reading.events)
+        if self._follows_set_points:
+            self._position.observe(reading)
+        self._refresh()
 
     def handle_events(self, events: int) -> None:
         """Take events at the instant at which they change."""

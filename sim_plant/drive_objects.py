@@ -38,12 +38,12 @@ def present(dictionary: ObjectDictionary, node: Cia402Node) -> None:
     for index, field in _MEASURED.items():
         dictionary.source(index, 0, functools.partial(_measured, node, field))
     dictionary.source(0x6061, 0, lambda: dictionary.get(0x6060))
-    dictionary.source(0x6063, 0, lambda: node.reading.position)
-    dictionary.imaged((0x6041, *_MEASURED), lambda: (node.statusword, *node.reading))
+    dictionary.source(0x6063, 0, functools.partial(_measured, node, 0))
+    dictionary.imaged((0x6041, *_MEASURED), lambda: (node.statusword, *node.row))
 
 
 def _measured(node: Cia402Node, field: int) -> int:
-    return node.reading[field]
+    return node.row[field]
 
 
 def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:

@@ -84,6 +84,11 @@ class Pdo:
         """Whether SYNC moves this PDO."""
         return self.transmission <= _SYNC_MAX
 
+    @property
+    def on_every_sync(self) -> bool:
+        """Whether each SYNC is answered by a frame."""
+        return False
+
 
 class Rpdo(Pdo):
     """Objects written by the master."""
@@ -111,11 +116,8 @@ class Rpdo(Pdo):
         else:
             self._apply(data)
 
-    def sync_action(self) -> Callable[[], None]:
-        """What a SYNC makes of it: what came since the last one takes effect."""
-        return self._take_effect
-
-    def _take_effect(self) -> None:
+    def act_on_sync(self) -> None:
+        """Let what came since the last SYNC take effect."""
         data, self._pending = self._pending, None
         if data is not None and len(data) >= self._size:
             self._apply(data)
@@ -170,25 +172,29 @@ class Tpdo(Pdo):
         self._last = None
         self._countdown = max(1, self.transmission)
 
-    def sync_action(self) -> Callable[[], None]:
-        """What a SYNC makes of it: sent when this SYNC is ours."""
-        if self.transmission == 0:
-            return self._send_changed
-        return self._sender() if self.transmission == 1 else self._send_nth
+    @property
+    def on_every_sync(self) -> bool:
+        """Whether each SYNC is answered by a frame."""
+        return self.transmission == 1
 
-    def _sender(self) -> Callable[[], None]:
-        """Return `answer_remote` with all that it looks up bound: the hot path of the plant."""
-        emit, identifier = self._emit, self.identifier
+    def reporter(self) -> Callable[[], bytes]:
+        """Return what tells the data with all that it looks up bound: the hot path of the plant."""
         image, pick, pack, careful = self._image, self._pick, self._layout.pack, self._data
 
-        def send() -> None:
+        def report() -> bytes:
             try:
-                data = pack(*pick(image()))
+                return pack(*pick(image()))
             except struct.error:
-                data = careful()
-            emit(identifier, data)
+                return careful()
 
-        return send
+        return report
+
+    def act_on_sync(self) -> None:
+        """Send if this SYNC is ours."""
+        if self.transmission == 0:
+            self._send_changed()
+        else:
+            self._send_nth()
 
     def _send_changed(self) -> None:
         data = self._data()

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from sim_plant.axis import Row
     from sim_plant.plant_file import Axis as AxisFile
 
     Array = NDArray[np.float64]
@@ -36,7 +37,6 @@ STOCK = 4096
 PERIOD = STOCK * machine_step.SLOW_STEPS
 """Steps that a stock of random numbers lasts."""
 BRAKE_OVER_PEAK = 1.2
-_new_tuple = tuple.__new__  # half the time of Reading(*row), six times a SYNC
 
 
 def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
@@ -206,7 +206,7 @@ class Plant:
             if new != old:
                 self.on_event(i, new)
 
-    def read(self) -> Sequence[Reading]:
+    def read(self) -> Sequence[Row]:
         """Latch encoders and current sensors of all axes at the present instant."""
         if self._noise_row == STOCK:
             self._noise = self._random.standard_normal(self._noise.shape)
@@ -214,7 +214,8 @@ class Plant:
         noise = self._noise[self._noise_row]
         self._noise_row += 1
         servo.latch(self.const, self.state, self.profile, noise, self._image)
-        return [_new_tuple(Reading, row) for row in self._image.tolist()]
+        rows: Sequence[Row] = self._image.tolist()
+        return rows
 
 
 def _arm(file: PlantFile) -> tuple[tuple[int, ...], Array, Array, Array]:

@@ -107,11 +107,11 @@ class PlantChannel:
                 inbox.put(copy)
 
     def _deliver(self, frames: Iterable[Frame]) -> None:
-        free, durations, name = self._wire_free, self._durations, self.name
+        free, durations, name, inboxes = self._wire_free, self._durations, self.name, self.inboxes
         for time, identifier, data in frames:
             size = len(data)
             free = (free if free > time else time) + durations[size]
-            for inbox in self.inboxes:
+            for inbox in inboxes:
                 message = _new_message(DriveFrame)
                 message.timestamp = free
                 message.arbitration_id = identifier
@@ -123,8 +123,8 @@ class PlantChannel:
 
     def _occupy(self, time: float, size: int) -> float:
         """End of a frame that is ready at `time`: the wire carries one after the other."""
-        start = max(time, self._wire_free)
-        self._wire_free = start + self._durations[min(size, 8)]
+        start = self._wire_free if self._wire_free > time else time
+        self._wire_free = start + self._durations[size if size < 8 else 8]
         return self._wire_free
 
     def _follow_wall(self) -> None:

@@ -35,6 +35,9 @@ _by_identifier = itemgetter(1)
 Frame: TypeAlias = tuple[float, int, bytes]
 """A data frame that a drive sends: instant [s], 11-bit identifier, data."""
 
+Report: TypeAlias = "tuple[int, Callable[[], bytes]]"
+"""What answers every SYNC: identifier, and what tells the data."""
+
 
 class SlaveNetwork:
     """Drives in front of a machine.
@@ -58,7 +61,7 @@ class SlaveNetwork:
         self._past: list[Frame] = []
         self._present: list[Frame] = []
         self._stale = True
-        self._synced: dict[int, list[Callable[[], None]]] = {}
+        self._synced: dict[int, tuple[list[Callable[[], None]], list[Report]]] = {}
         self._routes: dict[int, list[Callable[[bytes], None]]] = {}
         self._remote: dict[int, list[Callable[[], None]]] = {}
         self._event_actions: list[Callable[[], None]] = []
@@ -88,7 +91,7 @@ class SlaveNetwork:
             self._wire()
         synced = self._synced.get(identifier)
         if synced is not None:
-            self._sync(synced)
+            self._sync(*synced)
         else:
             for handle in self._routes.get(identifier, ()):
                 handle(data)
@@ -110,12 +113,14 @@ class SlaveNetwork:
         self._latch()
         return self._take()
 
-    def _sync(self, actions: list[Callable[[], None]]) -> None:
+    def _sync(self, actions: list[Callable[[], None]], reports: list[Report]) -> None:
         if self._clock == "sync":
             self._advance(self._cycle)
         self._latch()
         for act in actions:
             act()
+        now = self._timers.now
+        self._present += [(now, identifier, data()) for identifier, data in reports]
 
     def _advance(self, duration: float) -> None:
         timers, machine = self._timers, self._machine
@@ -129,8 +134,8 @@ class SlaveNetwork:
         timers.now = end
 
     def _latch(self) -> None:
-        for node, reading in zip(self.nodes, self._machine.read(), strict=True):
-            node.latch(reading)
+        for node, row in zip(self.nodes, self._machine.read(), strict=True):
+            node.latch(row)
 
     def _on_event(self, axis: int, events: int) -> None:
         self.nodes[axis].handle_events(events)
@@ -166,14 +171,16 @@ class SlaveNetwork:
         self._stale = False
         routes: defaultdict[int, list[Callable[[bytes], None]]] = defaultdict(list)
         remote: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
-        synced: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
+        synced: dict[int, tuple[list[Callable[[], None]], list[Report]]] = {}
         for node in self.nodes:
             for identifier, handle in node.routes():
                 routes[identifier].append(handle)
             for identifier, answer in node.remote_routes():
                 remote[identifier].append(answer)
-            synced[node.sync_identifier] += node.sync_actions()
-        self._routes, self._remote, self._synced = dict(routes), dict(remote), dict(synced)
+            actions, reports = synced.setdefault(node.sync_identifier, ([], []))
+            actions += node.sync_actions()
+            reports += node.sync_reports()
+        self._routes, self._remote, self._synced = dict(routes), dict(remote), synced
         self._event_actions = [act for node in self.nodes for act in node.event_actions()]
         longest = max(node.dictionary.get(0x1006) for node in self.nodes)
         self._cycle = longest * 1e-6 or CYCLE_DEFAULT

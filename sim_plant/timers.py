@@ -1,12 +1,15 @@
 """Timers in the plant's time: heartbeats, inhibit times, event timers, time-outs.
 
 The machine advances from one due timer to the next, so that each acts at its own instant however
-long a SYNC period is, and the plant stays deterministic.
+long a SYNC period is, and the plant stays deterministic. A heap keeps the earliest in front; what
+was stopped or moved stays in it until it gets there.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
+from itertools import count
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
@@ -29,25 +32,31 @@ class Timers:
     def __init__(self) -> None:
         self.now = 0.0
         self.next = math.inf
-        self._due: dict[Hashable, tuple[float, Action]] = {}
+        self._numbers = count()
+        self._running: dict[Hashable, int] = {}
+        self._heap: list[tuple[float, int, Hashable, Action]] = []
 
     def start(self, name: Hashable, delay: float, action: Action) -> None:
         """Call `action` in `delay` seconds."""
-        self._due[name] = (self.now + delay, action)
+        number = self._running[name] = next(self._numbers)
+        heapq.heappush(self._heap, (self.now + delay, number, name, action))
         self._find_next()
 
     def stop(self, name: Hashable) -> None:
         """Forget a timer; one that does not run is none of anybody's business."""
-        if self._due.pop(name, None):
+        if self._running.pop(name, None) is not None:
             self._find_next()
 
     def run(self) -> None:
         """Call what is due now, earliest first."""
         while self.next <= self.now:
-            name = min(self._due, key=lambda name: self._due[name][0])
-            _, action = self._due.pop(name)
+            _, _, name, action = heapq.heappop(self._heap)
+            del self._running[name]
             self._find_next()
             action()
 
     def _find_next(self) -> None:
-        self.next = min((due for due, _ in self._due.values()), default=math.inf)
+        heap, running = self._heap, self._running
+        while heap and running.get(heap[0][2]) != heap[0][1]:
+            heapq.heappop(heap)
+        self.next = heap[0][0] if heap else math.inf
