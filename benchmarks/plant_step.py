@@ -24,7 +24,7 @@ from rich.table import Table
 
 from sim_plant import machine_step, rigid_body
 from sim_plant.plant import Plant
-from sim_plant.plant_file import Body, load_plant_file
+from sim_plant.plant_file import Payload, load_plant_file
 from sim_plant.state import QD, VELOCITY_MAX
 
 if TYPE_CHECKING:
@@ -50,12 +50,8 @@ def real_arm() -> PlantFile:
     """The manutec-r15 with links that could be made of steel."""
     file = load_plant_file("manutec-r15")
     axes = []
-    for axis, (m, (x, y, z), (ixx, iyy, izz)) in zip(file.axes, LINKS, strict=True):
-        link = Body(
-            m=m, sx=m * x, sy=m * y, sz=m * z,
-            Ixx=ixx + m * (y * y + z * z), Iyy=iyy + m * (x * x + z * z),
-            Izz=izz + m * (x * x + y * y), Ixy=-m * x * y, Ixz=-m * x * z, Iyz=-m * y * z,
-        )  # fmt: skip
+    for axis, (mass, centre, (ixx, iyy, izz)) in zip(file.axes, LINKS, strict=True):
+        link = Payload(mass=mass, centre=centre, Ixx=ixx, Iyy=iyy, Izz=izz).body()
         axes.append(axis.model_copy(update={"link": link}))
     return file.model_copy(update={"axes": tuple(axes)})
 
