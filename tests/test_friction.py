@@ -171,7 +171,7 @@ def _gravity_torque(plant: Plant) -> Array:
 def test_an_axis_at_rest_stays_still_without_chatter(
     held_by: str, drift: bool, bound: float
 ) -> None:
-    """Settling all the while; with drift to a tenth of an increment, as the bristle yields to the load."""
+    """With drift to a tenth of an increment, as the bristle yields to the load."""
     plant = machine(drift=drift)
     if held_by == "servo":
         for servo in plant.axes:
