@@ -26,6 +26,7 @@ from hil.dry_run import BITRATE, dry_run
 from hil.plan import dump_plan, load_plan, refuse_other_robot
 from hil.robot import ROBOTS, load_robot
 from hil.run_command import bus_options, carry_out, prepare_folder
+from hil.run_journal import SIMULATED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,9 +43,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 out = Console()
-
-SIMULATED = "sim_plant"
-"""The interface of the virtual plant, whose channels are named like their robots."""
 
 PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
@@ -179,12 +177,13 @@ def report(folder: RunPath) -> None:
 @app.command()
 def compare(
     folder: RunPath,
-    truth: Annotated[Path, typer.Option(help="Plant file of the virtual plant.")],
+    truth: Annotated[str, typer.Option(help="Plant file of the virtual plant, or its name.")],
+    method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
     from hil import compare as module  # noqa: PLC0415 - slow to import, used here only
 
-    module.compare(folder, truth)
+    module.compare(folder, truth, out, method.value)
 
 
 def _load(plan_file: Path, robot_file: str | None) -> tuple[Plan, Robot]:

@@ -22,7 +22,7 @@ from hil.run_folder import RunFolder
 from hil.run_journal import now
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from hil.estimate import Estimate
     from hil.measurement import Measurement
     from hil.recording import Recording
+    from hil.recording_file import Measured
 
 NAME = "model.yaml"
 
@@ -103,7 +104,7 @@ def identify(run_folder: Path | str, method: Method = "improved") -> Estimate:
     """
     folder = RunFolder.open(run_folder)
     try:
-        result = estimate(folder.robot, _recorded(folder), method)
+        result = estimate(folder.robot, recorded(folder), method)
     except NotIdentifiable as error:
         raise FileError(f"{folder.path}: {error}") from error
     text = yaml.safe_dump(
@@ -127,10 +128,10 @@ def load_model(run_folder: Path | str) -> ModelFile:
     return load_yaml(path, ModelFile)
 
 
-def _recorded(folder: RunFolder) -> Iterator[tuple[Measurement, Recording]]:
-    """All recordings; bus time goes on from one session to the next."""
+def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[Measurement, Recording]]:
+    """All recordings of a run folder; bus time goes on from one session to the next."""
     session, offset, last = 0, 0.0, 0.0
-    for measured in folder:
+    for measured in campaign:
         if measured.session != session:
             session, offset = measured.session, last
         recording = measured.recording

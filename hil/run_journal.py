@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import AxisInfo
 
+SIMULATED = "sim_plant"
+"""python-can's interface of the virtual plant, whose channels are named like their robots."""
 PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h5py")
 
 
@@ -66,6 +68,11 @@ class Journal(FileModel):
     robot_digest: str
     drives_digest: str | None = None
     sessions: tuple[Session, ...] = ()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether all of it was measured on the virtual plant."""
+        return bool(self.sessions) and all(s.bus.split()[0] == SIMULATED for s in self.sessions)
 
     def with_session(self, session: Session) -> Journal:
         """Return the journal with one more session."""
