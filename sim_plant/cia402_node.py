@@ -22,7 +22,7 @@ from sim_plant.cia402_states import (
     Status,
     command_of,
 )
-from sim_plant.drive_objects import declare, present
+from sim_plant.drive_objects import STATUSWORD, declare, present
 from sim_plant.emcy import ErrorCode
 from sim_plant.motion import Motion, Ramp
 from sim_plant.profile_position import ProfilePosition
@@ -55,9 +55,8 @@ class Cia402Node(CanopenNode):
     Attributes
     ----------
     state : State
-    statusword : int
-    row : sequence of int
-        The values of the `Reading` that was latched last.
+    image : list of int
+        The values of the `Reading` that was latched last, then the statusword.
     """
 
     def __init__(
@@ -70,8 +69,7 @@ class Cia402Node(CanopenNode):
     ) -> None:
         super().__init__(settings.node_id, timers, emit, rewired)
         self.state = State.NOT_READY
-        self.statusword = 0
-        self.row: Row = Reading(0, 0, 0, 0, 0, 0, 0)
+        self.image = [0] * (STATUSWORD + 1)
         self._controlword = 0
         self._next_state: State | None = None
         self._motion = Motion(self.dictionary, axis, settings)
@@ -80,7 +78,7 @@ class Cia402Node(CanopenNode):
             self.dictionary, self._motion, self._window, self.emergencies
         )
         declare(self.dictionary, settings)
-        present(self.dictionary, self)
+        present(self.dictionary, self.image)
         self._connect_objects()
         self._reset_profile()
 
@@ -89,11 +87,11 @@ class Cia402Node(CanopenNode):
     @property
     def reading(self) -> Reading:
         """What was latched last."""
-        return Reading(*self.row)
+        return Reading(*self.image[:STATUSWORD])
 
     def latch(self, row: Row) -> None:
         """Take what was latched at a SYNC; there is seldom news in it."""
-        self.row = row
+        self.image[:STATUSWORD] = row
         window = self._window
         if (
             row[_EVENTS] != self._motion.events
@@ -217,7 +215,7 @@ class Cia402Node(CanopenNode):
                 status |= Status.INTERNAL_LIMIT
         if events & AxisEvent.FOLLOWING_ERROR:
             status |= Status.FOLLOWING_ERROR
-        self.statusword = status
+        self.image[STATUSWORD] = status
 
     # Communication
 

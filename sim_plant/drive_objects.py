@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING
 
+from sim_plant.axis import Reading
+
 if TYPE_CHECKING:
-    from sim_plant.cia402_node import Cia402Node
+    from collections.abc import Sequence
+
     from sim_plant.drive_settings import DriveSettings
     from sim_plant.object_dictionary import ObjectDictionary
 
@@ -18,8 +20,18 @@ _ALLOWED = {
     0x6060: (PROFILE_POSITION,),
 }
 
-_MEASURED = {0x6064: 0, 0x606C: 1, 0x6077: 2, 0x6078: 3, 0x6062: 4, 0x60F4: 5}
-"""Objects that show a field of `sim_plant.axis.Reading`, in the order of its fields."""
+STATUSWORD = len(Reading._fields)
+"""Where the statusword stands in a drive's image, behind the fields of a `Reading`."""
+_SHOWN = {
+    0x6064: 0,
+    0x6063: 0,
+    0x606C: 1,
+    0x6077: 2,
+    0x6078: 3,
+    0x6062: 4,
+    0x60F4: 5,
+    0x6041: STATUSWORD,
+}
 
 
 def declare(dictionary: ObjectDictionary, settings: DriveSettings) -> None:
@@ -32,18 +44,17 @@ def declare(dictionary: ObjectDictionary, settings: DriveSettings) -> None:
         dictionary.allow(index, values)
 
 
-def present(dictionary: ObjectDictionary, node: Cia402Node) -> None:
-    """Let the dictionary show what the drive measures and does."""
-    dictionary.source(0x6041, 0, lambda: node.statusword)
-    for index, field in _MEASURED.items():
-        dictionary.source(index, 0, functools.partial(_measured, node, field))
+def present(dictionary: ObjectDictionary, image: Sequence[int]) -> None:
+    """Let the dictionary show what the drive measures and does.
+
+    Parameters
+    ----------
+    dictionary : ObjectDictionary
+    image : sequence of int, length 8
+        The values of a `sim_plant.axis.Reading`, then the statusword; changed in place.
+    """
+    dictionary.imaged(_SHOWN, image)
     dictionary.source(0x6061, 0, lambda: dictionary.get(0x6060))
-    dictionary.source(0x6063, 0, functools.partial(_measured, node, 0))
-    dictionary.imaged((0x6041, *_MEASURED), lambda: (node.statusword, *node.row))
-
-
-def _measured(node: Cia402Node, field: int) -> int:
-    return node.row[field]
 
 
 def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:

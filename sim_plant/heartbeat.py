@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from sim_plant.timers import Timers
 
 HEARTBEAT = 0x700
+_ROUNDING = 1e-9
+"""What sums of instants may be off by [s]."""
 
 
 class HeartbeatProducer:
@@ -72,14 +74,16 @@ class HeartbeatConsumer:
         self._returned = returned
         self._rewired = rewired
         self._missing: set[int] = set()
+        self._heard: dict[int, float] = {}
         self.watched: dict[int, float] = {}
         dictionary.guard(0x1016, self._check)
         dictionary.react(0x1016, lambda _subindex, _value: self.restart())
 
     def restart(self) -> None:
         """Forget what was heard and watch the nodes that 1016h names now."""
-        for node in self.watched:
+        for node in self._heard:
             self._timers.stop(self._name(node))
+        self._heard.clear()
         if self._missing:
             self._missing.clear()
             self._returned()
@@ -94,15 +98,25 @@ class HeartbeatConsumer:
 
     def hear(self, node: int) -> None:
         """Take a heartbeat of a watched node."""
-        self._timers.start(self._name(node), self.watched[node], lambda: self._expire(node))
+        if node not in self._heard:
+            self._wait(node, self.watched[node])
+        self._heard[node] = self._timers.now
         if node in self._missing:
             self._missing.remove(node)
             if not self._missing:
                 self._returned()
 
+    def _wait(self, node: int, delay: float) -> None:
+        self._timers.start(self._name(node), delay, lambda: self._expire(node))
+
     def _expire(self, node: int) -> None:
-        self._missing.add(node)
-        self._lost()
+        left = self._heard[node] + self.watched[node] - self._timers.now
+        if left > _ROUNDING:
+            self._wait(node, left)
+        else:
+            del self._heard[node]
+            self._missing.add(node)
+            self._lost()
 
     def _name(self, node: int) -> tuple[int, str, int]:
         return self._dictionary.node_id, "heartbeat consumer", node

@@ -18,12 +18,11 @@ from sim_plant.abort_codes import AbortCode, SdoAbort
 from sim_plant.eds import Entry, drive_entries, key
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
 Value: TypeAlias = int | bytes
-Image: TypeAlias = "Callable[[], tuple[int, ...]]"
-"""Present values of several objects at once."""
-Pick: TypeAlias = "Callable[[tuple[int, ...]], tuple[int, ...]]"
+RowReader: TypeAlias = "Callable[[], tuple[int, ...]]"
+"""Tells the present values of several objects at once."""
 Hook: TypeAlias = "Callable[[int, int], None]"
 """Called with sub-index and integer value."""
 
@@ -48,7 +47,7 @@ class ObjectDictionary:
         self._ranges: dict[int, tuple[int, int]] = {}
         self._sources: dict[int, Callable[[], int]] = {}
         self._slots: dict[int, int] = {}
-        self._image: Image | None = None
+        self._image: Sequence[int] = ()
         self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
         self._reactions: defaultdict[int, list[Hook]] = defaultdict(list)
 
@@ -62,24 +61,21 @@ class ObjectDictionary:
         assert isinstance(value, int)  # noqa: S101 - text is only reached through upload
         return value
 
-    def imaged(self, objects: Sequence[int], image: Image) -> None:
-        """Declare that `image` returns the values of `objects` (indices, sub-index 0) in a row."""
+    def imaged(self, objects: Mapping[int, int], image: Sequence[int]) -> None:
+        """Declare where in `image` the present values of objects (by index, sub-index 0) stand."""
         self._image = image
-        self._slots = {key(index): slot for slot, index in enumerate(objects)}
+        self._slots = {key(index): slot for index, slot in objects.items()}
+        for number, slot in self._slots.items():
+            self._sources[number] = functools.partial(image.__getitem__, slot)
 
-    def row_reader(self, numbers: Sequence[int]) -> tuple[Image, Pick]:
-        """Return the quickest way to read several integer objects (by `key`) again and again.
-
-        Returns
-        -------
-        image, pick : callable
-            ``pick(image())`` are the present values in a row.
-        """
+    def row_reader(self, numbers: Sequence[int]) -> RowReader:
+        """Return the quickest way to read several integer objects (by `key`) again and again."""
         slots = self._slots
-        if self._image is not None and len(numbers) > 1 and all(n in slots for n in numbers):
-            return self._image, operator.itemgetter(*(slots[n] for n in numbers))
+        if len(numbers) > 1 and all(number in slots for number in numbers):
+            pick = operator.itemgetter(*(slots[number] for number in numbers))
+            return functools.partial(pick, self._image)
         readers = [self._reader(number) for number in numbers]
-        return (lambda: tuple(read() for read in readers)), tuple
+        return lambda: tuple(read() for read in readers)
 
     def set(self, index: int, subindex: int, value: Value) -> None:
         """Store a value on the device's own behalf: no access check, no hooks."""

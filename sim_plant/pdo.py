@@ -157,9 +157,7 @@ class Tpdo(Pdo):
 
     def _load(self) -> None:
         super()._load()
-        self._image, self._pick = self._dictionary.row_reader(
-            [key(e.index, e.subindex) for e in self._entries]
-        )
+        self._read = self._dictionary.row_reader([key(e.index, e.subindex) for e in self._entries])
         self._inhibit = self._dictionary.get(self._parameters, 3) / 10_000
         self._event = self._dictionary.get(self._parameters, 5) / 1000
         self.stop()
@@ -179,11 +177,11 @@ class Tpdo(Pdo):
 
     def reporter(self) -> Callable[[], bytes]:
         """Return what tells the data with all that it looks up bound: the hot path of the plant."""
-        image, pick, pack, careful = self._image, self._pick, self._layout.pack, self._data
+        read, pack, careful = self._read, self._layout.pack, self._data
 
         def report() -> bytes:
             try:
-                return pack(*pick(image()))
+                return pack(*read())
             except struct.error:
                 return careful()
 
@@ -236,7 +234,7 @@ class Tpdo(Pdo):
         self._send(self._data())
 
     def _data(self) -> bytes:
-        values = self._pick(self._image())
+        values = self._read()
         try:
             return self._layout.pack(*values)
         except struct.error:

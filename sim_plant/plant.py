@@ -37,6 +37,7 @@ STOCK = 4096
 PERIOD = STOCK * machine_step.SLOW_STEPS
 """Steps that a stock of random numbers lasts."""
 BRAKE_OVER_PEAK = 1.2
+_run = machine_step.run_and_latch
 
 
 def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
@@ -151,6 +152,11 @@ class Plant:
         self._noise = self._random.standard_normal((STOCK, n))
         self._noise_row = 0
         self._image = np.zeros((n, len(Reading._fields)), dtype=np.int64)
+        self._latched = False
+        self._memory = (
+            *self._arm, self.const, self.state, self.profile,
+            self._normal, self._noise, self._image,
+        )  # fmt: skip
         self._rest = 0.0
         self.events = [int(AxisEvent.DONE | AxisEvent.STANDSTILL)] * n
         for i, axis in enumerate(file.axes):
@@ -179,23 +185,17 @@ class Plant:
         self._rest += duration
         steps = int(self._rest / h + 1e-6)
         self._rest -= steps * h
+        self._latched = False
         while steps > 0:
             left = PERIOD - 1 - self._number % PERIOD
             if left == 0:
-                self._normal = self._random.standard_normal(self._normal.shape)
+                self._random.standard_normal(out=self._normal)
                 left = PERIOD
-            done = machine_step.run(
-                min(steps, left),
-                self._number,
-                h,
-                *self._arm,
-                self.const,
-                self.state,
-                self.profile,
-                self._normal,
-            )
+            some = steps if steps < left else left
+            done = _run(some, self._number, h, self._noise_row, *self._memory)
             self._number += abs(done)
             steps -= abs(done)
+            self._latched = done == some
             if done < 0:
                 self._report_events()
 
@@ -208,12 +208,14 @@ class Plant:
 
     def read(self) -> Sequence[Row]:
         """Latch encoders and current sensors of all axes at the present instant."""
-        if self._noise_row == STOCK:
-            self._noise = self._random.standard_normal(self._noise.shape)
-            self._noise_row = 0
-        noise = self._noise[self._noise_row]
+        if not self._latched:
+            noise = self._noise[self._noise_row]
+            servo.latch(self.const, self.state, self.profile, noise, self._image)
+        self._latched = False
         self._noise_row += 1
-        servo.latch(self.const, self.state, self.profile, noise, self._image)
+        if self._noise_row == STOCK:
+            self._random.standard_normal(out=self._noise)
+            self._noise_row = 0
         rows: Sequence[Row] = self._image.tolist()
         return rows
 

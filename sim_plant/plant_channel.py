@@ -29,7 +29,6 @@ BITRATE = 1_000_000
 
 _channels: dict[str, PlantChannel] = {}
 _channels_lock = threading.Lock()
-_new_message = can.Message.__new__
 
 
 class DriveFrame(can.Message):
@@ -39,6 +38,7 @@ class DriveFrame(can.Message):
     ``can.Message(...)``: six of them are built for every SYNC.
     """
 
+    __slots__ = ()
     is_extended_id = False
     is_remote_frame = False
     is_error_frame = False
@@ -46,6 +46,13 @@ class DriveFrame(can.Message):
     is_rx = True
     bitrate_switch = False
     error_state_indicator = False
+
+    def __init__(self, timestamp: float, identifier: int, data: bytes, channel: str) -> None:
+        self.timestamp = timestamp
+        self.arbitration_id = identifier
+        self.dlc = len(data)
+        self.data = bytearray(data)
+        self.channel = channel
 
 
 class PlantChannel:
@@ -109,16 +116,9 @@ class PlantChannel:
     def _deliver(self, frames: Iterable[Frame]) -> None:
         free, durations, name, inboxes = self._wire_free, self._durations, self.name, self.inboxes
         for time, identifier, data in frames:
-            size = len(data)
-            free = (free if free > time else time) + durations[size]
+            free = (free if free > time else time) + durations[len(data)]
             for inbox in inboxes:
-                message = _new_message(DriveFrame)
-                message.timestamp = free
-                message.arbitration_id = identifier
-                message.dlc = size
-                message.data = bytearray(data)
-                message.channel = name
-                inbox.put(message)
+                inbox.put(DriveFrame(free, identifier, data, name))
         self._wire_free = free
 
     def _occupy(self, time: float, size: int) -> float:

@@ -753,7 +753,7 @@ def test_a_refused_set_never_shows_an_energised_statusword_on_the_bus() -> None:
     [
         ("carrier-pigeon", "x", "'carrier-pigeon' is unknown to python-can; choose one of"),
         ("socketcan", "can77", "ip link set can77 up type can bitrate 1000000"),
-        ("serial", "/dev/no-such-port", "check the channel's name"),
+        ("serial", "/dev/no-such-port", "check channel and options"),
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_told_with_the_remedy(
