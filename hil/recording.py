@@ -1,20 +1,20 @@
 """One measurement as arrays, and how it comes to be.
 
-A `Recorder` collects the samples of a bus as they are, tuples in a list, and notes where strokes
-begin and end; that is all that happens between two SYNCs. Only when the measurement is over does
-it become a `Recording` of numpy arrays. A sample that is missing stays missing (NaN and a flag).
+A `Recorder` packs the samples of a bus into one buffer and notes where strokes begin and end; that
+is all that happens between two SYNCs. Only when the measurement is over does it become a
+`Recording` of numpy arrays. A sample that is missing stays missing (NaN and a flag).
 """
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -74,42 +74,55 @@ class Recording:
 
 
 class Recorder:
-    """Collects samples and the strokes that they belong to."""
+    """Collects samples and the strokes that they belong to.
+
+    A buffer instead of a list of samples: what Python keeps by the hundred thousand, its garbage
+    collector looks through again and again.
+    """
 
     def __init__(self) -> None:
-        self._samples: list[Sample] = []
+        self._rows = bytearray()
+        self._size = 1
+        self._pack: Callable[..., bytes] = self._pack_first
         self._strokes: list[tuple[int, int]] = []
         self._partner_strokes: list[tuple[int, int]] = []
-        self.add = self._samples.append
-        """Takes one `Sample`."""
+
+    def add(self, sample: Sample) -> None:
+        """Take one sample."""
+        time, q, tau, flags, _ = sample
+        self._rows += self._pack(time, *q, *tau, *flags)
 
     def stroke(self, number: int) -> None:
         """Count samples from here on to this stroke of the axis (`IDLE`: to none)."""
-        self._strokes.append((len(self._samples), number))
+        self._strokes.append((self._n_samples, number))
 
     def partner_stroke(self, number: int) -> None:
         """Count samples from here on to this stroke of the partner (`IDLE`: to none)."""
-        self._partner_strokes.append((len(self._samples), number))
+        self._partner_strokes.append((self._n_samples, number))
 
     def finish(self) -> Recording:
         """Turn what was collected into arrays."""
-        n = len(self._samples)
-        time, q, tau, flags, _ = zip(*self._samples, strict=True)
+        n_joints = (self._size - 8) // 17
+        joints = [("q", "<f8", n_joints), ("tau", "<f8", n_joints), ("flags", "u1", n_joints)]
+        rows = np.frombuffer(self._rows, dtype=[("time", "<f8"), *joints])
         return Recording(
-            time=np.array(time, dtype=np.float64),
-            q=_table(q),
-            tau=_table(tau),
-            flags=_table(flags).astype(np.uint8),
-            stroke=_numbers(self._strokes, n),
-            partner_stroke=_numbers(self._partner_strokes, n),
+            time=np.array(rows["time"], dtype=np.float64),
+            q=np.array(rows["q"], dtype=np.float64, order="C"),
+            tau=np.array(rows["tau"], dtype=np.float64, order="C"),
+            flags=np.array(rows["flags"], order="C"),
+            stroke=_numbers(self._strokes, len(rows)),
+            partner_stroke=_numbers(self._partner_strokes, len(rows)),
         )
 
+    @property
+    def _n_samples(self) -> int:
+        return len(self._rows) // self._size
 
-def _table(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
-    """Rows of equal length as an array; much faster than `numpy.array` on tuples."""
-    width = len(rows[0])
-    flat = np.fromiter(chain.from_iterable(rows), np.float64, len(rows) * width)
-    return flat.reshape(len(rows), width)
+    def _pack_first(self, *values: float) -> bytes:
+        n_joints = (len(values) - 1) // 3
+        layout = struct.Struct(f"<d{2 * n_joints}d{n_joints}B")
+        self._pack, self._size = layout.pack, layout.size
+        return layout.pack(*values)
 
 
 def _numbers(marks: list[tuple[int, int]], n: int) -> NDArray[np.int16]:
