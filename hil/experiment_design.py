@@ -1,7 +1,8 @@
 """Choice of configurations and motions from g(q) and M(q), section 6.2.
 
-What a measurement can tell is one row: that of the axis's gravity torque, of its moment of inertia,
-or of the coupling inertia with its partner. The rows depend on few joints, found by moving one
+What a measurement can tell is one row: that of the axis's gravity torque (and of a torque offset,
+which only configurations of different gravity tell apart from it), of its moment of inertia, or of
+the coupling inertia with its partner. The rows depend on few joints, found by moving one
 joint at a time. Candidates spread these joints over their ranges by a low-discrepancy sequence and
 leave the others in the middle; from the candidates of an element those are taken, one after the
 other, that add most to the determinant of the group's information matrix (Fedorov's greedy
@@ -14,7 +15,7 @@ torque ripple then averages out over the configurations instead of biasing all o
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import qmc
@@ -43,7 +44,7 @@ TRAVEL = 0.6
 """Share of the limits used between configurations."""
 
 CANDIDATES = 512
-RANGE = 0.85
+RANGE = 0.95
 """Share of each joint's range that configurations use."""
 SPACING = 0.06
 """Least distance between configurations in one joint at least, as part of its range."""
@@ -106,10 +107,11 @@ def _gravity(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     if not columns:
         return []
     axes = np.flatnonzero(base_parameters(robot).dependencies.gravity.any(axis=1)).tolist()
-    rows = {(i, i): _gravity_row(robot, i, columns) for i in axes}
+    rows = {(i, i): _gravity_row(robot, i, axes, columns) for i in axes}
+    strokes = {(i, i): {i: _gravity_motion(robot, i)["stroke"]} for i in axes}
     return [
         Gravity(id=f"g{k:02d}", axis=i + 1, q=tuple(q), **_gravity_motion(robot, i))
-        for k, ((i, _), q) in enumerate(_configurations(robot, rows, count), start=1)
+        for k, ((i, _), q) in enumerate(_configurations(robot, rows, strokes, count), start=1)
     ]
 
 
@@ -119,16 +121,22 @@ def _inertia(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     mass = base_parameters(robot).dependencies.mass
     axes = [i for i in range(robot.n_joints) if mass[i, i, columns].any()]
     rows = {(i, i): _inertia_row(robot, i, i, columns) for i in axes}
+    strokes = {(i, i): {i: _inertia_motion(robot, i)["stroke"]} for i in axes}
     return [
         Inertia(id=f"i{k:02d}", axis=i + 1, q=tuple(q), **_inertia_motion(robot, i))
-        for k, ((i, _), q) in enumerate(_configurations(robot, rows, count), start=1)
+        for k, ((i, _), q) in enumerate(_configurations(robot, rows, strokes, count), start=1)
     ]
 
 
 def _coupling(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     if not columns:
         return []
-    rows = {pair: _inertia_row(robot, *pair, columns) for pair in _pairs(robot, columns)}
+    pairs = _pairs(robot, columns)
+    rows = {pair: _inertia_row(robot, *pair, columns) for pair in pairs}
+    strokes = {
+        (j, i): {j: _creep_motion(robot, j)["stroke"], i: _inertia_motion(robot, i)["stroke"]}
+        for j, i in pairs
+    }
     return [
         Coupling(
             id=f"c{k:02d}",
@@ -137,7 +145,7 @@ def _coupling(robot: Robot, count: int, columns: list[int]) -> list[Measurement]
             partner=_partner(robot, i),
             **_creep_motion(robot, j),
         )
-        for k, ((j, i), q) in enumerate(_configurations(robot, rows, count), start=1)
+        for k, ((j, i), q) in enumerate(_configurations(robot, rows, strokes, count), start=1)
     ]
 
 
@@ -157,10 +165,15 @@ def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
     return list(dict.fromkeys(found))
 
 
-def _gravity_row(robot: Robot, axis: int, columns: list[int]) -> Row:
+def _gravity_row(robot: Robot, axis: int, axes: list[int], columns: list[int]) -> Row:
+    """Gravity torque, and the offset of each axis that must be told apart from it."""
+
     def row(q: Array) -> Array:
         still = np.zeros_like(q)
-        return regressor(robot, q, still, still)[:, axis, columns]
+        gravity = regressor(robot, q, still, still)[:, axis, columns]
+        offsets = np.zeros((len(q), len(axes)))
+        offsets[:, axes.index(axis)] = robot.torque_limit[axis]
+        return np.column_stack([gravity, offsets])
 
     return row
 
@@ -176,10 +189,13 @@ def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) 
 
 
 def _configurations(
-    robot: Robot, rows: dict[tuple[int, int], Row], count: int
+    robot: Robot,
+    rows: dict[tuple[int, int], Row],
+    strokes: dict[tuple[int, int], dict[int, float]],
+    count: int,
 ) -> list[tuple[tuple[int, int], list[float]]]:
     """Axes (torque read, accelerated) and configuration of `count` measurements, in order."""
-    candidates = {axes: _candidates(robot, axes, row) for axes, row in rows.items()}
+    candidates = {axes: _candidates(robot, strokes[axes], row) for axes, row in rows.items()}
     weighted = {axes: rows[axes](candidates[axes]) / robot.torque_limit[axes[0]] for axes in rows}
     scale = np.sqrt(np.mean(np.concatenate(list(weighted.values())) ** 2, axis=0))
     covariance = 1e3 * np.eye(len(scale))
@@ -236,12 +252,12 @@ def _places(robot: Robot, candidates: Array) -> Array:
     return places
 
 
-def _candidates(robot: Robot, axes: tuple[int, int], row: Row) -> Array:
+def _candidates(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
     """Spread the joints that `row` depends on over their ranges, the others stay in the middle."""
     middle = (robot.q_min + robot.q_max) / 2
     half = RANGE * (robot.q_max - robot.q_min) / 2
-    for i in set(axes):
-        half[i] = max(half[i] - LONGEST_CREEP / 2, 0.0)
+    for i, stroke in strokes.items():
+        half[i] = max(half[i] - stroke / 2, 0.0)
     joints = _influencing(row, middle, half)
     q = np.tile(middle, (CANDIDATES, 1))
     if joints:
@@ -279,7 +295,7 @@ def _tour(
     return tour
 
 
-def _gravity_motion(robot: Robot, axis: int) -> dict[str, float | int]:
+def _gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
     velocity = GRAVITY_SPEED * float(robot.velocity_limit[axis])
     return {
         "stroke": min(velocity * GRAVITY_TIME, LONGEST_STROKE),
@@ -289,7 +305,7 @@ def _gravity_motion(robot: Robot, axis: int) -> dict[str, float | int]:
     }
 
 
-def _inertia_motion(robot: Robot, axis: int) -> dict[str, float | int]:
+def _inertia_motion(robot: Robot, axis: int) -> dict[str, Any]:
     velocity = INERTIA_SPEED * float(robot.velocity_limit[axis])
     limit = INERTIA_ACCELERATION * float(robot.acceleration_limit[axis])
     acceleration = min(limit, velocity / INERTIA_RAMP)
@@ -312,7 +328,7 @@ def _partner(robot: Robot, axis: int) -> Partner:
     )
 
 
-def _creep_motion(robot: Robot, axis: int) -> dict[str, float | int]:
+def _creep_motion(robot: Robot, axis: int) -> dict[str, Any]:
     velocity = CREEP_SPEED * float(robot.velocity_limit[axis])
     return {
         "stroke": min(velocity * CREEP_TIME, LONGEST_CREEP),
