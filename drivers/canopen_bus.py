@@ -207,7 +207,7 @@ class CanopenDriveBus:
         )
         self.notes = tuple(note for server in self._servers for note in server.notes)
         for note in self.notes:
-            log.info("%s", note)
+            log.warning("%s", note)
 
     def _start(self) -> None:
         for server in self._servers:
