@@ -36,6 +36,7 @@ class Readout:
     def __init__(self, axes: Sequence[AxisDrive]) -> None:
         scales = [AxisScale.of(axis) for axis in axes]
         self._zeros = [scale.zero for scale in scales]
+        self._shifted = any(self._zeros)
         self._per_increment = [scale.position for scale in scales]
         self._per_current = [scale.torque for scale in scales]
         self._limits = (0,) * len(axes)
@@ -56,8 +57,10 @@ class Readout:
         reached : bool
             See `Sample`.
         """
-        q = tuple(map(mul, map(sub, exchange.positions, self._zeros), self._per_increment))
-        tau = tuple(map(mul, exchange.currents, self._per_current))
+        positions = exchange.positions
+        increments = map(sub, positions, self._zeros) if self._shifted else positions
+        q = tuple(map(mul, self._per_increment, increments))
+        tau = tuple(map(mul, self._per_current, exchange.currents))
         sample = _new_tuple(Sample, (time, q, tau, self._limits, reached))
         return _with_gaps(sample, exchange.flags) if exchange.irregular else sample
 

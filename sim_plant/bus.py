@@ -93,7 +93,8 @@ class PlantBus(can.BusABC):
         """
         if msg.is_fd:
             raise can.CanOperationError("the plant's drives know no CAN FD: send classical frames")
-        self._opened().transmit(msg, self._inbox, echo=self._echo)
+        plant = self._plant or self._opened()
+        plant.transmit(msg, self._inbox, self._echo)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""

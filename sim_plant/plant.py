@@ -157,7 +157,7 @@ class Plant:
             *self._arm, self.const, self.state, self.profile,
             self._normal, self._noise, self._image,
         )  # fmt: skip
-        self._rest = 0.0
+        self._step, self._rest = file.step, 0.0
         self.events = [int(AxisEvent.DONE | AxisEvent.STANDSTILL)] * n
         for i, axis in enumerate(file.axes):
             s = self.state[i]
@@ -181,10 +181,10 @@ class Plant:
 
     def advance(self, duration: float) -> None:
         """Let the physics run for `duration` [s]; what is no whole step is kept for next time."""
-        h = self.file.step
-        self._rest += duration
-        steps = int(self._rest / h + 1e-6)
-        self._rest -= steps * h
+        h = self._step
+        rest = self._rest + duration
+        steps = int(rest / h + 1e-6)
+        self._rest = rest - steps * h
         self._latched = False
         while steps > 0:
             left = PERIOD - 1 - self._number % PERIOD
@@ -193,9 +193,9 @@ class Plant:
                 left = PERIOD
             some = steps if steps < left else left
             done = _run(some, self._number, h, self._noise_row, *self._memory)
+            self._latched = done == some
             self._number += abs(done)
             steps -= abs(done)
-            self._latched = done == some
             if done < 0:
                 self._report_events()
 

@@ -119,8 +119,9 @@ class SlaveNetwork:
         self._latch()
         for act in actions:
             act()
-        now = self._timers.now
-        self._present += [(now, identifier, data()) for identifier, data in reports]
+        now, present = self._timers.now, self._present
+        for identifier, data in reports:
+            present.append((now, identifier, data()))
 
     def _advance(self, duration: float) -> None:
         timers, machine = self._timers, self._machine
@@ -151,9 +152,10 @@ class SlaveNetwork:
         if self._stale:
             self._wire()
         frames = self._take_present()
-        if self._past:
-            frames, self._past = self._past + frames, []
-        return frames
+        if not self._past:
+            return frames
+        past, self._past = self._past, []
+        return past + frames
 
     def _take_present(self) -> list[Frame]:
         for act in self._event_actions:
