@@ -1,0 +1,114 @@
+"""How near the truth a whole campaign over CANopen frames gets, for several seeds of the plant.
+
+Each seed is a `hil run` of the designed plan on the virtual plant into a folder of its own, two
+side by side; both methods are then judged on the same recordings. The targets are those of the
+improved method::
+
+    python benchmarks/accuracy.py [--seeds 5] [--method improved] [--keep FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from hil.compare import Comparison, comparison
+from hil.dry_run_view import clock
+from hil.identification import METHODS, Method, estimate
+from hil.model_file import recorded
+from hil.run_folder import RunFolder
+from hil.truth import true_parameters
+
+ROBOT = "manutec-r15"
+SIDE_BY_SIDE = 2
+TARGETS = {"gravity": 0.03, "diagonal": 0.3, "off_diagonal": 2.0}
+"""Relative error in the norm of each group, rms over the seeds [%]."""
+TORQUE_TARGET = 0.4
+"""[%]."""
+COVERAGE_TARGET = "88-100"
+
+
+def hil(*arguments: object) -> None:
+    """Call the command line; its own message says what went wrong."""
+    command = [sys.executable, "-m", "hil", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(done.stderr)
+
+
+def measure(seed: int, folder: Path) -> Path:
+    """Run the whole campaign on the plant of `seed`, unless it was before."""
+    run = folder / f"seed-{seed}"
+    if not run.exists():
+        hil("run", folder / "plan.yaml", "-o", run, "--bus-option", f"seed={seed}")
+    return run
+
+
+def judge(run: Path, methods: list[Method]) -> tuple[dict[Method, Comparison], str]:
+    """Set every method's estimate against the truth; also tell measurements and robot time."""
+    folder = RunFolder.open(run)
+    recordings = list(recorded(folder))
+    truth = true_parameters(folder.robot, ROBOT)
+    found = {
+        method: comparison(estimate(folder.robot, recordings, method), folder.robot, truth)
+        for method in methods
+    }
+    kinds = [m.kind for m, _ in recordings]
+    counts = " + ".join(str(kinds.count(kind)) for kind in ("gravity", "inertia", "coupling"))
+    return found, f"{counts} measurements in {clock(recordings[-1][1].time[-1])} of robot time"
+
+
+def summarise(method: Method, results: list[Comparison]) -> None:
+    """Print one method's figures over all seeds, beside the targets."""
+    print(f"\n{method} method, {len(results)} seeds{'':17}reached    target")
+    for group, target in TARGETS.items():
+        errors = [100 * result.group_error[group] for result in results]
+        line("rms of the relative error, " + group.replace("_", "-"), rms(errors), target)
+    torques = [100 * result.mean_torque_error for result in results]
+    line("torques on a free motion, mean of joints", rms(torques), TORQUE_TARGET)
+    inside = 100 * np.mean([result.inside for result in results])
+    print(f"{'intervals of 95 % that hold the truth':42}{inside:8.1f} %  {COVERAGE_TARGET:>8} %")
+    size = np.sqrt(np.mean([result.z**2 for result in results]))
+    print(f"{'rms of error over standard error':42}{size:8.2f}")
+
+
+def line(what: str, reached: float, target: float) -> None:
+    """Print one figure beside its target."""
+    print(f"{what:42}{reached:8.3f} %  {target:8g} %")
+
+
+def rms(values: list[float]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def main() -> None:
+    """Measure, estimate, compare, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("--seeds", type=int, default=5, help="plants 1 to this")
+    parser.add_argument("--method", choices=METHODS, help="one of both [both]")
+    parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")
+    given = parser.parse_args()
+    methods: list[Method] = [given.method] if given.method else list(METHODS)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = given.keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / "plan.yaml").exists():
+            hil("plan", ROBOT, "-o", folder / "plan.yaml")
+        with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+            runs = list(pool.map(lambda seed: measure(seed, folder), range(1, given.seeds + 1)))
+        judged = [judge(run, methods) for run in runs]
+    for seed, (_, told) in enumerate(judged, start=1):
+        print(f"seed {seed}: {told}")
+    for method in methods:
+        summarise(method, [found[method] for found, _ in judged])
+
+
+if __name__ == "__main__":
+    main()

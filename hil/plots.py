@@ -1,0 +1,278 @@
+"""The plots of a report, each a function from evidence to a matplotlib figure.
+
+Figures are made with matplotlib's objects alone; there is no global state to set up or to leave
+behind but the style, which holds within `drawn`. What was measured is blue with error bars of two
+standard errors, what the model says is orange, wherever both appear.
+"""
+
+from __future__ import annotations
+
+import io
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from scipy import stats
+
+from hil.advice import correlation
+from hil.base_parameters import base_parameters
+from hil.local_fits import REFERENCE_SPEED
+from hil.rounding import signed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from hil.estimate import Estimate
+    from hil.local_fits import LocalValue
+    from hil.measurement import Measurement
+    from hil.robot import Robot
+
+    Array = NDArray[np.float64]
+
+INK, MUTED, GRID = "#1f2933", "#7b8794", "#e4e7eb"
+MEASURED, MODEL = "#1f5fa8", "#d9730d"
+KINDS = {"gravity": (MEASURED, "o"), "inertia": (MODEL, "s"), "coupling": ("#3f8f5f", "^")}
+"""Colour and marker of each kind of measurement."""
+WIDTH = 10.0
+"""Of a figure [inch]; reports scale it to the page."""
+DPI = 160
+STYLE = {
+    "font.size": 9, "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
+    "axes.labelsize": 9, "axes.edgecolor": MUTED, "axes.labelcolor": INK, "text.color": INK,
+    "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.7, "axes.axisbelow": True,
+    "xtick.color": INK, "ytick.color": INK, "xtick.labelsize": 8, "ytick.labelsize": 8,
+    "lines.linewidth": 1.1, "legend.frameon": False, "legend.fontsize": 8.5,
+    "figure.facecolor": "white", "svg.hashsalt": "hil",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What plots are drawn from.
+
+    Attributes
+    ----------
+    estimate : Estimate
+    robot : Robot
+    planned : mapping
+        Measurements by their id.
+    """
+
+    estimate: Estimate
+    robot: Robot
+    planned: Mapping[str, Measurement]
+
+    def of_kind(self, kind: str) -> list[LocalValue]:
+        """Local values of one kind, in the order of the plan."""
+        return [value for value in self.estimate.local if value.kind == kind]
+
+
+@contextmanager
+def drawn() -> Iterator[None]:
+    """Style of everything drawn and saved within."""
+    with mpl.rc_context(STYLE):
+        yield
+
+
+def image(figure: Figure, kind: str) -> bytes:
+    """Write a figure as ``svg`` or ``png``."""
+    FigureCanvasAgg(figure)
+    content = io.BytesIO()
+    metadata = {"Date": None} if kind == "svg" else None
+    figure.savefig(content, format=kind, dpi=DPI, metadata=metadata)
+    return content.getvalue()
+
+
+def gravity_torques(evidence: Evidence) -> Figure:
+    """Half-sums of eq. (14) against g_i(q) of the model: the paper's Fig. 5."""
+    return _elements(evidence.of_kind("gravity"), "g", "torque [N m]")
+
+
+def moments_of_inertia(evidence: Evidence) -> Figure:
+    """Diagonal elements by eq. (19) and (20) against M_ii(q) of the model: the paper's Fig. 6."""
+    return _elements(evidence.of_kind("inertia"), "M", "inertia [kg m²]")
+
+
+def couplings(evidence: Evidence) -> Figure:
+    """Off-diagonal elements by eq. (21) against M_ji(q) of the model."""
+    return _elements(evidence.of_kind("coupling"), "M", "inertia [kg m²]")
+
+
+def friction_levels(evidence: Evidence) -> Figure:
+    """Friction of every axis over the campaign, as step 1 finds it by the way."""
+    local = evidence.estimate.local
+    axes = sorted({value.axis for value in local})
+    figure, panels = _panels(len(axes), height=2.1)
+    last = max((value.time for value in local), default=0.0) / 60
+    for axis, (panel,) in zip(axes, panels, strict=True):
+        values = [value for value in local if value.axis == axis]
+        for kind, (colour, marker) in KINDS.items():
+            chosen = [value for value in values if value.kind == kind]
+            minutes = [value.time / 60 for value in chosen]
+            levels = [value.friction for value in chosen]
+            panel.plot(minutes, levels, marker, color=colour, markersize=3.6,
+                       markerfacecolor="white" if kind == "coupling" else colour,
+                       label=_friction_label(kind))  # fmt: skip
+        panel.set_title(f"axis {axis + 1}")
+        panel.set_xlabel("robot time [min]")
+        panel.set_ylabel("friction [N m]")
+        panel.set_xlim(-0.02 * last, 1.02 * last)
+        panel.margins(y=0.15)
+    _legend(figure, panels[0][0])
+    return figure
+
+
+def residuals(evidence: Evidence) -> Figure:
+    """What the model leaves of every measurement, as torque; and how normal that is."""
+    figure = Figure(figsize=(WIDTH, 3.3), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=[2.2, 1])
+    number = {value.id: k for k, value in enumerate(evidence.estimate.local, start=1)}
+    for kind, (colour, marker) in KINDS.items():
+        values = evidence.of_kind(kind)
+        left.plot([number[value.id] for value in values],
+                  [100 * _relative_residual(evidence, value) for value in values],
+                  marker, color=colour, markersize=3.6, label=kind)  # fmt: skip
+        normal, ordered = _quantiles(evidence, values)
+        right.plot(normal, ordered, marker, color=colour, markersize=3.2)
+    left.axhline(0.0, color=MUTED, linewidth=0.8)
+    left.set_xlabel("measurement, in the plan's order")
+    left.set_ylabel("measured − modelled [% of torque limit]")
+    left.set_title("residuals of all measurements")
+    right.axline((0.0, 0.0), slope=1.0, color=MUTED, linewidth=0.8)
+    right.set_xlabel("quantile of the normal distribution")
+    right.set_ylabel("residual, centred and scaled by axis")
+    right.set_title("normal probability plot")
+    _legend(figure, left)
+    return figure
+
+
+def correlations(evidence: Evidence) -> Figure:
+    """Correlation matrix of the parameters' errors, parameters in the order of their groups."""
+    base = base_parameters(evidence.robot)
+    order = [k for members in base.groups.values() for k in members]
+    found = correlation(evidence.estimate)[np.ix_(order, order)]
+    n = len(order)
+    figure = Figure(figsize=(0.7 * WIDTH, 0.58 * WIDTH), layout="constrained")
+    panel = figure.subplots()
+    panel.grid(visible=False)
+    shown = panel.imshow(found, cmap="RdBu_r", vmin=-1, vmax=1)
+    names = [base.names[k] for k in order]
+    panel.set_xticks(range(n), names, rotation=90 if n > 20 else 0)
+    panel.set_yticks(range(n), names)
+    panel.tick_params(length=0)
+    panel.spines[:].set_visible(False)
+    for i, j in np.ndindex(n, n):
+        if n <= 20 and i != j:
+            panel.text(j, i, signed(f"{found[i, j]:.1f}"), ha="center", va="center", fontsize=7,
+                       color="white" if abs(found[i, j]) > 0.6 else INK)  # fmt: skip
+    figure.colorbar(shown, ax=panel, label="correlation", shrink=0.8)
+    return figure
+
+
+PLOTS = {
+    "gravity": gravity_torques,
+    "inertia": moments_of_inertia,
+    "coupling": couplings,
+    "friction": friction_levels,
+    "residuals": residuals,
+    "correlation": correlations,
+}
+"""All of them by name, in the order of a report."""
+
+
+def _elements(values: Sequence[LocalValue], symbol: str, quantity: str) -> Figure:
+    """One panel an element: measured and modelled above, their difference below."""
+    keys = sorted({(value.axis, value.partner) for value in values})
+    figure, panels = _panels(len(keys), height=2.7, strip=0.32)
+    for (axis, partner), (above, below) in zip(keys, panels, strict=True):
+        chosen = [
+            (number, value)
+            for number, value in enumerate(values, start=1)
+            if (value.axis, value.partner) == (axis, partner)
+        ]
+        _measured_and_modelled(above, below, chosen)
+        index = f"{axis + 1}" if symbol == "g" else f"{axis + 1}{partner + 1}"
+        above.set_title(f"${symbol}_{{{index}}}$", fontsize=11)
+        above.set_ylabel(quantity)
+        below.set_ylabel("Δ " + quantity[quantity.index("[") :])
+        below.set_xlabel("configuration number")
+        below.set_xlim(0, len(values) + 1)
+        figure.align_ylabels([above, below])
+    if panels:
+        _legend(figure, panels[0][0])
+    return figure
+
+
+def _measured_and_modelled(
+    above: Axes, below: Axes, chosen: Sequence[tuple[int, LocalValue]]
+) -> None:
+    x = np.array([number for number, _ in chosen])
+    measured = np.array([value.value for _, value in chosen])
+    model = np.array([value.model for _, value in chosen])
+    error = 2.0 * np.nan_to_num([value.standard_error for _, value in chosen])
+    above.plot(x, model, color=MODEL, linewidth=0.6, alpha=0.6)
+    above.plot(x, model, "o", color=MODEL, markersize=5, markerfacecolor="white", label="modelled")
+    for panel, level in ((above, measured), (below, measured - model)):
+        panel.errorbar(x, level, error, fmt="x", color=MEASURED, markersize=4.5, elinewidth=0.9,
+                       label="measured, ± 2 standard errors")  # fmt: skip
+    below.axhline(0.0, color=MODEL, linewidth=1.0)
+    above.tick_params(labelbottom=False)
+    below.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+
+
+def _panels(n: int, height: float, strip: float = 0.0) -> tuple[Figure, list[tuple[Axes, ...]]]:
+    """A figure with `n` panels, up to three in a row, each with a strip of details below or not."""
+    columns = 2 if n == 4 else min(max(n, 1), 3)
+    rows = max(-(-n // columns), 1)
+    width = WIDTH if columns > 1 else 0.6 * WIDTH
+    figure = Figure(figsize=(width, 0.3 + height * rows), layout="constrained")
+    grid = figure.add_gridspec(rows, columns)
+    panels: list[tuple[Axes, ...]] = []
+    for k in range(n):
+        cell = grid[divmod(k, columns)]
+        if strip:
+            inner = cell.subgridspec(2, 1, height_ratios=[1.0, strip], hspace=0.05)
+            above = figure.add_subplot(inner[0])
+            panels.append((above, figure.add_subplot(inner[1], sharex=above)))
+        else:
+            panels.append((figure.add_subplot(cell),))
+    return figure, panels
+
+
+def _legend(figure: Figure, panel: Axes) -> None:
+    handles, labels = panel.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=len(handles))
+
+
+def _friction_label(kind: str) -> str:
+    speed = "creep speed" if kind == "coupling" else f"{REFERENCE_SPEED:.0%} of the speed limit"
+    return f"{kind}, at {speed}"
+
+
+def _relative_residual(evidence: Evidence, value: LocalValue) -> float:
+    """Measured less modelled as a torque over the axis's limit, eq. (16)."""
+    planned = evidence.planned[value.id]
+    mover = getattr(planned, "partner", planned)
+    scale = 1.0 if value.kind == "gravity" else mover.acceleration
+    return float((value.value - value.model) * scale / evidence.robot.torque_limit[value.axis])
+
+
+def _quantiles(evidence: Evidence, values: Sequence[LocalValue]) -> tuple[Array, Array]:
+    """Residuals of a kind, each axis's standardised, in order, and where normal ones would be."""
+    left = np.array([_relative_residual(evidence, value) for value in values])
+    axis = np.array([value.axis for value in values])
+    for a in set(axis.tolist()):
+        own = left[axis == a]
+        scatter = own.std(ddof=1) if len(own) > 1 else 0.0
+        left[axis == a] = (own - own.mean()) / (scatter or 1.0)
+    normal = stats.norm.ppf((np.arange(len(left)) + 0.5) / max(len(left), 1))
+    return np.asarray(normal, dtype=np.float64), np.sort(left)
