@@ -30,7 +30,7 @@ SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 def idle_machine() -> SimpleNamespace:
     """A machine whose axes stand still at no cost."""
     reading = Reading(1, 2, 3, 4, 5, 6, int(AxisEvent.DONE | AxisEvent.STANDSTILL))
-    rows = [reading] * N_AXES
+    readings = list(reading) * N_AXES
     drives = [
         DriveSettings(
             f"axis {n}", n, 1, 2, 3, n, 5000, 3000, 3000, 4096, (1, 1), (0, 0), 6000, 9999
@@ -41,7 +41,7 @@ def idle_machine() -> SimpleNamespace:
         drives=drives,
         axes=[mock.MagicMock() for _ in drives],
         advance=lambda _duration: None,
-        read=lambda: rows,
+        read=lambda: readings,
     )
 
 

@@ -9,7 +9,7 @@ begin behind this seam.
 from __future__ import annotations
 
 import enum
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -54,10 +54,6 @@ class Reading(NamedTuple):
     demand: int
     following_error: int
     events: int
-
-
-Row: TypeAlias = "Sequence[int]"
-"""The values of a `Reading` in order, not yet made one: few of those of a SYNC are looked at."""
 
 
 class Axis(Protocol):
@@ -109,8 +105,14 @@ class Machine(Protocol):
         that the firmware acts at the right instant, however long `duration` is.
         """
 
-    def read(self) -> Sequence[Row]:
-        """Latch encoders and current sensors of all axes at the present instant."""
+    def read(self) -> Sequence[int]:
+        """Latch encoders and current sensors of all axes at the present instant.
+
+        Returns
+        -------
+        sequence of int, length 7 n_axes
+            The fields of a `Reading` of each axis in turn.
+        """
 
     on_event: Callable[[int, int], None]
     """Called with axis index and `AxisEvent` bits when these change during `advance`."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sim_plant.abort_codes import AbortCode, SdoAbort
-from sim_plant.axis import AxisEvent, Reading
+from sim_plant.axis import AxisEvent
 from sim_plant.canopen_node import CanopenNode
 from sim_plant.cia402_states import (
     POWERED,
@@ -22,7 +22,7 @@ from sim_plant.cia402_states import (
     Status,
     command_of,
 )
-from sim_plant.drive_objects import STATUSWORD, declare, present
+from sim_plant.drive_objects import declare, present
 from sim_plant.emcy import ErrorCode
 from sim_plant.motion import Motion, Ramp
 from sim_plant.profile_position import ProfilePosition
@@ -31,13 +31,13 @@ from sim_plant.target_window import TargetWindow
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_plant.axis import Axis, Row
+    from sim_plant.axis import Axis
     from sim_plant.drive_settings import DriveSettings
+    from sim_plant.process_image import AxisImage
     from sim_plant.timers import Timers
 
 _ALWAYS_SET = Status.VOLTAGE_ENABLED | Status.REMOTE
 _OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
-_POSITION, _EVENTS = Reading._fields.index("position"), Reading._fields.index("events")
 _STAYS_STOPPED = 4
 """Quick stop options above this one stay in QUICK STOP ACTIVE; less 4 they are the ramp."""
 
@@ -49,58 +49,45 @@ class Cia402Node(CanopenNode):
     ----------
     settings : DriveSettings
     axis : Axis
+    image : AxisImage
+        What the axis shows.
     timers, emit, rewired
         As in `CanopenNode`.
 
     Attributes
     ----------
     state : State
-    image : list of int
-        The values of the `Reading` that was latched last, then the statusword.
     """
 
     def __init__(
         self,
         settings: DriveSettings,
         axis: Axis,
+        image: AxisImage,
         timers: Timers,
         emit: Callable[[int, bytes], None],
         rewired: Callable[[], None],
     ) -> None:
         super().__init__(settings.node_id, timers, emit, rewired)
         self.state = State.NOT_READY
-        self.image = [0] * (STATUSWORD + 1)
+        self._image = image
         self._controlword = 0
         self._next_state: State | None = None
-        self._motion = Motion(self.dictionary, axis, settings)
-        self._window = TargetWindow(self.dictionary, timers, self._refresh)
+        self._motion = Motion(self.dictionary, axis, settings, image)
+        self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
         self._position = ProfilePosition(
             self.dictionary, self._motion, self._window, self.emergencies
         )
         declare(self.dictionary, settings)
-        present(self.dictionary, self.image)
+        present(self.dictionary, image)
         self._connect_objects()
         self._reset_profile()
 
     # What the axis reports
 
-    @property
-    def reading(self) -> Reading:
-        """What was latched last."""
-        return Reading(*self.image[:STATUSWORD])
-
-    def latch(self, row: Row) -> None:
-        """Take what was latched at a SYNC; there is seldom news in it."""
-        self.image[:STATUSWORD] = row
-        window = self._window
-        if (
-            row[_EVENTS] != self._motion.events
-            or not window.quiet_low <= row[_POSITION] <= window.quiet_high
-        ):
-            self._attend()
-
-    def _attend(self) -> None:
-        reading = self.reading
+    def attend(self) -> None:
+        """Take what was latched at a SYNC, which has news."""
+        reading = self._image.reading
         self._take_events(reading.events)
         if self._follows_set_points:
             self._position.observe(reading)
@@ -162,7 +149,7 @@ class Cia402Node(CanopenNode):
             return
         self._next_state = None
         self.state = State.OPERATION_ENABLED
-        self._position.start(self.reading.demand, self._controlword & ~Control.NEW_SET_POINT)
+        self._position.start(self._image.reading.demand, self._controlword & ~Control.NEW_SET_POINT)
 
     # States
 
@@ -180,7 +167,8 @@ class Cia402Node(CanopenNode):
             self._motion.apply_torque_limit()
             self._motion.apply_following_window()
             self._motion.enable()
-            self._position.start(self.reading.position, self._controlword & ~Control.NEW_SET_POINT)
+            position = self._image.reading.position
+            self._position.start(position, self._controlword & ~Control.NEW_SET_POINT)
 
     def _slow_down(self, ramp: Ramp, then: State | None) -> None:
         """Stop, and go to state `then` when at rest."""
@@ -215,7 +203,7 @@ class Cia402Node(CanopenNode):
                 status |= Status.INTERNAL_LIMIT
         if events & AxisEvent.FOLLOWING_ERROR:
             status |= Status.FOLLOWING_ERROR
-        self.image[STATUSWORD] = status
+        self._image.statusword = status
 
     # Communication
 

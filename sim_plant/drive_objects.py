@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.axis import Reading
+from sim_plant.process_image import STATUSWORD
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from sim_plant.drive_settings import DriveSettings
     from sim_plant.object_dictionary import ObjectDictionary
+    from sim_plant.process_image import AxisImage
 
 PROFILE_POSITION = 1
 _U32_MAX = 0xFFFF_FFFF
@@ -20,8 +19,6 @@ _ALLOWED = {
     0x6060: (PROFILE_POSITION,),
 }
 
-STATUSWORD = len(Reading._fields)
-"""Where the statusword stands in a drive's image, behind the fields of a `Reading`."""
 _SHOWN = {
     0x6064: 0,
     0x6063: 0,
@@ -44,16 +41,17 @@ def declare(dictionary: ObjectDictionary, settings: DriveSettings) -> None:
         dictionary.allow(index, values)
 
 
-def present(dictionary: ObjectDictionary, image: Sequence[int]) -> None:
+def present(dictionary: ObjectDictionary, image: AxisImage) -> None:
     """Let the dictionary show what the drive measures and does.
 
     Parameters
     ----------
     dictionary : ObjectDictionary
-    image : sequence of int, length 8
-        The values of a `sim_plant.axis.Reading`, then the statusword; changed in place.
+    image : AxisImage
+        Where they stand.
     """
-    dictionary.imaged(_SHOWN, image)
+    slots = {index: image.slot(field) for index, field in _SHOWN.items()}
+    dictionary.imaged(slots, image.values)
     dictionary.source(0x6061, 0, lambda: dictionary.get(0x6060))
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sim_plant.axis import Axis
     from sim_plant.drive_settings import DriveSettings
     from sim_plant.object_dictionary import ObjectDictionary
+    from sim_plant.process_image import AxisImage
 
 _COMPLETION = AxisEvent.DONE | AxisEvent.STANDSTILL
 
@@ -33,19 +34,24 @@ class Ramp(enum.IntEnum):
 
 
 class Motion:
-    """One axis under the limits of its dictionary.
+    """One axis under the limits of its dictionary."""
 
-    Attributes
-    ----------
-    events : int
-        `AxisEvent` bits known to belong to the last command.
-    """
-
-    def __init__(self, dictionary: ObjectDictionary, axis: Axis, settings: DriveSettings) -> None:
+    def __init__(
+        self, dictionary: ObjectDictionary, axis: Axis, settings: DriveSettings, image: AxisImage
+    ) -> None:
         self._dictionary = dictionary
         self._axis = axis
         self._counts_per_rev = settings.increments_per_revolution
-        self.events = 0
+        self._image = image
+
+    @property
+    def events(self) -> int:
+        """`AxisEvent` bits known to belong to the last command."""
+        return self._image.events
+
+    @events.setter
+    def events(self, bits: int) -> None:
+        self._image.events = bits
 
     @property
     def done(self) -> bool:

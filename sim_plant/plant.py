@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from sim_plant.axis import Row
     from sim_plant.plant_file import Axis as AxisFile
 
     Array = NDArray[np.float64]
@@ -206,7 +205,7 @@ class Plant:
             if new != old:
                 self.on_event(i, new)
 
-    def read(self) -> Sequence[Row]:
+    def read(self) -> Sequence[int]:
         """Latch encoders and current sensors of all axes at the present instant."""
         if not self._latched:
             noise = self._noise[self._noise_row]
@@ -216,8 +215,8 @@ class Plant:
         if self._noise_row == STOCK:
             self._random.standard_normal(out=self._noise)
             self._noise_row = 0
-        rows: Sequence[Row] = self._image.tolist()
-        return rows
+        readings: Sequence[int] = self._image.ravel().tolist()
+        return readings
 
 
 def _arm(file: PlantFile) -> tuple[tuple[int, ...], Array, Array, Array]:

@@ -16,6 +16,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from sim_plant.cia402_node import Cia402Node
+from sim_plant.process_image import AxisImage, ProcessImage
 from sim_plant.timers import Timers
 
 if TYPE_CHECKING:
@@ -65,9 +66,12 @@ class SlaveNetwork:
         self._routes: dict[int, list[Callable[[bytes], None]]] = {}
         self._remote: dict[int, list[Callable[[], None]]] = {}
         self._event_actions: list[Callable[[], None]] = []
+        self._image = ProcessImage(len(machine.axes))
         self.nodes = tuple(
-            Cia402Node(settings, axis, self._timers, self._emit, self._rewire)
-            for settings, axis in zip(machine.drives, machine.axes, strict=True)
+            Cia402Node(
+                settings, axis, AxisImage(self._image, i), self._timers, self._emit, self._rewire
+            )
+            for i, (settings, axis) in enumerate(zip(machine.drives, machine.axes, strict=True))
         )
         for node in self.nodes:
             node.dictionary.react(0x1006, lambda _subindex, _value: self._rewire())
@@ -135,8 +139,9 @@ class SlaveNetwork:
         timers.now = end
 
     def _latch(self) -> None:
-        for node, row in zip(self.nodes, self._machine.read(), strict=True):
-            node.latch(row)
+        if self._image.latch(self._machine.read()):
+            for axis in self._image.news():
+                self.nodes[axis].attend()
 
     def _on_event(self, axis: int, events: int) -> None:
         self.nodes[axis].handle_events(events)

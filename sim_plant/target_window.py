@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sim_plant.object_dictionary import ObjectDictionary
+    from sim_plant.process_image import AxisImage
     from sim_plant.timers import Timers
 
 _OFF = 0xFFFF_FFFF
@@ -20,15 +20,18 @@ class TargetWindow:
     Attributes
     ----------
     reached : bool
-    quiet_low, quiet_high : float
-        While the position stays between these two there is nothing new to tell.
     """
 
     def __init__(
-        self, dictionary: ObjectDictionary, timers: Timers, changed: Callable[[], None]
+        self,
+        dictionary: ObjectDictionary,
+        timers: Timers,
+        image: AxisImage,
+        changed: Callable[[], None],
     ) -> None:
         self._dictionary = dictionary
         self._timers = timers
+        self._image = image
         self._changed = changed
         self._name = (dictionary.node_id, "position window")
         self._target = 0
@@ -40,7 +43,7 @@ class TargetWindow:
         """Stop watching; nothing is reached."""
         self._timers.stop(self._name)
         self._open = self._inside = self.reached = False
-        self.quiet_low, self.quiet_high = -math.inf, math.inf
+        self._image.expect_nothing()
 
     def open(self, target: int) -> None:
         """Watch for `target` from the next observation on."""
@@ -65,10 +68,10 @@ class TargetWindow:
 
     def attend(self) -> None:
         """Want to see every position."""
-        self.quiet_low, self.quiet_high = math.inf, -math.inf
+        self._image.expect_anything()
 
     def _enter(self, width: int) -> None:
-        self.quiet_low, self.quiet_high = self._target - width, self._target + width
+        self._image.expect_within(self._target - width, self._target + width)
         time = self._dictionary.get(0x6068)
         if time:
             self._timers.start(self._name, time / 1000, self._reach)

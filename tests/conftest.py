@@ -272,8 +272,8 @@ class IdealMachine:
                     self._events[number] = events
                     self.on_event(number, events)
 
-    def read(self) -> list[Reading]:
-        return [axis.reading() for axis in self.axes]
+    def read(self) -> list[int]:
+        return [value for axis in self.axes for value in axis.reading()]
 
 
 @pytest.fixture

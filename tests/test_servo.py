@@ -35,7 +35,7 @@ def move(plant: Plant, i: int, target: float, velocity: float, acceleration: flo
 
 
 def read(plant: Plant) -> list[Reading]:
-    return [Reading(*row) for row in plant.read()]
+    return [Reading(*row) for row in np.reshape(plant.read(), (len(plant.axes), -1)).tolist()]
 
 
 def events_of(plant: Plant) -> list[tuple[float, int, AxisEvent]]:
