@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 COUNTS = (64, 92, 9)
 """Configurations for gravity, diagonal and off-diagonal group: those of section 8."""
-TRAVEL = 0.6
+TRAVEL = 0.3
 """Share of the limits used between configurations."""
 
 CANDIDATES = 512
@@ -54,7 +54,7 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_CYCLES = 0.10, 2.0, 3
 """Share of the speed limit, duration of a window [s], back-and-forth motions."""
-INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.7, 0.5, 0.15, 5
+INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.7, 0.4, 0.15, 5
 """Shares of the limits, shortest ramp [s]."""
 LONGEST_STROKE = 1.0
 """So that a measurement stays in the neighbourhood of its configuration [rad]."""

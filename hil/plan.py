@@ -76,7 +76,7 @@ class Plan(FileModel):
     format: Literal[1] = 1
     robot: PlannedRobot
     sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(rounded)] = 0.004
-    travel: Fraction = 0.6
+    travel: Fraction = 0.3
     attempts: int = Field(default=3, ge=1, le=20)
     warm_up: WarmUp | None = None
     measurements: tuple[Measurement, ...] = Field(min_length=1)
