@@ -102,8 +102,8 @@ def test_travels_move_all_axes_at_once_at_their_share_of_the_limits(
     first = [(index, move) for _, index, move in ideal_bus.moves[:6]]
     assert [index for index, _ in first] == list(range(6))
     for index, move in first:
-        assert move.velocity == pytest.approx(0.6 * manutec.velocity_limit[index])
-        assert move.acceleration == pytest.approx(0.6 * manutec.acceleration_limit[index])
+        assert move.velocity == pytest.approx(small_plan.travel * manutec.velocity_limit[index])
+        assert move.acceleration == pytest.approx(small_plan.travel * manutec.acceleration_limit[index])
         assert move.target == pytest.approx(small_plan.measurements[0].start[index])
 
 
