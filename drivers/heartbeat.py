@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import can
+
 from drivers.drive_bus import NodeSilent
 
 if TYPE_CHECKING:
@@ -58,7 +60,9 @@ class Heartbeats:
         self.due = -math.inf
         self.trouble: NodeSilent | None = None
         self._network = network
-        self._identifier = 0x700 + master
+        self._frame = can.Message(
+            arbitration_id=0x700 + master, data=[OPERATIONAL], is_extended_id=False
+        )
         self._labels = labels
         self._period = period
         self._timeout = timeout
@@ -77,18 +81,18 @@ class Heartbeats:
         now = self._now()
         if now >= self.due:
             self.due = now + self._period
-            self._network.send_message(self._identifier, bytes([OPERATIONAL]))
+            self._network.send_frame(self._frame)
 
     def service(self) -> None:
         """Send our heartbeat if it is due, and look who is overdue."""
         self.beat()
         now = self._now()
-        for node, heard in self._heard.items():
-            if now - heard > self._timeout and self.trouble is None:
-                self.trouble = NodeSilent(
-                    f"{self._labels[node]}: no heartbeat for {now - heard:.3g} s (limit "
-                    f"{self._timeout:g} s); check the drive's supply and the CAN wiring"
-                )
+        if self._heard and self.trouble is None and now - min(self._heard.values()) > self._timeout:
+            node = min(self._heard, key=self._heard.__getitem__)
+            self.trouble = NodeSilent(
+                f"{self._labels[node]}: no heartbeat for {now - self._heard[node]:.3g} s (limit "
+                f"{self._timeout:g} s); check the drive's supply and the CAN wiring"
+            )
 
     def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp

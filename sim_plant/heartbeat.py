@@ -31,18 +31,19 @@ class HeartbeatProducer:
         self._timers = timers
         self._send = send
         self._name = (dictionary.node_id, "heartbeat producer")
+        self._period = 0.0
         dictionary.react(0x1017, lambda _subindex, _value: self.restart())
 
     def restart(self) -> None:
         """Begin with the period that 1017h holds now."""
         self._timers.stop(self._name)
-        period = self._dictionary.get(0x1017)
-        if period:
-            self._timers.start(self._name, period / 1000, self._beat)
+        self._period = self._dictionary.get(0x1017) / 1000
+        if self._period:
+            self._timers.start(self._name, self._period, self._beat)
 
     def _beat(self) -> None:
+        self._timers.start(self._name, self._period, self._beat)
         self._send()
-        self.restart()
 
 
 class HeartbeatConsumer:
