@@ -91,9 +91,36 @@ def estimate(
     NotIdentifiable
         Base parameters that the measurements do not excite.
     """
-    prepared, left_out = _prepare(recorded)
+    return estimates(robot, recorded, (method,))[method]
+
+
+def estimates(
+    robot: Robot,
+    recorded: Iterable[tuple[Measurement, Recording]],
+    methods: Sequence[Method] = METHODS,
+) -> dict[Method, Estimate]:
+    """Identify by several methods, which share the signals and the local fits.
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters that the measurements do not excite.
+    """
+    prepared, unusable = _prepare(recorded)
     fits, useless = _local_fits(robot, prepared)
     condition = _require_rank(robot, fits)
+    left_out = (*unusable, *useless)
+    return {m: _estimate(robot, prepared, fits, condition, left_out, m) for m in methods}
+
+
+def _estimate(
+    robot: Robot,
+    prepared: Prepared,
+    fits: Sequence[LocalFit],
+    condition: dict[str, float],
+    left_out: tuple[str, ...],
+    method: Method,
+) -> Estimate:
     solver: Solver = TwoStep(robot, fits) if method == "printed" else Joint(robot, prepared)
     p = solver.solve()
     covariance, degrees = jackknife(solver, p)
@@ -109,7 +136,7 @@ def estimate(
         residual=_residual(robot, local),
         condition=condition,
         local=local,
-        left_out=(*left_out, *useless),
+        left_out=left_out,
     )
 
 
