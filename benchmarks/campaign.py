@@ -1,0 +1,211 @@
+"""Robot time per wall time of a campaign over CANopen, recorded to disk, on two buses in turn.
+
+The same minute of motion is measured with the whole program (sequencer, driver, CAN frames, drives,
+physics, checks, run folder) once over ``sim_plant``, where the plant keeps step with SYNC inside
+``send``, and once over python-can's stock ``virtual`` bus with the plant served by a thread. Both
+run in lock-step, so each is as fast as it can. Switching the drives on is not counted. They take
+turns, so that a busy machine slows both; the table shows medians and the best run.
+
+Where the time goes is found in a run of its own, with a stopwatch around each layer's entry; what
+the stopwatches cost is in the figures::
+
+    python benchmarks/campaign.py
+"""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING
+from unittest import mock
+
+import can
+from rich.console import Console
+from rich.table import Table
+
+from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
+from drivers.drives_file import load_drives
+from drivers.exchange import Exchange
+from hil.campaign import run_campaign
+from hil.events import Finished, Started
+from hil.experiment_design import design
+from hil.robot import ROBOTS, load_robot
+from hil.run_folder import RunFolder
+from hil.timetable import timetable
+from sim_plant.bus import PlantBus
+from sim_plant.plant import Plant, load_plant
+from sim_plant.server import serve
+from sim_plant.slave_network import SlaveNetwork
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from hil.measurement import Measurement
+    from hil.plan import Plan
+
+ROBOT = "manutec-r15"
+DURATION = 60.0
+"""How much motion is measured [s]."""
+REPEATS = 7
+
+robot = load_robot(ROBOT)
+drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
+
+
+def minute() -> Plan:
+    """Return a part of the designed campaign that takes about `DURATION`: some of each kind."""
+    whole = design(robot)
+    kinds: dict[str, list[Measurement]] = {}
+    for measurement in whole.measurements:
+        kinds.setdefault(measurement.kind, []).append(measurement)
+    taken, time_left = [], DURATION
+    for measurement in itertools.chain(*zip(*kinds.values(), strict=False)):
+        if measurement.duration < time_left:
+            taken.append(measurement)
+            time_left -= measurement.duration
+    return whole.model_copy(update={"measurements": tuple(taken)})
+
+
+@contextmanager
+def in_step() -> Iterator[CanopenDriveBus]:
+    """The plant inside the bus."""
+    yield open_drive_bus(drives, "sim_plant", ROBOT)
+
+
+@contextmanager
+def in_thread() -> Iterator[CanopenDriveBus]:
+    """The plant in a thread behind python-can's ``virtual`` bus."""
+    stop = threading.Event()
+    with (
+        can.Bus(interface="virtual", channel="campaign") as plant_side,
+        can.Bus(interface="virtual", channel="campaign") as our_side,
+    ):
+        arguments = (plant_side, load_plant(ROBOT), "sync", stop)
+        server = threading.Thread(target=serve, args=arguments)
+        server.start()
+        try:
+            yield CanopenDriveBus(our_side, drives, pacing="lock-step")
+        finally:
+            stop.set()
+            server.join()
+
+
+def measure(
+    plan: Plan, bus: CanopenDriveBus, started: Callable[[], None] = lambda: None
+) -> tuple[float, float]:
+    """Carry out the plan into a temporary folder; return robot time and wall time [s].
+
+    `started` is called when the drives are on and nothing has moved yet.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        folder = RunFolder.create(Path(place) / "run", plan, robot)
+        for event in run_campaign(folder, bus):
+            if isinstance(event, Started):
+                started()
+                wall, robot_time = -time.perf_counter(), -event.time
+            if isinstance(event, Finished):
+                wall += time.perf_counter()
+                robot_time += event.time
+                assert not event.gave_up, f"measured with findings: {event.gave_up}"
+    return robot_time, wall
+
+
+class Stopwatch:
+    """Time spent in functions, without what is spent in others that are watched too."""
+
+    def __init__(self) -> None:
+        self.spent: defaultdict[str, float] = defaultdict(float)
+        self._inside = 0.0
+
+    def watch(self, what: str, function: Callable[..., object]) -> Callable[..., object]:
+        """Return `function`, watched."""
+        clock = time.perf_counter
+
+        def watched(*args: object, **kwargs: object) -> object:
+            outer, self._inside = self._inside, 0.0
+            begin = clock()
+            try:
+                return function(*args, **kwargs)
+            finally:
+                whole = clock() - begin
+                self.spent[what] += whole - self._inside
+                self._inside = outer + whole
+
+        return watched
+
+
+LAYERS = (
+    ("run folder", RunFolder, "write"),
+    ("driver", CanopenDriveBus, "sample"),
+    ("driver", CanopenDriveBus, "move"),
+    ("reception of frames, bus and driver", Exchange, "_collect"),
+    ("sending of frames, bus", PlantBus, "send"),
+    ("drives", SlaveNetwork, "receive"),
+    ("physics", Plant, "advance"),
+    ("physics", Plant, "read"),
+)
+
+
+def split(plan: Plan) -> tuple[dict[str, float], float]:
+    """Return the cost of each layer and of everything [us per SYNC]."""
+    stopwatch = Stopwatch()
+    with ExitStack() as patches, in_step() as bus:
+        for what, owner, name in LAYERS:
+            watched = stopwatch.watch(what, getattr(owner, name))
+            patches.enter_context(mock.patch.object(owner, name, watched))
+        robot_time, wall = measure(plan, bus, stopwatch.spent.clear)
+    syncs = robot_time / drives.sync_period
+    costs = {what: stopwatch.spent[what] / syncs * 1e6 for what, *_ in LAYERS}
+    return costs, wall / syncs * 1e6
+
+
+def main() -> None:
+    """Measure and print."""
+    plan = minute()
+    out = Console()
+    table = timetable(plan, robot, plan.measurements)
+    moved = sum(entry.travel + entry.duration for entry in table)
+    out.print(
+        f"{len(plan.measurements)} measurements, {moved:.0f} s of motion, SYNC every"
+        f" {drives.sync_period * 1e3:g} ms, recorded to {tempfile.gettempdir()}"
+    )
+    speeds: dict[str, list[float]] = {"sim_plant, in step": [], "virtual, plant in a thread": []}
+    for _ in range(REPEATS):
+        for speed, open_bus in zip(speeds.values(), (in_step, in_thread), strict=True):
+            with open_bus() as bus:
+                robot_time, wall = measure(plan, bus)
+            speed.append(robot_time / wall)
+    show_speeds(speeds, out)
+    show_split(*split(plan), out)
+
+
+def show_speeds(speeds: dict[str, list[float]], out: Console) -> None:
+    """Print robot time per wall time."""
+    table = Table("bus", "robot time / wall time", "best", "us per SYNC")
+    for name, values in speeds.items():
+        middle = median(values)
+        each = drives.sync_period / middle * 1e6
+        table.add_row(name, f"{middle:.0f}", f"{max(values):.0f}", f"{each:.1f}")
+    out.print(table)
+    ratios = [ours / stock for ours, stock in zip(*speeds.values(), strict=True)]
+    out.print(f"in step is {median(ratios):.1f} times as fast")
+
+
+def show_split(costs: dict[str, float], whole: float, out: Console) -> None:
+    """Print where the time goes."""
+    table = Table("layer", "us per SYNC")
+    for what, cost in costs.items():
+        table.add_row(what, f"{cost:.1f}")
+    table.add_row("sequencer, recorder, checks", f"{whole - sum(costs.values()):.1f}")
+    table.add_row("all, stopwatches included", f"{whole:.1f}")
+    out.print(table)
+
+
+if __name__ == "__main__":
+    main()
