@@ -20,7 +20,7 @@ import numpy as np
 
 from hil.compare import Comparison, comparison
 from hil.dry_run_view import clock
-from hil.identification import METHODS, Method, estimate
+from hil.identification import METHODS, Method, estimates
 from hil.model_file import recorded
 from hil.run_folder import RunFolder
 from hil.truth import true_parameters
@@ -56,8 +56,8 @@ def judge(run: Path, methods: list[Method]) -> tuple[dict[Method, Comparison], s
     recordings = list(recorded(folder))
     truth = true_parameters(folder.robot, ROBOT)
     found = {
-        method: comparison(estimate(folder.robot, recordings, method), folder.robot, truth)
-        for method in methods
+        method: comparison(found, folder.robot, truth)
+        for method, found in estimates(folder.robot, recordings, methods).items()
     }
     kinds = [m.kind for m, _ in recordings]
     counts = " + ".join(str(kinds.count(kind)) for kind in ("gravity", "inertia", "coupling"))

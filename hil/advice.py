@@ -17,7 +17,6 @@ from hil.base_parameters import base_parameters
 from hil.identifiability import observations
 from hil.identification import GROUP_OF
 from hil.measurement import Coupling
-from hil.rounding import percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -27,13 +26,14 @@ if TYPE_CHECKING:
     from hil.estimate import Estimate
     from hil.measurement import Measurement
     from hil.plan import Plan
+    from hil.prediction import Prediction
     from hil.recording_file import Measured
     from hil.robot import Robot
 
     Array = NDArray[np.float64]
 
-WEAK = 0.05
-"""Standard error over value above which a parameter is weak."""
+WEAK = 0.005
+"""Standard error of a parameter, as a share of some joint's torque, above which it is weak."""
 FEW_DEGREES = 2.5
 """Effective degrees of freedom up to which an interval rests on next to nothing."""
 FEW_ROWS = 3
@@ -60,22 +60,32 @@ class Advice:
         What is weak, with its figure.
     remedy : str
         What to do about it.
+    urgent : bool
+        Whether to do it is advised; if not it is only to be known.
     """
 
     subject: str
     what: str
     remedy: str
+    urgent: bool = True
 
 
 def advice(
-    estimate: Estimate, robot: Robot, plan: Plan, campaign: Sequence[Measured]
+    estimate: Estimate,
+    prediction: Prediction,
+    robot: Robot,
+    plan: Plan,
+    campaign: Sequence[Measured],
 ) -> tuple[Advice, ...]:
-    """Judge a result and the measurements behind it; those of `plan` not in `campaign` miss."""
+    """Judge a result and the measurements behind it; those of `plan` not in `campaign` miss.
+
+    Weak parameters are those whose uncertainty shows in the torques of a free motion.
+    """
     return (
         *_campaign(estimate, plan, campaign),
         *_outliers(estimate),
         *_groups(estimate, robot),
-        *_parameters(estimate, robot, plan),
+        *_parameters(estimate, prediction, robot, plan),
         *_correlations(estimate, robot),
         *_drives(robot),
         *_offsets(estimate),
@@ -139,16 +149,25 @@ def _groups(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
                          f"{kind} measurements that vary more joints")  # fmt: skip
 
 
-def _parameters(estimate: Estimate, robot: Robot, plan: Plan) -> Iterator[Advice]:
+def _parameters(
+    estimate: Estimate, prediction: Prediction, robot: Robot, plan: Plan
+) -> Iterator[Advice]:
     base = base_parameters(robot)
+    effect = np.nan_to_num(prediction.relative_effect)
     for k, name in enumerate(base.names):
-        error, value = float(estimate.standard_error[k]), float(estimate.p[k])
-        if error > WEAK * abs(value):
-            what = f"standard error {error:.2g} {base.units[k]}, {percent(error, value)} % of it"
+        joint = int(np.argmax(effect[:, k]))
+        if effect[joint, k] > WEAK:
+            what = (
+                f"its standard error, {estimate.standard_error[k]:.2g} {base.units[k]}, is"
+                f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}"
+            )
             yield Advice(name, what, _best_measurement(robot, plan, k))
         degrees = float(estimate.degrees_of_freedom[k])
         if degrees < FEW_DEGREES:
-            what = f"its interval rests on {degrees:.1f} effective degrees of freedom"
+            what = (
+                f"its interval is wide because few measurements tell it: {degrees:.1f} effective"
+                " degrees of freedom"
+            )
             yield Advice(name, what, _best_measurement(robot, plan, k))
 
 
@@ -184,27 +203,33 @@ def _drives(robot: Robot) -> Iterator[Advice]:
         "torque constants": robot.torque_constant_uncertainty,
         "rotor inertias": robot.rotor_inertia_uncertainty,
     }
-    for what, uncertainty in stated.items():
-        if not uncertainty.any():
-            yield Advice(
-                what,
-                "taken as exact: their errors shift parameters and show in no residual",
-                "state their uncertainty in the robot file and identify again",
-            )
+    exact = [what for what, uncertainty in stated.items() if not uncertainty.any()]
+    if exact:
+        yield Advice(
+            " and ".join(exact),
+            "taken as exact; their errors shift parameters, show in no residual and are not in the"
+            " intervals",
+            "state their uncertainty in the robot file to have it carried to the parameters",
+            urgent=False,
+        )
 
 
 def _offsets(estimate: Estimate) -> Iterator[Advice]:
     """Half-sums that miss the model by the same amount everywhere."""
+    found = {}
     gravity = [v for v in estimate.local if v.kind == "gravity"]
     for axis in sorted({v.axis for v in gravity}):
         left = np.array([v.value - v.model for v in gravity if v.axis == axis])
         if len(left) > 2 and abs(left.mean()) > OFFSET * left.std(ddof=1) / np.sqrt(len(left)):
-            yield Advice(
-                f"axis {axis + 1}",
-                f"half-sums are {left.mean():+.2g} N m off on average: friction differs by"
-                " direction, or the current sensor has an offset",
-                "none needed: the improved method fits it; it shifts the printed one's parameters",
-            )
+            found[f"axis {axis + 1}"] = f"{left.mean():+.2f} N m".replace("-", "−")
+    if found:
+        yield Advice(
+            ", ".join(found),
+            f"half-sums are off by {', '.join(found.values())} on average: friction differs by"
+            " direction, or the current sensor has an offset",
+            "nothing: the improved method fits it; it shifts the printed one's parameters",
+            urgent=False,
+        )
 
 
 def _axes(m: Measurement) -> str:

@@ -167,11 +167,18 @@ def identify(
 
 
 @app.command()
-def report(folder: RunPath) -> None:
+def report(
+    folder: RunPath,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for the plots as PNG files too.")
+    ] = None,
+) -> None:
     """Write a run's report, one HTML file."""
     from hil import report as module  # noqa: PLC0415 - slow to import, used here only
 
-    module.report(folder)
+    begun = perf_counter()
+    path = module.report(folder, figures)
+    out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -1,20 +1,15 @@
 """The plots of a report, each a function from evidence to a matplotlib figure.
 
-Figures are made with matplotlib's objects alone; there is no global state to set up or to leave
-behind but the style, which holds within `drawn`. What was measured is blue with error bars of two
-standard errors, what the model says is orange, wherever both appear.
+What was measured is blue with error bars of two standard errors, what the model says is orange,
+wherever both appear. Call and save them within `hil.plot_style.drawn`.
 """
 
 from __future__ import annotations
 
-import io
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from scipy import stats
@@ -22,10 +17,21 @@ from scipy import stats
 from hil.advice import correlation
 from hil.base_parameters import base_parameters
 from hil.local_fits import REFERENCE_SPEED
+from hil.plot_style import (
+    INK,
+    MEASURED,
+    MODEL,
+    MUTED,
+    WIDTH,
+    align_label,
+    fixed_grid,
+    legend,
+    panels_in_rows,
+)
 from hil.rounding import signed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
@@ -37,22 +43,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-INK, MUTED, GRID = "#1f2933", "#7b8794", "#e4e7eb"
-MEASURED, MODEL = "#1f5fa8", "#d9730d"
 KINDS = {"gravity": (MEASURED, "o"), "inertia": (MODEL, "s"), "coupling": ("#3f8f5f", "^")}
 """Colour and marker of each kind of measurement."""
-WIDTH = 10.0
-"""Of a figure [inch]; reports scale it to the page."""
-DPI = 160
-STYLE = {
-    "font.size": 9, "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
-    "axes.labelsize": 9, "axes.edgecolor": MUTED, "axes.labelcolor": INK, "text.color": INK,
-    "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False,
-    "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.7, "axes.axisbelow": True,
-    "xtick.color": INK, "ytick.color": INK, "xtick.labelsize": 8, "ytick.labelsize": 8,
-    "lines.linewidth": 1.1, "legend.frameon": False, "legend.fontsize": 8.5,
-    "figure.facecolor": "white", "svg.hashsalt": "hil",
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,22 +68,6 @@ class Evidence:
         return [value for value in self.estimate.local if value.kind == kind]
 
 
-@contextmanager
-def drawn() -> Iterator[None]:
-    """Style of everything drawn and saved within."""
-    with mpl.rc_context(STYLE):
-        yield
-
-
-def image(figure: Figure, kind: str) -> bytes:
-    """Write a figure as ``svg`` or ``png``."""
-    FigureCanvasAgg(figure)
-    content = io.BytesIO()
-    metadata = {"Date": None} if kind == "svg" else None
-    figure.savefig(content, format=kind, dpi=DPI, metadata=metadata)
-    return content.getvalue()
-
-
 def gravity_torques(evidence: Evidence) -> Figure:
     """Half-sums of eq. (14) against g_i(q) of the model: the paper's Fig. 5."""
     return _elements(evidence.of_kind("gravity"), "g", "torque [N m]")
@@ -111,7 +87,7 @@ def friction_levels(evidence: Evidence) -> Figure:
     """Friction of every axis over the campaign, as step 1 finds it by the way."""
     local = evidence.estimate.local
     axes = sorted({value.axis for value in local})
-    figure, panels = _panels(len(axes), height=2.1)
+    figure, panels = panels_in_rows(len(axes), height=2.1)
     last = max((value.time for value in local), default=0.0) / 60
     for axis, (panel,) in zip(axes, panels, strict=True):
         values = [value for value in local if value.axis == axis]
@@ -127,14 +103,14 @@ def friction_levels(evidence: Evidence) -> Figure:
         panel.set_ylabel("friction [N m]")
         panel.set_xlim(-0.02 * last, 1.02 * last)
         panel.margins(y=0.15)
-    _legend(figure, panels[0][0])
+    legend(figure, panels[0][0])
     return figure
 
 
 def residuals(evidence: Evidence) -> Figure:
     """What the model leaves of every measurement, as torque; and how normal that is."""
-    figure = Figure(figsize=(WIDTH, 3.3), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=[2.2, 1])
+    figure, grid = fixed_grid(WIDTH, 3.4, 1, 2, ratios=(2.2, 1.0))
+    left, right = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
     number = {value.id: k for k, value in enumerate(evidence.estimate.local, start=1)}
     for kind, (colour, marker) in KINDS.items():
         values = evidence.of_kind(kind)
@@ -151,7 +127,7 @@ def residuals(evidence: Evidence) -> Figure:
     right.set_xlabel("quantile of the normal distribution")
     right.set_ylabel("residual, centred and scaled by axis")
     right.set_title("normal probability plot")
-    _legend(figure, left)
+    legend(figure, left)
     return figure
 
 
@@ -161,8 +137,8 @@ def correlations(evidence: Evidence) -> Figure:
     order = [k for members in base.groups.values() for k in members]
     found = correlation(evidence.estimate)[np.ix_(order, order)]
     n = len(order)
-    figure = Figure(figsize=(0.7 * WIDTH, 0.58 * WIDTH), layout="constrained")
-    panel = figure.subplots()
+    figure = Figure(figsize=(0.7 * WIDTH, 0.58 * WIDTH))
+    panel = figure.add_axes((0.08, 0.06, 0.76, 0.917))
     panel.grid(visible=False)
     shown = panel.imshow(found, cmap="RdBu_r", vmin=-1, vmax=1)
     names = [base.names[k] for k in order]
@@ -171,10 +147,10 @@ def correlations(evidence: Evidence) -> Figure:
     panel.tick_params(length=0)
     panel.spines[:].set_visible(False)
     for i, j in np.ndindex(n, n):
-        if n <= 20 and i != j:
+        if n <= 20 and i != j and abs(found[i, j]) >= 0.05:
             panel.text(j, i, signed(f"{found[i, j]:.1f}"), ha="center", va="center", fontsize=7,
                        color="white" if abs(found[i, j]) > 0.6 else INK)  # fmt: skip
-    figure.colorbar(shown, ax=panel, label="correlation", shrink=0.8)
+    figure.colorbar(shown, cax=figure.add_axes((0.88, 0.2, 0.025, 0.6)), label="correlation")
     return figure
 
 
@@ -192,7 +168,7 @@ PLOTS = {
 def _elements(values: Sequence[LocalValue], symbol: str, quantity: str) -> Figure:
     """One panel an element: measured and modelled above, their difference below."""
     keys = sorted({(value.axis, value.partner) for value in values})
-    figure, panels = _panels(len(keys), height=2.7, strip=0.32)
+    figure, panels = panels_in_rows(len(keys), height=2.7, strip=0.32)
     for (axis, partner), (above, below) in zip(keys, panels, strict=True):
         chosen = [
             (number, value)
@@ -205,10 +181,10 @@ def _elements(values: Sequence[LocalValue], symbol: str, quantity: str) -> Figur
         above.set_ylabel(quantity)
         below.set_ylabel("Δ " + quantity[quantity.index("[") :])
         below.set_xlabel("configuration number")
-        below.set_xlim(0, len(values) + 1)
-        figure.align_ylabels([above, below])
+        for panel in (above, below):
+            align_label(figure, panel)
     if panels:
-        _legend(figure, panels[0][0])
+        legend(figure, panels[0][0])
     return figure
 
 
@@ -227,30 +203,6 @@ def _measured_and_modelled(
     below.axhline(0.0, color=MODEL, linewidth=1.0)
     above.tick_params(labelbottom=False)
     below.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-
-
-def _panels(n: int, height: float, strip: float = 0.0) -> tuple[Figure, list[tuple[Axes, ...]]]:
-    """A figure with `n` panels, up to three in a row, each with a strip of details below or not."""
-    columns = 2 if n == 4 else min(max(n, 1), 3)
-    rows = max(-(-n // columns), 1)
-    width = WIDTH if columns > 1 else 0.6 * WIDTH
-    figure = Figure(figsize=(width, 0.3 + height * rows), layout="constrained")
-    grid = figure.add_gridspec(rows, columns)
-    panels: list[tuple[Axes, ...]] = []
-    for k in range(n):
-        cell = grid[divmod(k, columns)]
-        if strip:
-            inner = cell.subgridspec(2, 1, height_ratios=[1.0, strip], hspace=0.05)
-            above = figure.add_subplot(inner[0])
-            panels.append((above, figure.add_subplot(inner[1], sharex=above)))
-        else:
-            panels.append((figure.add_subplot(cell),))
-    return figure, panels
-
-
-def _legend(figure: Figure, panel: Axes) -> None:
-    handles, labels = panel.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=len(handles))
 
 
 def _friction_label(kind: str) -> str:
