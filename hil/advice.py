@@ -17,6 +17,7 @@ from hil.base_parameters import base_parameters
 from hil.identifiability import observations
 from hil.identification import GROUP_OF
 from hil.measurement import Coupling
+from hil.rounding import signed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -105,7 +106,7 @@ def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> I
     measured_ids = {measured.measurement.id for measured in campaign}
     missing = [m.id for m in plan.measurements if m.id not in measured_ids]
     if missing:
-        what = f"{len(missing)} measurements of the plan are missing"
+        what = f"{len(missing)} of {len(plan.measurements)} planned measurements are missing"
         yield Advice(_listed(missing), what, "finish the run with hil run … --resume")
     for told in estimate.left_out:
         subject, _, reason = told.partition(": ")
@@ -162,8 +163,7 @@ def _parameters(
                 f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}"
             )
             yield Advice(name, what, _best_measurement(robot, plan, k))
-        degrees = float(estimate.degrees_of_freedom[k])
-        if degrees < FEW_DEGREES:
+        elif (degrees := float(estimate.degrees_of_freedom[k])) < FEW_DEGREES:
             what = (
                 f"its interval is wide because few measurements tell it: {degrees:.1f} effective"
                 " degrees of freedom"
@@ -191,9 +191,10 @@ def _correlations(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     names = base_parameters(robot).names
     found = correlation(estimate)
     for i, j in np.argwhere(np.triu(np.abs(found) > CORRELATED, 1)):
+        size = signed(f"{found[i, j]:.2f}")
         yield Advice(
             f"{names[i]}, {names[j]}",
-            f"correlation {found[i, j]:.2f}: known better together than apart",
+            f"correlation {size}: known better together than apart",
             "configurations in which they act differently (hil robot shows where they occur)",
         )
 
@@ -221,13 +222,13 @@ def _offsets(estimate: Estimate) -> Iterator[Advice]:
     for axis in sorted({v.axis for v in gravity}):
         left = np.array([v.value - v.model for v in gravity if v.axis == axis])
         if len(left) > 2 and abs(left.mean()) > OFFSET * left.std(ddof=1) / np.sqrt(len(left)):
-            found[f"axis {axis + 1}"] = f"{left.mean():+.2f} N m".replace("-", "−")
+            found[f"axis {axis + 1}"] = signed(f"{left.mean():.2f}") + " N m"
     if found:
         yield Advice(
             ", ".join(found),
             f"half-sums are off by {', '.join(found.values())} on average: friction differs by"
             " direction, or the current sensor has an offset",
-            "nothing: the improved method fits it; it shifts the printed one's parameters",
+            "nothing, as the improved method fits it; it shifts the printed one's parameters",
             urgent=False,
         )
 

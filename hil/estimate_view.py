@@ -9,7 +9,7 @@ from rich import box
 from rich.table import Table
 
 from hil.base_parameters import base_parameters
-from hil.rounding import percent, rounded
+from hil.rounding import percent, rounded, significant
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -75,5 +75,5 @@ def _residuals(estimate: Estimate, robot: Robot) -> Table:
             table.add_row(str(axis + 1), "not measured", "")
         else:
             limit = robot.torque_limit[axis]
-            table.add_row(str(axis + 1), f"{residual:.3g}", percent(residual, limit))
+            table.add_row(str(axis + 1), significant(float(residual), 3), percent(residual, limit))
     return table

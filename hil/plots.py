@@ -137,7 +137,7 @@ def correlations(evidence: Evidence) -> Figure:
     order = [k for members in base.groups.values() for k in members]
     found = correlation(evidence.estimate)[np.ix_(order, order)]
     n = len(order)
-    figure = Figure(figsize=(0.7 * WIDTH, 0.58 * WIDTH))
+    figure = Figure(figsize=(0.58 * WIDTH, 0.48 * WIDTH))
     panel = figure.add_axes((0.08, 0.06, 0.76, 0.917))
     panel.grid(visible=False)
     shown = panel.imshow(found, cmap="RdBu_r", vmin=-1, vmax=1)
@@ -148,7 +148,7 @@ def correlations(evidence: Evidence) -> Figure:
     panel.spines[:].set_visible(False)
     for i, j in np.ndindex(n, n):
         if n <= 20 and i != j and abs(found[i, j]) >= 0.05:
-            panel.text(j, i, signed(f"{found[i, j]:.1f}"), ha="center", va="center", fontsize=7,
+            panel.text(j, i, signed(f"{found[i, j]:.1f}"), ha="center", va="center", fontsize=6.5,
                        color="white" if abs(found[i, j]) > 0.6 else INK)  # fmt: skip
     figure.colorbar(shown, cax=figure.add_axes((0.88, 0.2, 0.025, 0.6)), label="correlation")
     return figure

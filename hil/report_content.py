@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 
 from hil.base_parameters import base_parameters
 from hil.dry_run_view import clock
-from hil.rounding import percent, rounded, signed
+from hil.rounding import percent, rounded, signed, significant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -148,10 +148,10 @@ def axes(result: Result) -> list[Row]:
         rows.append({
             "name": str(axis + 1),
             "limit": f"{limit:g}",
-            "residual": "not measured" if np.isnan(residual) else f"{residual:#.3g}",
+            "residual": "not measured" if np.isnan(residual) else significant(residual, 3),
             "share": "" if np.isnan(residual) else percent(float(residual), limit),
-            "torque": f"{torque:#.3g}",
-            "error": f"{error:#.2g}",
+            "torque": significant(torque, 3),
+            "error": significant(error, 2),
             "relative": percent(error, torque),
         })  # fmt: skip
     return rows

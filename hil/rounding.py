@@ -31,4 +31,9 @@ def percent(part: float, whole: float) -> str:
     """Write a share with two digits, ``> 100`` where it says nothing any more."""
     if not abs(whole) > abs(part):
         return "> 100"
-    return f"{100 * abs(part / whole):#.2g}".rstrip(".")
+    return significant(100 * abs(part / whole), 2)
+
+
+def significant(value: float, digits: int) -> str:
+    """Write a value with that many significant digits."""
+    return f"{value:#.{digits}g}".rstrip(".")

@@ -1,0 +1,31 @@
+"""Run folders with known parameters, written in a moment: recordings without a plant."""
+
+import numpy as np
+from synthetic import TABLE_3_A, Friction, record
+
+from drivers.drive_bus import AxisInfo
+from hil.experiment_design import design
+from hil.recording_file import Measured
+from hil.run_folder import RunFolder
+
+COUNTS = (12, 24, 3)
+SIMULATED = "sim_plant manutec-r15"
+NOISE = 0.0025
+
+
+def write_run(path, robot):
+    """Write a whole run of a small plan; friction decays and has an offset."""
+    plan = design(robot, COUNTS)
+    folder = RunFolder.create(path, plan, robot)
+    friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
+    rng, begin = np.random.default_rng(1), 0.0
+    with folder.session(SIMULATED) as session:
+        folder.note_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
+                          for n in range(1, 7)])  # fmt: skip
+        for measurement in plan.measurements:
+            recording = record(
+                robot, measurement, TABLE_3_A, friction, begin=begin, noise=NOISE, rng=rng
+            )
+            folder.write(Measured(measurement, recording, session=session))
+            begin = float(recording.time[-1]) + 1.0
+    return folder
