@@ -165,7 +165,7 @@ def _parameters(
             yield Advice(name, what, _best_measurement(robot, plan, k))
         elif (degrees := float(estimate.degrees_of_freedom[k])) < FEW_DEGREES:
             what = (
-                f"its interval is wide because few measurements tell it: {degrees:.1f} effective"
+                f"few measurements decide it, so its interval is wide: {degrees:.1f} effective"
                 " degrees of freedom"
             )
             yield Advice(name, what, _best_measurement(robot, plan, k))
