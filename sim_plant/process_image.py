@@ -2,13 +2,12 @@
 
 Every SYNC latches all axes, and nearly always nothing has happened that a drive must react to. So
 what each drive already knows is kept here in columns, and one look over all axes tells whether any
-has changed its events or left the range of positions in which its drive has nothing to tell. What
-was looked at without news needs no second look while it stays the same.
+has changed its events or left the range of positions in which its drive has nothing to tell.
 """
 
 from __future__ import annotations
 
-from operator import itemgetter
+from operator import gt, lt
 from typing import TYPE_CHECKING
 
 from sim_plant.axis import Reading
@@ -47,26 +46,16 @@ class ProcessImage:
         self.events = [0] * n_axes
         self.lowest, self.highest = [-_FAR] * n_axes, [_FAR] * n_axes
         self._readings = slice(0, n_axes * WIDTH)
-        self._dull: tuple[int, ...] | None = None
-        self.look_again()
 
     def latch(self, readings: Sequence[int]) -> bool:
         """Take what `sim_plant.axis.Machine.read` returned; tell whether any axis has news."""
         self.values[self._readings] = readings
-        seen = self._pick(readings)
-        if seen == self._dull:
-            return False
-        if self.news():
-            return True
-        self._dull = seen
-        return False
-
-    def look_again(self) -> None:
-        """Take note that a drive knows of other events or expects other positions."""
-        events = range(_EVENTS, self._readings.stop, WIDTH)
-        bounded = [axis for axis, low in enumerate(self.lowest) if low != -_FAR]
-        self._pick = itemgetter(*events, *(axis * WIDTH + _POSITION for axis in bounded))
-        self._dull = None
+        positions = readings[_POSITION::WIDTH]
+        return (
+            readings[_EVENTS::WIDTH] != self.events
+            or any(map(lt, positions, self.lowest))
+            or any(map(gt, positions, self.highest))
+        )
 
     def news(self) -> list[int]:
         """Return which axes have news, in order."""
@@ -129,7 +118,6 @@ class AxisImage:
     @events.setter
     def events(self, bits: int) -> None:
         self._image.events[self._axis] = bits
-        self._image.look_again()
 
     def expect_anything(self) -> None:
         """Have news at every SYNC."""
@@ -142,4 +130,3 @@ class AxisImage:
     def expect_within(self, low: int, high: int) -> None:
         """Have news of events, and while the position is not within bounds [increments]."""
         self._image.lowest[self._axis], self._image.highest[self._axis] = low, high
-        self._image.look_again()
