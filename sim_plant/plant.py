@@ -182,7 +182,7 @@ class Plant:
         """Let the physics run for `duration` [s]; what is no whole step is kept for next time."""
         h = self._step
         rest = self._rest + duration
-        steps = int(rest / h + 1e-6)
+        steps = int(rest / h + 1e-3)
         self._rest = rest - steps * h
         self._latched = False
         while steps > 0:
