@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.compare import Comparison, comparison
-from hil.dry_run_view import clock
-from hil.identification import METHODS, Method, estimates
-from hil.model_file import recorded
-from hil.run_folder import RunFolder
-from hil.truth import true_parameters
+from hil.estimation.identification import METHODS, Method, estimates
+from hil.measuring.run_folder import RunFolder
+from hil.results.compare import Comparison, comparison
+from hil.results.model_file import recorded
+from hil.results.rounding import clock
+from hil.results.truth import true_parameters
 
 ROBOT = "manutec-r15"
 SIDE_BY_SIDE = 2

@@ -18,7 +18,7 @@ from hil import load_robot
 TIMED = """
 import sys, time
 from hil import base_parameters
-from hil.robot import parse_robot
+from hil.model.robot import parse_robot
 robot = parse_robot(sys.stdin.read(), "benchmark")
 begin = time.perf_counter()
 print(len(base_parameters(robot)), time.perf_counter() - begin)

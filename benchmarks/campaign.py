@@ -32,12 +32,12 @@ from rich.table import Table
 from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
 from drivers.drives_file import load_drives
 from drivers.exchange import Exchange
-from hil.campaign import run_campaign
-from hil.events import Finished, Started
-from hil.experiment_design import design
-from hil.robot import ROBOTS, load_robot
-from hil.run_folder import RunFolder
-from hil.timetable import timetable
+from hil.measuring.campaign import run_campaign
+from hil.measuring.events import Finished, Started
+from hil.measuring.run_folder import RunFolder
+from hil.model.robot import ROBOTS, load_robot
+from hil.planning.experiment_design import design
+from hil.planning.timetable import timetable
 from sim_plant.bus import PlantBus
 from sim_plant.plant import Plant, load_plant
 from sim_plant.server import serve
@@ -46,8 +46,8 @@ from sim_plant.slave_network import SlaveNetwork
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from hil.measurement import Measurement
-    from hil.plan import Plan
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
 
 ROBOT = "manutec-r15"
 DURATION = 60.0

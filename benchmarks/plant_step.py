@@ -22,10 +22,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from sim_plant import machine_step, rigid_body
+from sim_plant.physics import machine_step, rigid_body
+from sim_plant.physics.state import QD, VELOCITY_MAX
 from sim_plant.plant import Plant
 from sim_plant.plant_file import Payload, load_plant_file
-from sim_plant.state import QD, VELOCITY_MAX
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

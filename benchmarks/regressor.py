@@ -19,7 +19,7 @@ from hil import load_robot, regressor
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.robot import Robot
+    from hil.model.robot import Robot
 
 N_SAMPLES = 100_000
 REPEATS = 5

@@ -17,8 +17,8 @@ import canopen
 
 from sim_plant import plant_channel
 from sim_plant.axis import AxisEvent, Reading
+from sim_plant.canopen.eds import EDS_PATH
 from sim_plant.drive_settings import DriveSettings
-from sim_plant.eds import EDS_PATH
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,7 +1,7 @@
 """The seam between identification and servo axes.
 
 A `DriveBus` is a set of axes that can be given profile position set-points and that report
-position and torque once per SYNC. Whoever measures (``hil.sequencer``) sees only this protocol:
+position and torque once per SYNC. Whoever measures (``sequencer``) sees only this protocol:
 joint side, SI, no counts, no objects, no threads. Time passes only in `DriveBus.sample`, which
 returns the state of all axes latched at one SYNC; a bus in lock-step is as fast as the processor,
 a bus on the wall clock returns when the next SYNC is due.

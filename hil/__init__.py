@@ -8,12 +8,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from hil.base_parameters import base_parameters
-from hil.robot import load_robot
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import load_robot
 
 if TYPE_CHECKING:
-    from hil.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
-    from hil.model_file import identify
+    from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
+    from hil.results.model_file import identify
 
 __all__ = [
     "base_parameters",
@@ -26,11 +26,11 @@ __all__ = [
 ]
 
 _LATER = {
-    "gravity_torque": "hil.dynamics",
-    "identify": "hil.model_file",
-    "inverse_dynamics": "hil.dynamics",
-    "mass_matrix": "hil.dynamics",
-    "regressor": "hil.dynamics",
+    "gravity_torque": "hil.model.dynamics",
+    "identify": "hil.results.model_file",
+    "inverse_dynamics": "hil.model.dynamics",
+    "mass_matrix": "hil.model.dynamics",
+    "regressor": "hil.model.dynamics",
 }
 
 

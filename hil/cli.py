@@ -19,22 +19,22 @@ from rich.console import Console
 
 from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
-from hil import dry_run_view, robot_view
-from hil.atomic_file import operator_told, write_file
-from hil.drives_check import StatedAxis, refuse_contradictions
-from hil.dry_run import BITRATE, dry_run
-from hil.plan import dump_plan, load_plan, refuse_other_robot
-from hil.robot import ROBOTS, load_robot
-from hil.run_command import bus_options, carry_out, prepare_folder
-from hil.run_journal import SIMULATED
+from hil.measuring.atomic_file import operator_told, write_file
+from hil.measuring.run_journal import SIMULATED
+from hil.model.robot import ROBOTS, load_robot
+from hil.planning.dry_run import BITRATE, dry_run
+from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
+from hil.terminal import dry_run_view, robot_view
+from hil.terminal.drives_check import StatedAxis, refuse_contradictions
+from hil.terminal.run_command import bus_options, carry_out, prepare_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
-    from hil.plan import Plan
-    from hil.robot import Robot
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
 
 app = typer.Typer(
     help="Identify a robot's dynamics on the machine itself, over CANopen.",
@@ -94,7 +94,7 @@ def plan(
     warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand [s].")] = 0.0,
 ) -> None:
     """Choose configurations and motions from g(q) and M(q)."""
-    from hil.experiment_design import design  # noqa: PLC0415 - slow to import, used here only
+    from hil.planning.experiment_design import design  # noqa: PLC0415 - slow to import, used here only
 
     the_robot = load_robot(name)
     if output.exists():
@@ -157,7 +157,8 @@ def identify(
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil import estimate_view, model_file  # noqa: PLC0415 - slow to import, used here only
+    from hil.results import model_file  # noqa: PLC0415 - slow to import, used here only
+    from hil.terminal import estimate_view  # noqa: PLC0415 - slow to import, used here only
 
     begun = perf_counter()
     found = model_file.identify(folder, method.value)
@@ -174,7 +175,7 @@ def report(
     ] = None,
 ) -> None:
     """Write a run's report, one HTML file."""
-    from hil import report as module  # noqa: PLC0415 - slow to import, used here only
+    from hil.results import report as module  # noqa: PLC0415 - slow to import, used here only
 
     begun = perf_counter()
     path = module.report(folder, figures)
@@ -188,7 +189,7 @@ def compare(
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
-    from hil import compare as module  # noqa: PLC0415 - slow to import, used here only
+    from hil.results import compare as module  # noqa: PLC0415 - slow to import, used here only
 
     module.compare(folder, truth, out, method.value)
 

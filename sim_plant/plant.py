@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_plant import friction, machine_step, profile_generator, servo
-from sim_plant import state as st
 from sim_plant.axis import AxisEvent, Reading
 from sim_plant.drive_settings import DriveSettings
+from sim_plant.physics import friction, machine_step, profile_generator, servo
+from sim_plant.physics import state as st
 from sim_plant.plant_file import PlantFile, load_plant_file
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class Plant:
     drives : tuple of DriveSettings
         What each axis's drive reports about itself.
     const, state, profile : ndarray, shape (n, ...)
-        See `sim_plant.state`.
+        See `sim_plant.physics.state`.
     events : list of int
         `AxisEvent` bits of each axis, as last reported.
     on_event : callable

@@ -108,7 +108,7 @@ class Loops(FileModel):
 
 
 class Friction(FileModel):
-    """Friction of an axis; see `sim_plant.friction`."""
+    """Friction of an axis; see `sim_plant.physics.friction`."""
 
     creep: NotNegative
     """At creep speed [N m]."""

@@ -15,9 +15,9 @@ from collections import defaultdict
 from operator import itemgetter
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from sim_plant.cia402_node import Cia402Node
-from sim_plant.process_image import AxisImage, ProcessImage
-from sim_plant.timers import Timers
+from sim_plant.canopen.timers import Timers
+from sim_plant.drive.cia402_node import Cia402Node
+from sim_plant.drive.process_image import AxisImage, ProcessImage
 
 if TYPE_CHECKING:
     from collections.abc import Callable

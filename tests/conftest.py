@@ -13,23 +13,23 @@ import pytest
 from hypothesis import settings
 
 from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
-from hil.measurement import Coupling, Gravity, Inertia, Partner
-from hil.plan import Plan, PlannedRobot
-from hil.profile import Trapezoid
-from hil.robot import load_robot, parse_robot
-from hil.robot_file import LINK_PARAMETERS
+from hil.model.robot import load_robot, parse_robot
+from hil.model.robot_file import LINK_PARAMETERS
+from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.plan import Plan, PlannedRobot
+from hil.planning.profile import Trapezoid
 from sim_plant import plant_channel
-from sim_plant.abort_codes import AbortCode, SdoAbort
 from sim_plant.axis import AxisEvent, Reading
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.eds import EDS_PATH, drive_entries, key
 from sim_plant.drive_settings import DriveSettings
-from sim_plant.eds import EDS_PATH, drive_entries, key
 from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from drivers.drive_bus import Move
-    from hil.robot import Robot
+    from hil.model.robot import Robot
 
 settings.register_profile("local", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)

@@ -4,9 +4,9 @@ import numpy as np
 from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
-from hil.experiment_design import design
-from hil.recording_file import Measured
-from hil.run_folder import RunFolder
+from hil.measuring.recording_file import Measured
+from hil.measuring.run_folder import RunFolder
+from hil.planning.experiment_design import design
 
 COUNTS = (12, 24, 3)
 SIMULATED = "sim_plant manutec-r15"

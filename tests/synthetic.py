@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hil.dynamics import inverse_dynamics
-from hil.measurement import REST, Coupling
-from hil.motors import motor_torque
-from hil.recording import IDLE, Recording
+from hil.measuring.recording import IDLE, Recording
+from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
+from hil.planning.measurement import REST, Coupling
 
 PERIOD = 0.004
 TABLE_3_A = np.array(

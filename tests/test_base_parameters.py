@@ -10,8 +10,8 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.base_parameters import BaseParameters, base_parameters, dependencies
-from hil.robot import load_robot, parse_robot
+from hil.model.base_parameters import BaseParameters, base_parameters, dependencies
+from hil.model.robot import load_robot, parse_robot
 
 EQUATION_22 = """
 Izz1 + Iyy2 + Iyy3 + l1^2 (m3 + m4 + m5 + m6)

@@ -9,10 +9,10 @@ from rich.console import Console
 
 from drivers.drive_bus import DriveFault, NodeSilent, Sample
 from hil import cli
-from hil.plan import Plan, dump_plan
-from hil.robot import ROBOTS
-from hil.run_command import bus_options
-from hil.run_folder import RunFolder
+from hil.measuring.run_folder import RunFolder
+from hil.model.robot import ROBOTS
+from hil.planning.plan import Plan, dump_plan
+from hil.terminal.run_command import bus_options
 
 Hil = Callable[..., tuple[int, str, str]]
 DRIVES = ROBOTS / "manutec-r15.drives.yaml"

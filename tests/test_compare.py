@@ -13,11 +13,11 @@ from small_run import SIMULATED, write_run
 from synthetic import TABLE_3_A
 
 from drivers.yaml_file import FileError
-from hil.base_parameters import base_parameters
-from hil.compare import compare, comparison
-from hil.model_file import identify
-from hil.trajectory import SHARE, free_motion
-from hil.truth import true_parameters
+from hil.model.base_parameters import base_parameters
+from hil.results.compare import compare, comparison
+from hil.results.model_file import identify
+from hil.results.trajectory import SHARE, free_motion
+from hil.results.truth import true_parameters
 
 PLANT = "manutec-r15"
 L1, L2, MASS, DISTANCE, I_RADIAL, I_AXIAL = 0.5, 0.73, 10.86, 0.14, 0.0259, 0.047

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from hil.dry_run import bus_load, dry_run, frame_bits
-from hil.dry_run_view import describe_problems, render
-from hil.identifiability import observations
-from hil.measurement import Coupling, Gravity, Inertia, Partner
-from hil.plan import Plan, dump_plan
-from hil.robot import Robot
-from hil.sequencer import measure
+from hil.measuring.sequencer import measure
+from hil.model.robot import Robot
+from hil.planning.dry_run import bus_load, dry_run, frame_bits
+from hil.planning.identifiability import observations
+from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.plan import Plan, dump_plan
+from hil.terminal.dry_run_view import describe_problems, render
 
 
 def with_(plan: Plan, number: int, **changes: object) -> Plan:

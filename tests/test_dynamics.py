@@ -11,18 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hil
-from hil.base_parameters import base_parameters
-from hil.dynamics import (
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import (
     coriolis_torque,
     gravity_torque,
     inverse_dynamics,
     mass_matrix,
     regressor,
 )
-from hil.motors import motor_inertia, motor_torque
+from hil.model.motors import motor_inertia, motor_torque
 
 if TYPE_CHECKING:
-    from hil.robot import Robot
+    from hil.model.robot import Robot
 
 SEEDS = st.integers(0, 2**32 - 1)
 PIN_ORDER = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

@@ -10,7 +10,7 @@ import canopen
 import pytest
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 
-from sim_plant.eds import EDS_PATH, drive_entries
+from sim_plant.canopen.eds import EDS_PATH, drive_entries
 
 if TYPE_CHECKING:
     from conftest import Desk

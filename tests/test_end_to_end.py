@@ -13,8 +13,8 @@ import yaml
 
 import hil
 from hil.cli import main
-from hil.compare import comparison
-from hil.truth import true_parameters
+from hil.results.compare import comparison
+from hil.results.truth import true_parameters
 
 COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from hil.dry_run import dry_run
-from hil.experiment_design import COUNTS, design
-from hil.identifiability import identifiability
-from hil.plan import dump_plan
-from hil.robot import load_robot, parse_robot
+from hil.model.robot import load_robot, parse_robot
+from hil.planning.dry_run import dry_run
+from hil.planning.experiment_design import COUNTS, design
+from hil.planning.identifiability import identifiability
+from hil.planning.plan import dump_plan
 
 
 @pytest.fixture(scope="module")

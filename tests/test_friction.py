@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as h
 
-from sim_plant import friction
-from sim_plant import state as st
+from sim_plant.physics import friction
+from sim_plant.physics import state as st
 from sim_plant.plant import Plant
 from sim_plant.plant_file import Noise, PlantFile, load_plant_file
 

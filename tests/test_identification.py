@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A, Friction, record
 
-from hil.base_parameters import base_parameters
-from hil.dynamics import gravity_torque, mass_matrix
-from hil.experiment_design import design
-from hil.identification import METHODS, NotIdentifiable, estimate
-from hil.local_fits import fit
-from hil.measurement import Coupling, Gravity, Inertia, Partner
-from hil.robot import load_robot, parse_robot
-from hil.signals import NotEnoughData, signals
+from hil.estimation.identification import METHODS, NotIdentifiable, estimate
+from hil.estimation.local_fits import fit
+from hil.estimation.signals import NotEnoughData, signals
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import gravity_torque, mass_matrix
+from hil.model.robot import load_robot, parse_robot
+from hil.planning.experiment_design import design
+from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
 
 COUNTS = (16, 30, 3)
 

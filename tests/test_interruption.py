@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.plan import Plan, dump_plan
-from hil.run_folder import RunFolder
+from hil.measuring.run_folder import RunFolder
+from hil.planning.plan import Plan, dump_plan
 
 
 @pytest.fixture

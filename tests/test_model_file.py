@@ -9,9 +9,9 @@ from small_run import SIMULATED, write_run
 from synthetic import TABLE_3_A
 
 from drivers.yaml_file import FileError
-from hil.base_parameters import base_parameters
-from hil.model_file import NAME, identify, load_model, recorded
-from hil.run_folder import RunFolder
+from hil.measuring.run_folder import RunFolder
+from hil.model.base_parameters import base_parameters
+from hil.results.model_file import NAME, identify, load_model, recorded
 
 
 @pytest.fixture(scope="module")

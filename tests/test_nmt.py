@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sim_plant.abort_codes import AbortCode, SdoAbort
-from sim_plant.cia402_states import State
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.drive.cia402_states import State
 from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:

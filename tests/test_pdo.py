@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sim_plant.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 
 if TYPE_CHECKING:
     import canopen

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.yaml_file import FileError, parse_yaml
-from hil.measurement import Coupling, Gravity, Inertia, Partner
-from hil.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
-from hil.robot import Robot
+from hil.model.robot import Robot
+from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
 
 angles = st.floats(-10, 10)
 sizes = st.floats(1e-3, 100)

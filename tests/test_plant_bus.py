@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from sim_plant import __main__ as command
 from sim_plant.bus import PlantBus
-from sim_plant.eds import EDS_PATH
+from sim_plant.canopen.eds import EDS_PATH
 from sim_plant.plant_file import packaged_plants
 from sim_plant.server import serve
 

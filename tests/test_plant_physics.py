@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as h
 
-from hil.base_parameters import base_parameters
-from hil.dynamics import inverse_dynamics
-from sim_plant import friction
-from sim_plant import state as st
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
+from sim_plant.physics import friction
+from sim_plant.physics import state as st
 from sim_plant.plant import PERIOD, Plant, load_plant
 from sim_plant.plant_file import Body, Noise, Payload, PlantFile, load_plant_file
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.robot import Robot
+    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 

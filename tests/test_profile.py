@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.profile import Trapezoid
+from hil.planning.profile import Trapezoid
 
 numbers = st.floats(-5, 5)
 rates = st.floats(0.01, 50)

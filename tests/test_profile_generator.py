@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as h
 
-from sim_plant import state as st
+from sim_plant.physics import state as st
+from sim_plant.physics.profile_generator import trapezoid
 from sim_plant.plant import Plant, load_plant
-from sim_plant.profile_generator import trapezoid
 
 LIMITS = h.floats(0.01, 100.0)
 TRAPEZOIDS = {

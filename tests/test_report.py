@@ -12,16 +12,16 @@ from small_run import SIMULATED, write_run
 
 from drivers.yaml_file import FileError
 from hil import cli
-from hil.advice import advice, correlation
-from hil.base_parameters import base_parameters
-from hil.finding import Finding
-from hil.identification import estimates
-from hil.model_file import identify, recorded
-from hil.plots import PLOTS
-from hil.prediction import predict
-from hil.report import report
-from hil.report_content import symbols
-from hil.rounding import decimals, percent, rounded, significant
+from hil.estimation.identification import estimates
+from hil.measuring.finding import Finding
+from hil.model.base_parameters import base_parameters
+from hil.results.advice import advice, correlation
+from hil.results.model_file import identify, recorded
+from hil.results.plots import PLOTS
+from hil.results.prediction import predict
+from hil.results.report import report
+from hil.results.report_content import symbols
+from hil.results.rounding import decimals, percent, rounded, significant
 
 PNG = b"\x89PNG"
 
@@ -49,7 +49,7 @@ def found(folder):
 @pytest.fixture
 def copy(folder, tmp_path, monkeypatch):
     """A copy of the run to be changed, whose report is written with empty plots."""
-    monkeypatch.setattr("hil.report.image", lambda _figure, _kind: b"<svg/>")
+    monkeypatch.setattr("hil.results.report.image", lambda _figure, _kind: b"<svg/>")
     written = shutil.ignore_patterns("model.yaml", "report.html", "figures")
     shutil.copytree(folder.path, tmp_path / "run", ignore=written)
     return tmp_path / "run"

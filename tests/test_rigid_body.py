@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.base_parameters import base_parameters
-from hil.dynamics import inverse_dynamics
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
+from sim_plant.physics.rigid_body import WORK, bias_and_mass, forward_dynamics
+from sim_plant.physics.state import MOTOR_INERTIA
 from sim_plant.plant import load_plant
-from sim_plant.rigid_body import WORK, bias_and_mass, forward_dynamics
-from sim_plant.state import MOTOR_INERTIA
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.robot import Robot
+    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ import pytest
 from rich.console import Console
 
 from drivers.yaml_file import FileError
-from hil.polynomial import parse
-from hil.robot import available_robots, load_robot, parse_robot
-from hil.robot_view import render
+from hil.model.polynomial import parse
+from hil.model.robot import available_robots, load_robot, parse_robot
+from hil.terminal.robot_view import render
 
 
 @pytest.fixture

@@ -12,14 +12,14 @@ import pytest
 
 from drivers.drive_bus import DriveFault, Sample
 from drivers.yaml_file import FileError
-from hil.campaign import run_campaign
-from hil.events import Recorded
-from hil.finding import Finding
-from hil.plan import Plan
-from hil.recording import Recording
-from hil.recording_file import Measured
-from hil.robot import Robot, load_robot
-from hil.run_folder import RunFolder
+from hil.measuring.campaign import run_campaign
+from hil.measuring.events import Recorded
+from hil.measuring.finding import Finding
+from hil.measuring.recording import Recording
+from hil.measuring.recording_file import Measured
+from hil.measuring.run_folder import RunFolder
+from hil.model.robot import Robot, load_robot
+from hil.planning.plan import Plan
 
 N = 50
 
@@ -183,7 +183,7 @@ def test_a_full_disk_is_told_once_and_clearly(
     def full(handle: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("hil.atomic_file.os.fsync", full)
+    monkeypatch.setattr("hil.measuring.atomic_file.os.fsync", full)
     with pytest.raises(FileError) as refused:
         folder.write(Measured(folder.plan.measurements[0], recording))
     path = folder.path / "recordings" / "g1.h5"

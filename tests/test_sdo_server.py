@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_plant.abort_codes import AbortCode, SdoAbort
-from sim_plant.eds import EDS_PATH
-from sim_plant.object_dictionary import TEXT_MAX, ObjectDictionary, wrapped
-from sim_plant.sdo_server import SdoServer
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.eds import EDS_PATH
+from sim_plant.canopen.object_dictionary import TEXT_MAX, ObjectDictionary, wrapped
+from sim_plant.canopen.sdo_server import SdoServer
 
 if TYPE_CHECKING:
     import canopen

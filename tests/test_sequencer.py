@@ -16,12 +16,21 @@ from drivers.drive_bus import (
     Sample,
     SampleFlag,
 )
-from hil.events import Event, Finished, GaveUp, Recorded, Repeated, Started, Travelled, WarmingUp
-from hil.measurement import Coupling, Gravity
-from hil.plan import Plan, WarmUp
-from hil.recording import Recorder
-from hil.robot import Robot
-from hil.sequencer import measure
+from hil.measuring.events import (
+    Event,
+    Finished,
+    GaveUp,
+    Recorded,
+    Repeated,
+    Started,
+    Travelled,
+    WarmingUp,
+)
+from hil.measuring.recording import Recorder
+from hil.measuring.sequencer import measure
+from hil.model.robot import Robot
+from hil.planning.measurement import Coupling, Gravity
+from hil.planning.plan import Plan, WarmUp
 
 Tamper = Callable[[Sample], Sample]
 
@@ -103,7 +112,8 @@ def test_travels_move_all_axes_at_once_at_their_share_of_the_limits(
     assert [index for index, _ in first] == list(range(6))
     for index, move in first:
         assert move.velocity == pytest.approx(small_plan.travel * manutec.velocity_limit[index])
-        assert move.acceleration == pytest.approx(small_plan.travel * manutec.acceleration_limit[index])
+        acceleration = small_plan.travel * manutec.acceleration_limit[index]
+        assert move.acceleration == pytest.approx(acceleration)
         assert move.target == pytest.approx(small_plan.measurements[0].start[index])
 
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from sim_plant import state as st
 from sim_plant.axis import AxisEvent, Reading
+from sim_plant.physics import state as st
 from sim_plant.plant import Plant
 from sim_plant.plant_file import Noise, load_plant_file
 

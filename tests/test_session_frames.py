@@ -15,7 +15,7 @@ import pytest
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import Move
 from drivers.drives_file import load_drives
-from hil.robot import ROBOTS
+from hil.model.robot import ROBOTS
 
 NODES = range(1, 7)
 MOVE = Move(target=0.2, velocity=1.0, acceleration=5.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hil.recording import Recording
-from hil.signals import CUTOFF, HALF_WIDTH, signals
+from hil.estimation.signals import CUTOFF, HALF_WIDTH, signals
+from hil.measuring.recording import Recording
 
 PERIOD = 0.004
 

@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_plant.trigonometry import arc_tangent, sin_cos
+from sim_plant.physics.trigonometry import arc_tangent, sin_cos
 
 
 @given(st.floats(-1e5, 1e5))

@@ -1,0 +1,1 @@
+"""From recordings to base parameters with their uncertainty. No files, no terminal, no bus."""

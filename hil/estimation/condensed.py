@@ -1,0 +1,144 @@
+"""Step 1, improved: a measurement condensed to what it says about all base parameters at once.
+
+The paper's local models (19) and (21) regard one element of M(q) at a time, at one configuration,
+and the axes that are not moved as still. Here every usable sample enters with the full row of the
+regressor for the measured motion of all joints,
+
+    Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e,
+
+and friction is again fitted for this measurement alone: F holds sign(v), v, cbrt(v) and the drift
+of the level, sign(v) t. Its coefficients `a` are eliminated at once by orthogonal projection
+(Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next. What is
+the same all the time is common to all measurements of an axis: G holds a constant and |v|
+(asymmetric friction, sensor offset) and torque ripple at multiples of the motor's angle.
+
+Left out are samples near a reversal, where friction is no function of velocity, and those where the
+acceleration changes fast, at the corners of the trapezoid: there, differences of positions and
+samples of the torque do not show the same instant.
+
+What is left of thousands of samples is a small information matrix and vector over p and b, which
+step 2 adds up: least squares over all samples of the campaign, without ever stacking them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.local_fits import SLOW
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
+from hil.planning.measurement import Coupling
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+
+    Array = NDArray[np.float64]
+
+RIPPLE_ORDERS = (1, 2, 3, 4, 5, 6)
+"""Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
+N_COMMON = 2 + 2 * len(RIPPLE_ORDERS)
+"""Columns of G of one axis."""
+JERK = 5.0
+"""Samples are used up to this jerk, per acceleration limit of the axis [1/s]."""
+FEWEST = 50
+"""Usable samples below which an axis's share of a measurement is left out."""
+_RANK = 1e-8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Condensed:
+    """What the torque of one axis in one measurement says, friction eliminated.
+
+    Attributes
+    ----------
+    axis : int
+        Index from 0.
+    information : ndarray, shape (n_base + N_COMMON, n_base + N_COMMON)
+        X'X over base parameters and the axis's common terms.
+    vector : ndarray, shape (n_base + N_COMMON,)
+        X'y, y being the torque without the motor's part.
+    motor : ndarray, shape (n_base + N_COMMON,)
+        X' times the motor's part of the torque.
+    square : float
+        y'y.
+    n : int
+        Samples less eliminated coefficients.
+    """
+
+    axis: int
+    information: Array
+    vector: Array
+    motor: Array
+    square: float
+    n: int
+
+
+def condense(robot: Robot, measurement: Measurement, s: Signals) -> list[Condensed]:
+    """Condense one measurement, one item for each axis that moved on purpose."""
+    axes = [measurement.index]
+    if isinstance(measurement, Coupling):
+        axes.append(measurement.partner.index)
+    items = [_condense_axis(robot, s, axis) for axis in axes]
+    return [item for item in items if item is not None]
+
+
+def _condense_axis(robot: Robot, s: Signals, axis: int) -> Condensed | None:
+    used = _usable(robot, s, axis)
+    n_base = len(base_parameters(robot))
+    if used.sum() < FEWEST:
+        return None
+    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
+    torque = s.tau[:, axis] - motor
+    rows = regressor(robot, s.q, s.qd, s.qdd, joints=[axis])[:, 0]
+    limit = float(robot.velocity_limit[axis])
+    common, friction = _common(robot, s, axis, limit), _friction(s, axis, limit)
+    stacked = s.smoothed(np.column_stack([torque, motor, rows, common, friction]))[used]
+    kept = 2 + n_base + N_COMMON
+    basis = _orthonormal(stacked[:, kept:])
+    left = stacked[:, :kept] - basis @ (basis.T @ stacked[:, :kept])
+    product = left.T @ left
+    return Condensed(
+        axis=axis,
+        information=product[2:, 2:],
+        vector=product[2:, 0],
+        motor=product[2:, 1],
+        square=float(product[0, 0]),
+        n=len(left) - basis.shape[1],
+    )
+
+
+def _usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
+    slow = np.abs(s.smoothed(s.qd[:, axis])) < SLOW * robot.velocity_limit[axis]
+    jerk = np.abs(np.gradient(s.smoothed(s.qdd[:, axis]), s.period))
+    steady = jerk < JERK * robot.acceleration_limit[axis]
+    used: NDArray[np.bool_] = s.valid & s.away_from(slow) & steady
+    return used
+
+
+def _friction(s: Signals, axis: int, limit: float) -> Array:
+    v = s.qd[:, axis] / limit
+    direction = np.sign(s.smoothed(v))
+    elapsed = (s.time - s.time.mean()) / max(float(np.ptp(s.time)), s.period)
+    return np.column_stack([direction, v, np.cbrt(v), direction * elapsed])
+
+
+def _common(robot: Robot, s: Signals, axis: int, limit: float) -> Array:
+    speed = np.abs(s.qd[:, axis]) / limit
+    angle = robot.gear_ratio[axis] * s.q[:, axis, np.newaxis] * np.array(RIPPLE_ORDERS)
+    return np.column_stack([np.ones(len(speed)), speed, np.cos(angle), np.sin(angle)])
+
+
+def _orthonormal(columns: Array) -> Array:
+    """Orthonormal basis of the columns' span."""
+    length = np.linalg.norm(columns, axis=0)
+    u, sizes, _ = np.linalg.svd(columns / np.where(length > 0, length, 1.0), full_matrices=False)
+    basis: Array = u[:, sizes > _RANK * sizes[0]]
+    return basis

@@ -1,0 +1,112 @@
+"""Step 2, improved: all groups at once from the condensed measurements.
+
+The information of all measurements is added up, each axis weighted with the reciprocal of its
+residual variance, which is found by solving a few times over. Unknown are the base parameters and,
+for each axis, the terms common to its measurements (`condensed`); the latter are nuisance. A
+common term that nothing excites stays zero.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from hil.estimation.condensed import N_COMMON, condense
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.condensed import Condensed
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+
+    Array = NDArray[np.float64]
+
+_ROUNDS = 3
+"""Times that weights and solution are found from each other."""
+_RIDGE = 1e-12
+"""Relative, so that common terms without excitation stay zero."""
+
+
+class Joint:
+    """Joint least squares over condensed measurements."""
+
+    def __init__(self, robot: Robot, prepared: Sequence[tuple[Measurement, Signals]]) -> None:
+        condensed = [condense(robot, measurement, s) for measurement, s in prepared]
+        self._items = [items for items in condensed if items]
+        self._n_base, self._n_joints = len(base_parameters(robot)), robot.n_joints
+        self._weight = np.ones(robot.n_joints)
+        for _ in range(_ROUNDS):
+            self._add_up()
+            variance = self._residual_variance(self._solve(*self._sum))
+            self._weight = 1.0 / np.where(variance > 0, variance, 1.0)
+        self._add_up()
+
+    @property
+    def n_measurements(self) -> int:
+        """How many measurements there are to leave out."""
+        return len(self._items)
+
+    def solve(self, without: int | None = None) -> Array:
+        """Base parameters, shape (n_base,)."""
+        information, vector = self._sum
+        if without is not None:
+            information = information - self._shares[without][0]
+            vector = vector - self._shares[without][1]
+        return self._solve(information, vector)[: self._n_base]
+
+    def sensitivity(self) -> Array:
+        """Change of p per relative change of torque constants and rotor inertias."""
+        n = len(self._sum[1])
+        sides = np.zeros((n, 2 * self._n_joints))
+        for item in (item for items in self._items for item in items):
+            place, weight = self._place(item), self._weight[item.axis]
+            sides[place, item.axis] += weight * (item.vector + item.motor)
+            sides[place, self._n_joints + item.axis] -= weight * item.motor
+        return self._solve(self._sum[0], sides)[: self._n_base]
+
+    def _add_up(self) -> None:
+        """Weighted information and vector of each measurement, and their sums."""
+        n = self._n_base + self._n_joints * N_COMMON
+        self._shares: list[tuple[Array, Array]] = []
+        for items in self._items:
+            information, vector = np.zeros((n, n)), np.zeros(n)
+            for item in items:
+                place, weight = self._place(item), self._weight[item.axis]
+                information[np.ix_(place, place)] += weight * item.information
+                vector[place] += weight * item.vector
+            self._shares.append((information, vector))
+        self._sum = (
+            np.sum([share[0] for share in self._shares], axis=0),
+            np.sum([share[1] for share in self._shares], axis=0),
+        )
+
+    def _solve(self, information: Array, vector: Array) -> Array:
+        """Solve the normal equations, scaled to a unit diagonal; `vector` may have columns."""
+        diagonal = np.diag(information)
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        if vector.ndim > 1:
+            vector = vector.T
+        scaled = information * np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
+        found = linalg.cho_solve(linalg.cho_factor(scaled), (vector * scale).T)
+        solution: Array = (found.T * scale).T
+        return solution
+
+    def _residual_variance(self, solution: Array) -> Array:
+        square, count = np.zeros(self._n_joints), np.zeros(self._n_joints)
+        for item in (item for items in self._items for item in items):
+            x = solution[self._place(item)]
+            square[item.axis] += item.square - 2 * item.vector @ x + x @ item.information @ x
+            count[item.axis] += item.n
+        return np.maximum(square, 0.0) / np.maximum(count, 1.0)
+
+    def _place(self, item: Condensed) -> NDArray[np.intp]:
+        """Where base parameters and the axis's common terms stand among all unknowns."""
+        first = self._n_base + item.axis * N_COMMON
+        return np.concatenate([np.arange(self._n_base), np.arange(first, first + N_COMMON)])

@@ -1,0 +1,297 @@
+"""Step 1 as the paper has it: each measurement by itself gives one element of g(q) or M(q).
+
+gravity, eq. (14)
+    Friction is symmetric, so half the sum of the mean torques forward and backward at constant
+    velocity is the gravity torque; half the difference is friction.
+inertia, eq. (19), (20)
+    The gravity torque is compensated by the model found from the gravity measurements; what is left
+    is fitted by ``M_ii qdd + a1 qd + a2 sign(qd) + a3 cbrt(qd)``.
+coupling, eq. (21)
+    The torque is read on axis j, which creeps, while axis i accelerates: ``M_ji qdd_i`` and, for
+    each stroke of the creeping axis, a level that holds its friction (the paper's ``a1 qd_j`` at
+    constant ``qd_j``), gravity being compensated.
+
+Samples slower than 5 % of the axis's speed limit are left out: presliding is no function of
+velocity. The row that belongs to a value is the mean of the regressor's rows over the same samples,
+not the row at the nominal configuration, since a window covers a range of q.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.signals import NotEnoughData
+from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
+from hil.planning.measurement import Coupling, Gravity, Inertia
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+
+    Array = NDArray[np.float64]
+
+SLOW = 0.05
+"""Share of the speed limit below which samples are left out."""
+SETTLING = 0.16
+"""Time after a ramp before the axis counts as at constant velocity [s]."""
+STEADY = 0.1
+"""Relative deviation from the profile velocity that still counts as constant."""
+SHORTEST_WINDOW = 0.1
+"""Of constant velocity [s]."""
+FEWEST = 5
+"""Samples for each coefficient of a fit."""
+REFERENCE_SPEED = 0.1
+"""Share of the speed limit at which friction levels are stated."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalValue:
+    """One element of g(q) or M(q) as measured.
+
+    Attributes
+    ----------
+    id, kind : str
+    axis, partner : int
+        Joint whose torque was read, joint that was accelerated; indices from 0.
+    q : ndarray, shape (n_joints,)
+        Mean configuration [rad].
+    time : float
+        Middle of the recording since the bus was entered [s].
+    value, model : float
+        Measured, and what the base parameters say: g_i [N m], M_ii or M_ji [kg m^2].
+    standard_error : float
+        Of `value`, from the scatter inside the measurement; NaN where there is none.
+    friction : float
+        Level at `REFERENCE_SPEED` (at creep speed for coupling), mean of both directions [N m].
+    residual : float
+        Root mean square of what the local model leaves [N m].
+    """
+
+    id: str
+    kind: str
+    axis: int
+    partner: int
+    q: Array
+    time: float
+    value: float
+    model: float
+    standard_error: float
+    friction: float
+    residual: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalFit:
+    """A measurement evaluated as far as it goes without knowing p_g.
+
+    A fit is linear in its right-hand side, which has several columns here: the measured torque, the
+    motors' part of it, and the gravity torque of one unit of each base parameter.
+
+    Attributes
+    ----------
+    id, kind, axis, partner, q, time
+        See `LocalValue`.
+    sides : ndarray, shape (2 + n_base,)
+        The element that each column amounts to. The gravity columns of a gravity measurement are
+        zero, since they are what it measures.
+    friction : ndarray, shape (2 + n_base,)
+        The friction level that each column amounts to.
+    gram : ndarray, shape (2 + n_base, 2 + n_base)
+        Mean products of the columns' residuals.
+    leverage : float
+        Standard error of the element per residual.
+    row : ndarray, shape (n_base,)
+        The element as the model has it: ``row @ p``.
+    """
+
+    id: str
+    kind: str
+    axis: int
+    partner: int
+    q: Array
+    time: float
+    sides: Array
+    friction: Array
+    gram: Array
+    leverage: float
+    row: Array
+
+    def at(self, p: Array) -> LocalValue:
+        """Values with gravity compensated by base parameters `p`."""
+        weights = np.concatenate([[1.0, -1.0], -p])
+        residual = float(np.sqrt(max(weights @ self.gram @ weights, 0.0)))
+        return LocalValue(
+            id=self.id,
+            kind=self.kind,
+            axis=self.axis,
+            partner=self.partner,
+            q=self.q,
+            time=self.time,
+            value=float(self.sides @ weights),
+            model=float(self.row @ p),
+            standard_error=self.leverage * residual,
+            friction=float(self.friction @ weights),
+            residual=residual,
+        )
+
+
+def fit(robot: Robot, measurement: Measurement, s: Signals) -> LocalFit:
+    """Evaluate one measurement.
+
+    Raises
+    ------
+    NotEnoughData
+        Too few usable samples.
+    """
+    if isinstance(measurement, Gravity):
+        return _gravity(robot, measurement, s)
+    if isinstance(measurement, Inertia):
+        return _inertia(robot, measurement, s)
+    return _coupling(robot, measurement, s)
+
+
+def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
+    i = m.index
+    sides = s.filtered(_sides(robot, s, i))
+    means: tuple[list[Array], list[Array]] = ([], [])
+    for stroke in range(m.n_strokes):
+        window = _window(m, s, stroke)
+        if window.sum() * s.period >= SHORTEST_WINDOW:
+            means[stroke % 2].append(sides[window].mean(axis=0))
+    pairs = min(len(means[0]), len(means[1]))
+    if not pairs:
+        raise NotEnoughData(f"{m.id}: no window of constant velocity in both directions; repeat it")
+    forward, backward = np.array(means[0][:pairs]), np.array(means[1][:pairs])
+    half_sums, half_differences = (forward + backward) / 2, (forward - backward) / 2
+    still = np.zeros(sides.shape[1])
+    still[:2] = 1.0
+    scatter = (half_sums - half_sums.mean(axis=0)) * still
+    return LocalFit(
+        id=m.id,
+        kind=m.kind,
+        axis=i,
+        partner=i,
+        q=_mean_q(s, s.stroke >= 0),
+        time=float(s.time.mean()),
+        sides=half_sums.mean(axis=0) * still,
+        friction=half_differences.mean(axis=0),
+        gram=scatter.T @ scatter / max(pairs - 1, 1),
+        leverage=1.0 / np.sqrt(pairs) if pairs > 1 else np.nan,
+        row=half_sums[:, 2:].mean(axis=0),
+    )
+
+
+def _inertia(robot: Robot, m: Inertia, s: Signals) -> LocalFit:
+    i = m.index
+    v = s.qd[:, i]
+    reference = REFERENCE_SPEED * robot.velocity_limit[i]
+    columns = np.column_stack([s.qdd[:, i], v, np.sign(v), np.cbrt(v)])
+    levels = np.array([0.0, reference, 1.0, np.cbrt(reference)])
+    return _mass_element(robot, m, s, (i, i), columns, levels, usable(robot, s, i))
+
+
+def _coupling(robot: Robot, m: Coupling, s: Signals) -> LocalFit:
+    j, i = m.index, m.partner.index
+    used = usable(robot, s, j) & (s.partner_stroke >= 0) & (s.stroke >= 0)
+    strokes = (s.stroke[:, np.newaxis] == np.arange(m.n_strokes)).astype(float)
+    columns = np.column_stack([s.qdd[:, i], strokes])
+    levels = np.concatenate([[0.0], np.resize([1.0, -1.0], m.n_strokes) / m.n_strokes])
+    return _mass_element(robot, m, s, (j, i), columns, levels, used)
+
+
+def _mass_element(
+    robot: Robot,
+    m: Inertia | Coupling,
+    s: Signals,
+    element: tuple[int, int],
+    columns: Array,
+    levels: Array,
+    used: NDArray[np.bool_],
+) -> LocalFit:
+    """Eq. (20) for an element of M(q).
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, k)
+        Of the observation matrix, the acceleration first.
+    levels : ndarray, shape (k,)
+        Weights with which the coefficients make up the friction level.
+    used : ndarray of bool, shape (n,)
+    """
+    W = s.filtered(columns)[used]
+    if len(W) < FEWEST * W.shape[1]:
+        raise NotEnoughData(
+            f"{m.id}: {len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat it"
+            " with a longer stroke or a higher velocity"
+        )
+    C = s.filtered(_sides(robot, s, element[0]))[used]
+    scale = np.linalg.norm(W, axis=0)
+    W, scale = W / np.where(scale > 0, scale, 1.0), np.where(scale > 0, scale, 1.0)
+    inverse = np.linalg.pinv(W.T @ W)
+    pr = inverse @ (W.T @ C)
+    left = C - W @ pr
+    weight = s.qdd[used, element[1]] ** 2
+    rows = _inertia_rows(robot, s, *element)[used]
+    return LocalFit(
+        id=m.id,
+        kind=m.kind,
+        axis=element[0],
+        partner=element[1],
+        q=_mean_q(s, used),
+        time=float(s.time.mean()),
+        sides=pr[0] / scale[0],
+        friction=(levels / scale) @ pr,
+        gram=left.T @ left / (len(W) - W.shape[1]),
+        leverage=float(np.sqrt(inverse[0, 0])) / scale[0],
+        row=weight @ rows / weight.sum(),
+    )
+
+
+def _sides(robot: Robot, s: Signals, axis: int) -> Array:
+    """Columns of the right-hand side of an axis: see `LocalFit`."""
+    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
+    return np.column_stack([s.tau[:, axis], motor, _gravity_rows(robot, s, axis)])
+
+
+def usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
+    """Samples of an axis in motion, apart from its reversals as far as the filter reaches."""
+    v = s.filtered(s.qd[:, axis])
+    slow = np.abs(v) < SLOW * robot.velocity_limit[axis]
+    used: NDArray[np.bool_] = s.away_from(slow) & s.valid
+    return used
+
+
+def _window(m: Gravity, s: Signals, stroke: int) -> NDArray[np.bool_]:
+    """Samples at constant velocity, the transient after the ramp left out."""
+    v = s.filtered(s.qd[:, m.index])
+    wanted = m.velocity if stroke % 2 == 0 else -m.velocity
+    off = (s.stroke != stroke) | (np.abs(v - wanted) > STEADY * m.velocity)
+    steady: NDArray[np.bool_] = ~off & s.valid
+    if steady.any():
+        first = int(np.flatnonzero(steady)[0])
+        steady[first : first + round(SETTLING / s.period)] = False
+    return steady
+
+
+def _gravity_rows(robot: Robot, s: Signals, axis: int) -> Array:
+    still = np.zeros_like(s.q)
+    return regressor(robot, s.q, still, still, joints=[axis])[:, 0]
+
+
+def _inertia_rows(robot: Robot, s: Signals, axis: int, accelerated: int) -> Array:
+    still, unit = np.zeros_like(s.q), np.zeros_like(s.q)
+    unit[:, accelerated] = 1.0
+    moving = regressor(robot, s.q, still, unit, joints=[axis])[:, 0]
+    return moving - _gravity_rows(robot, s, axis)
+
+
+def _mean_q(s: Signals, used: NDArray[np.bool_]) -> Array:
+    mean: Array = s.q[used].mean(axis=0)
+    return mean

@@ -1,0 +1,156 @@
+"""From samples to signals, section 7.1.
+
+Velocities and accelerations are differences of position, of fourth order in the sampling period:
+second-order ones cost percents of the inertias at the rates that a bus allows. Differences are
+taken from the unfiltered position; afterwards everything that enters a fit, torque and columns of
+the regressor alike, passes the same low-pass, so that what the filter takes away it takes from
+both sides of the equation.
+
+Two low-passes are there. The paper's is a "non-causal, phase-neutral eighth-order Butterworth
+low-pass". Here that is a Butterworth filter of order four run forth and back: phase zero, the
+magnitude that of order eight, 6 dB down at the cut-off frequency (`Signals.filtered`). Its response
+rings on for longer than a reversal of friction lasts. So the improved method takes a Blackman
+window instead, which is phase-neutral too and ends after `HALF_WIDTH`: a sample further than that
+from a reversal knows nothing of it (`Signals.smoothed`).
+
+Nothing is reflected or extrapolated where it matters: recordings begin and end with samples at
+rest, and samples closer to an end or to a missing sample than the filters reach are marked invalid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage, signal
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.measuring.recording import Recording
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+CUTOFF = 30.0
+"""Of the low-pass [Hz]."""
+ORDER = 4
+"""Of the filter that runs forth and back."""
+HALF_WIDTH = 0.024
+"""Of the Blackman window [s]."""
+_FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
+_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
+
+
+class NotEnoughData(Exception):
+    """A recording without enough usable samples."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signals:
+    """One measurement on an even grid of time, differentiated, not filtered.
+
+    Attributes
+    ----------
+    period : float
+        [s].
+    time : ndarray, shape (n,)
+        [s].
+    q, qd, qdd, tau : ndarray, shape (n, n_joints)
+        [rad], [rad/s], [rad/s^2], [N m]; bridged where samples are missing.
+    stroke, partner_stroke : ndarray, shape (n,)
+        As in the recording.
+    valid : ndarray of bool, shape (n,)
+        Samples that neither an end of the recording nor a missing sample can have touched.
+    """
+
+    period: float
+    time: Array
+    q: Array
+    qd: Array
+    qdd: Array
+    tau: Array
+    stroke: NDArray[np.int16]
+    partner_stroke: NDArray[np.int16]
+    valid: Mask
+
+    def filtered(self, x: Array) -> Array:
+        """Butterworth low-pass along the first axis."""
+        if self.period * CUTOFF >= 0.5:
+            return x
+        filtered: Array = signal.sosfiltfilt(_butterworth(self.period), x, axis=0)
+        return filtered
+
+    def smoothed(self, x: Array) -> Array:
+        """Weighted mean over a Blackman window along the first axis."""
+        window = np.blackman(2 * _half_width(self.period) + 3)[1:-1]
+        mean: Array = ndimage.correlate1d(x, window / window.sum(), axis=0, mode="nearest")
+        return mean
+
+    def away_from(self, excluded: Mask) -> Mask:
+        """Samples that neither filter nor differences connect to the `excluded` ones."""
+        return ~ndimage.binary_dilation(excluded, iterations=_reach(self.period))
+
+
+def signals(recording: Recording) -> Signals:
+    """Put a recording on an even grid and differentiate it.
+
+    Parameters
+    ----------
+    recording : Recording
+        With missing samples as NaN or as gaps in time.
+
+    Raises
+    ------
+    NotEnoughData
+        All samples are missing.
+    """
+    period = float(np.median(np.diff(recording.time)))
+    index = np.rint((recording.time - recording.time[0]) / period).astype(int)
+    n = int(index[-1]) + 1
+    time = recording.time[0] + period * np.arange(n)
+    missing = np.ones(n, dtype=bool)
+    sampled = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
+    if not sampled.any():
+        raise NotEnoughData("no usable sample among all those recorded; repeat it")
+    missing[index[sampled]] = False
+    q = _on_grid(time, recording.time[sampled], recording.q[sampled])
+    tau = _on_grid(time, recording.time[sampled], recording.tau[sampled])
+    nearest = np.searchsorted(index, np.arange(n), side="right") - 1
+    ends = np.zeros(n, dtype=bool)
+    ends[[0, -1]] = True
+    spoilt = ndimage.binary_dilation(missing | ends, iterations=_reach(period))
+    return Signals(
+        period=period,
+        time=time,
+        q=q,
+        qd=ndimage.correlate1d(q, _FIRST / period, axis=0, mode="nearest"),
+        qdd=ndimage.correlate1d(q, _SECOND / period**2, axis=0, mode="nearest"),
+        tau=tau,
+        stroke=recording.stroke[nearest],
+        partner_stroke=recording.partner_stroke[nearest],
+        valid=~spoilt,
+    )
+
+
+@lru_cache(maxsize=8)
+def _butterworth(period: float) -> Array:
+    """Second-order sections of the filter that runs forth and back."""
+    sections: Array = signal.butter(ORDER, 2 * CUTOFF * period, output="sos")
+    return sections
+
+
+def _reach(period: float) -> int:
+    """Samples over which filters and differences spread a disturbance (noticeably)."""
+    return max(_half_width(period) + len(_SECOND) // 2, round(1.0 / CUTOFF / period))
+
+
+def _half_width(period: float) -> int:
+    return max(2, round(HALF_WIDTH / period))
+
+
+def _on_grid(time: Array, sampled: Array, values: Array) -> Array:
+    columns = [np.interp(time, sampled, column) for column in values.T]
+    return np.column_stack(columns)

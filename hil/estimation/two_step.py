@@ -1,0 +1,77 @@
+"""The paper's second step, eq. (14)-(18): one weighted least-squares fit after the other.
+
+Gravity measurements give p_g. The moments of inertia, less what p_g contributes to them (and to the
+gravity torque during the measurement), give p_Md; the coupling inertias, less both, give p_Mod.
+Each row is weighted with the reciprocal of its axis's largest torque, eq. (16).
+
+The whole chain is linear in the measured values, which is used twice: to leave a measurement out,
+and to see what an error of a torque constant or of a rotor inertia does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.local_fits import LocalFit
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+_ORDER = (("gravity", "gravity"), ("diagonal", "inertia"), ("off_diagonal", "coupling"))
+
+
+class TwoStep:
+    """Step 2 as printed, over the local fits of step 1."""
+
+    def __init__(self, robot: Robot, local: Sequence[LocalFit]) -> None:
+        self._groups = base_parameters(robot).groups
+        self._n_base = len(base_parameters(robot))
+        self._n_joints = robot.n_joints
+        self._kind = np.array([f.kind for f in local])
+        self._axis = np.array([f.axis for f in local])
+        self._weight = 1.0 / robot.torque_limit[self._axis]
+        self._rows = np.array([f.row + f.sides[2:] for f in local])
+        self._torque = np.array([f.sides[0] for f in local])
+        self._motor = np.array([f.sides[1] for f in local])
+
+    @property
+    def n_measurements(self) -> int:
+        """How many measurements there are to leave out."""
+        return len(self._kind)
+
+    def solve(self, without: int | None = None) -> Array:
+        """Base parameters, shape (n_base,)."""
+        used = np.ones(self.n_measurements, dtype=bool)
+        if without is not None:
+            used[without] = False
+        return self._chain(self._torque - self._motor, used)
+
+    def sensitivity(self) -> Array:
+        """Change of p per relative change of torque constants and rotor inertias."""
+        everything = np.ones(self.n_measurements, dtype=bool)
+        axes = range(self._n_joints)
+        of_constants = [self._chain(self._torque * (self._axis == j), everything) for j in axes]
+        of_rotors = [self._chain(-self._motor * (self._axis == j), everything) for j in axes]
+        return np.array([*of_constants, *of_rotors]).T
+
+    def _chain(self, values: Array, used: NDArray[np.bool_]) -> Array:
+        """Fit one group after the other, each less what the ones before contribute."""
+        p = np.zeros(self._n_base)
+        for group, kind in _ORDER:
+            columns = list(self._groups[group])
+            if columns:
+                rows = used & (self._kind == kind)
+                weight = self._weight[rows]
+                C = weight * (values[rows] - self._rows[rows] @ p)
+                W = weight[:, np.newaxis] * self._rows[np.ix_(rows, columns)]
+                p[columns] = np.linalg.lstsq(W, C, rcond=None)[0]
+        return p

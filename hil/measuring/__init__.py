@@ -1,0 +1,1 @@
+"""Carrying out a plan on a `drivers.drive_bus.DriveBus`, and keeping what was recorded."""

@@ -1,0 +1,60 @@
+"""A plan carried out on a bus into a run folder: the sequencer with its surroundings.
+
+The bus is entered and left here, so that the axes stop and power off however the campaign ends,
+and the folder's journal says how. A recording is on the disk before its event is passed on.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.measuring.events import Recorded
+from hil.measuring.recording_file import Measured
+from hil.measuring.sequencer import measure
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from drivers.drive_bus import DriveBus
+    from hil.measuring.events import Event
+    from hil.measuring.run_folder import RunFolder
+
+
+def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Generator[Event]:
+    """Measure what `folder` has no recording of.
+
+    Parameters
+    ----------
+    folder : RunFolder
+        A new one, or one prepared by `RunFolder.set_aside_damaged`.
+    bus : DriveBus
+        Not entered yet.
+    bus_name : str
+        What the bus is, for the journal: python-can's interface and channel.
+
+    Yields
+    ------
+    Event
+        Those of `hil.measuring.sequencer.measure`.
+
+    Raises
+    ------
+    DriveError, FileError
+        The campaign ended early; what was measured stays.
+    """
+    missing = {measurement.id for measurement in folder.missing}
+    done = [m.id for m in folder.plan.measurements if m.id not in missing]
+    with folder.session(bus_name) as session, bus:
+        folder.note_axes(bus.axes)
+        for event in measure(folder.plan, folder.robot, bus, done):
+            if isinstance(event, Recorded):
+                folder.write(
+                    Measured(
+                        event.measurement,
+                        event.recording,
+                        event.attempts,
+                        event.findings,
+                        session,
+                    )
+                )
+            yield event

@@ -1,0 +1,109 @@
+"""Is a recording fit to be used? Asked at once, while the measurement can still be repeated.
+
+Each check compares one figure of the recording with its bound. What it finds wrong becomes a
+`Finding` that tells value, bound and remedy. What concerns telegrams is here, what concerns the
+motion itself in `hil.measuring.stroke_checks`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.drive_bus import SampleFlag
+from hil.measuring.finding import Finding
+from hil.measuring.stroke_checks import half_sums, partner, peaks, stuck, windows
+from hil.planning.measurement import Coupling, Gravity, Inertia
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from hil.measuring.recording import Recording
+    from hil.planning.measurement import Measurement
+
+__all__ = ["Finding", "check"]
+
+DISTURBED = 0.01
+"""Share of samples with doubled or late telegrams that is tolerated."""
+
+
+def check(recording: Recording, measurement: Measurement) -> list[Finding]:
+    """Judge a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    measurement : Gravity, Inertia or Coupling
+        What was to be recorded.
+
+    Returns
+    -------
+    list of Finding
+        Empty when the recording is fit to be used.
+    """
+    steps: list[Callable[[Recording, Measurement], Iterable[Finding]]] = [_gaps, _saturation]
+    if isinstance(measurement, Inertia):
+        steps += [peaks]
+    else:
+        steps += [windows]
+    if isinstance(measurement, Gravity):
+        steps += [half_sums]
+    if isinstance(measurement, Coupling):
+        steps += [stuck, partner]
+    return [finding for step in steps for finding in step(recording, measurement)]
+
+
+def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+    del measurement
+    missing = int(np.any(recording.flags & SampleFlag.MISSING, axis=1).sum())
+    if missing:
+        axes = _axes(recording, SampleFlag.MISSING)
+        yield Finding(
+            "gaps",
+            f"{missing} of {recording.n_samples} samples lack a telegram of axis {axes}, must be 0;"
+            " check wiring, termination and bus load",
+            missing,
+            0,
+        )
+    skipped = round(float(np.sum(np.diff(recording.time) > 1.5 * recording.period)))
+    if skipped:
+        yield Finding(
+            "gaps",
+            f"SYNC was late {skipped} times and the sample left out, must be 0; relieve this"
+            " computer or sample more slowly",
+            skipped,
+            0,
+        )
+    bad = SampleFlag.DOUBLED | SampleFlag.LATE
+    disturbed = float(np.any(recording.flags & bad, axis=1).mean())
+    if disturbed > DISTURBED:
+        yield Finding(
+            "telegrams",
+            f"{disturbed:.1%} of the samples have doubled or late telegrams of axis"
+            f" {_axes(recording, bad)}, at most {DISTURBED:.0%} may; lower the bus load or sample"
+            " more slowly",
+            disturbed,
+            DISTURBED,
+        )
+
+
+def _saturation(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+    del measurement
+    moving = (recording.stroke >= 0)[:, None]
+    saturated = int(
+        np.any((recording.flags & SampleFlag.LIMIT).astype(bool) & moving, axis=1).sum()
+    )
+    if saturated:
+        yield Finding(
+            "saturation",
+            f"axis {_axes(recording, SampleFlag.LIMIT)} is at its internal limit in {saturated}"
+            " samples, must be 0; plan a smaller acceleration or another configuration",
+            saturated,
+            0,
+        )
+
+
+def _axes(recording: Recording, flag: int) -> str:
+    hit = np.any(recording.flags & flag, axis=0)
+    return ", ".join(str(index + 1) for index in np.flatnonzero(hit))

@@ -1,0 +1,82 @@
+"""What the sequencer tells while it works.
+
+`time` is the bus's time, `remaining` the robot time that is expected to be left; both in s. In
+lock-step robot time runs faster than the clock on the wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hil.measuring.finding import Finding
+    from hil.measuring.recording import Recording
+    from hil.planning.measurement import Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something happened."""
+
+    time: float
+    remaining: float
+
+
+@dataclass(frozen=True, slots=True)
+class Started(Event):
+    """The sequencer knows where the robot stands; nothing has moved yet."""
+
+    pending: int
+    planned: int
+
+
+@dataclass(frozen=True, slots=True)
+class WarmingUp(Event):
+    """The warm-up goes on."""
+
+    done: float
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Travelled(Event):
+    """All axes stand at the start of a measurement."""
+
+    measurement: Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated(Event):
+    """A recording failed its checks; the measurement is tried once more."""
+
+    measurement: Measurement
+    attempt: int
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GaveUp(Event):
+    """No attempt passed the checks; the best recording follows as `Recorded`."""
+
+    measurement: Measurement
+    attempts: int
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded(Event):
+    """A measurement is done; `findings` is empty unless every attempt failed."""
+
+    measurement: Measurement
+    recording: Recording
+    attempts: int
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Finished(Event):
+    """All measurements of the plan are done."""
+
+    recorded: int
+    gave_up: tuple[str, ...]

@@ -1,0 +1,245 @@
+"""A run is a folder, and everything about it can be redone from there without hardware::
+
+    plan.yaml         what was to be measured
+    robot.yaml        the robot file, verbatim
+    drives.yaml       the drives file, verbatim, if there was one
+    run.json          sessions: versions, host, bus, axes, times, why each ended
+    recordings/ID.h5  one file for each measurement that is done
+
+A measurement is done when its file is there and whole. To resume is to measure what has no such
+file; a damaged one is set aside under another name first.
+"""  # noqa: D400 - the summary leads into the listing
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drivers.yaml_file import FileError
+from hil.measuring.atomic_file import PART, operator_told, write_file
+from hil.measuring.recording_file import Measured, read_measured, write_measured
+from hil.measuring.run_journal import (
+    Journal,
+    Session,
+    axis_records,
+    now,
+    read_journal,
+    write_journal,
+)
+from hil.model.robot import Robot, load_robot
+from hil.planning.plan import Plan, dump_plan, load_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from drivers.drive_bus import AxisInfo
+    from hil.planning.measurement import Measurement
+
+DAMAGED = ".damaged"
+
+
+class RunFolder:
+    """The folder of a run.
+
+    Attributes
+    ----------
+    path : Path
+    plan : Plan
+    robot : Robot
+    journal : Journal
+    """
+
+    def __init__(self, path: Path, plan: Plan, robot: Robot, journal: Journal) -> None:
+        self.path = path
+        self.plan = plan
+        self.robot = robot
+        self.journal = journal
+
+    @classmethod
+    def create(
+        cls, path: Path | str, plan: Plan, robot: Robot, drives: str | None = None
+    ) -> RunFolder:
+        """Make the folder of a new run.
+
+        Parameters
+        ----------
+        drives : str, optional
+            Text of the drives file.
+
+        Raises
+        ------
+        FileError
+            There is something at `path` already, or it cannot be written.
+        """
+        path = Path(path)
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise FileError(
+                f"{path}: is there already; go on with --resume, or choose another folder with -o"
+            )
+        with operator_told(path, "made"):
+            (path / "recordings").mkdir(parents=True, exist_ok=True)
+        write_file(path / "plan.yaml", dump_plan(plan).encode())
+        write_file(path / "robot.yaml", robot.text.encode())
+        if drives is not None:
+            write_file(path / "drives.yaml", drives.encode())
+        journal = Journal(
+            plan_digest=plan.digest, robot_digest=robot.digest, drives_digest=_digest(drives)
+        )
+        write_journal(path / "run.json", journal)
+        return cls(path, plan, robot, journal)
+
+    @classmethod
+    def open(cls, path: Path | str) -> RunFolder:
+        """Open the folder of a run.
+
+        Raises
+        ------
+        FileError
+            It is no run folder, or one of its files was changed or damaged.
+        """
+        path = Path(path)
+        if not path.is_dir():
+            raise FileError(f"{path}: is no run folder; make one with: hil run plan.yaml -o {path}")
+        journal = read_journal(path / "run.json")
+        robot = load_robot(path / "robot.yaml")
+        plan = load_plan(path / "plan.yaml", robot)
+        if plan.digest != journal.plan_digest:
+            raise FileError(
+                f"{path / 'plan.yaml'}: was changed since the run was started; restore it or"
+                " start a new run"
+            )
+        return cls(path, plan, robot, journal)
+
+    def refuse_changes(self, plan: Plan, robot: Robot, drives: str | None = None) -> None:
+        """Refuse to resume with another plan, robot or drives than the run was started with.
+
+        Raises
+        ------
+        FileError
+            Something differs.
+        """
+        for name, then, given in (
+            ("plan", self.journal.plan_digest, plan.digest),
+            ("robot file", self.journal.robot_digest, robot.digest),
+            ("drives file", self.journal.drives_digest, _digest(drives)),
+        ):
+            if then != given:
+                raise FileError(
+                    f"{self.path}: the {name} differs from the one that the run was started with;"
+                    " resume with the same, or start a new run with -o"
+                )
+
+    def recording_path(self, measurement: Measurement) -> Path:
+        """Where the recording of `measurement` lies, once it is there."""
+        return self.path / "recordings" / f"{measurement.id}.h5"
+
+    def write(self, measured: Measured) -> None:
+        """Keep a recording, whole or not at all."""
+        write_measured(self.recording_path(measured.measurement), measured)
+
+    def read(self, measurement: Measurement) -> Measured:
+        """Read and verify the recording of `measurement`.
+
+        Raises
+        ------
+        FileError
+            It is missing or damaged.
+        """
+        path = self.recording_path(measurement)
+        measured = read_measured(path)
+        if measured.measurement != measurement:
+            raise FileError(
+                f"{path}: holds another measurement than {measurement.id} of the plan;"
+                " measure it again with --resume"
+            )
+        return measured
+
+    def __iter__(self) -> Iterator[Measured]:
+        """Read what is there, in the plan's order; a damaged recording is a `FileError`."""
+        for measurement in self.plan.measurements:
+            if self.recording_path(measurement).exists():
+                yield self.read(measurement)
+
+    @property
+    def missing(self) -> tuple[Measurement, ...]:
+        """Measurements without a recording, in the plan's order."""
+        return tuple(m for m in self.plan.measurements if not self.recording_path(m).exists())
+
+    def set_aside_damaged(self) -> list[str]:
+        """Prepare to resume: rename damaged recordings, remove unfinished ones.
+
+        Returns
+        -------
+        list of str
+            What is wrong with each file set aside, and its new name.
+        """
+        told = []
+        with operator_told(self.path / "recordings", "cleaned up"):
+            for part in (self.path / "recordings").glob(f"*{PART}"):
+                part.unlink()
+        for measurement in self.plan.measurements:
+            path = self.recording_path(measurement)
+            if not path.exists():
+                continue
+            try:
+                self.read(measurement)
+            except FileError as error:
+                with operator_told(path, "set aside"):
+                    aside = path.replace(_unused(path))
+                told.append(f"{error}; kept as {aside.name}, will be measured again")
+        return told
+
+    def discard_if_empty(self) -> bool:
+        """Remove the folder of a run in which nothing was measured; tell whether it was."""
+        if any((self.path / "recordings").iterdir()):
+            return False
+        with operator_told(self.path, "removed"):
+            for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json"):
+                (self.path / name).unlink(missing_ok=True)
+            (self.path / "recordings").rmdir()
+            if not any(self.path.iterdir()):
+                self.path.rmdir()
+        return True
+
+    @contextmanager
+    def session(self, bus_name: str) -> Iterator[int]:
+        """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
+        number = len(self.journal.sessions)
+        started = Session(started=now(), bus=bus_name)
+        self._note(self.journal.with_session(started))
+        try:
+            yield number
+        except BaseException as error:
+            with suppress(FileError):  # a full disk has been told already
+                self._note(self.journal.with_last(ended=now(), reason=_reason(error)))
+            raise
+        self._note(self.journal.with_last(ended=now(), reason="finished"))
+
+    def note_axes(self, axes: Sequence[AxisInfo]) -> None:
+        """Note what the drives told about themselves."""
+        self._note(self.journal.with_last(axes=axis_records(axes)))
+
+    def _note(self, journal: Journal) -> None:
+        self.journal = journal
+        write_journal(self.path / "run.json", journal)
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt | GeneratorExit):
+        return "interrupted by the operator"
+    return f"{type(error).__name__}: {error}"
+
+
+def _digest(text: str | None) -> str | None:
+    return None if text is None else hashlib.sha256(text.encode()).hexdigest()
+
+
+def _unused(path: Path) -> Path:
+    candidate = path.with_name(path.name + DAMAGED)
+    number = 2
+    while candidate.exists():
+        candidate = path.with_name(f"{path.name}{DAMAGED}.{number}")
+        number += 1
+    return candidate

@@ -1,0 +1,159 @@
+"""Carries out a plan on a `DriveBus` and tells what happens, event by event.
+
+The sequencer runs inside ``with bus:``, whose end stops the axes whatever happened. It never
+sleeps and never asks what is behind the bus. Each measurement is checked as soon as it is
+recorded and repeated while it fails, up to ``plan.attempts`` times; then the best recording is
+kept together with what is wrong with it.
+"""
+
+from __future__ import annotations
+
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import DriveRefused
+from hil.measuring.checks import check
+from hil.measuring.events import (
+    Finished,
+    GaveUp,
+    Recorded,
+    Repeated,
+    Started,
+    Travelled,
+    WarmingUp,
+)
+from hil.measuring.motion import locate, record, travel
+from hil.planning.timetable import timetable
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Sequence
+
+    from drivers.drive_bus import DriveBus
+    from hil.measuring.events import Event
+    from hil.measuring.finding import Finding
+    from hil.measuring.recording import Recording
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan, WarmUp
+    from hil.planning.timetable import Entry
+
+
+def measure(plan: Plan, robot: Robot, bus: DriveBus, done: Collection[str] = ()) -> Iterator[Event]:
+    """Measure what is not `done` yet.
+
+    Parameters
+    ----------
+    plan : Plan
+    robot : Robot
+        The one that the plan was made for.
+    bus : DriveBus
+        Entered already, and left by the caller.
+    done : collection of str
+        Identifiers of measurements to leave out.
+
+    Yields
+    ------
+    Event
+        Started, WarmingUp, Travelled, Repeated, GaveUp, Recorded and Finished.
+
+    Raises
+    ------
+    DriveError
+        Nothing more can be measured; what was yielded stays valid.
+    """
+    _check_bus(plan, robot, bus)
+    here = locate(bus)
+    pending = [m for m in plan.measurements if m.id not in done]
+    clock = _Clock(timetable(plan, robot, pending, here.q), here.time)
+    warm_up = plan.warm_up if pending else None
+    left = clock.remaining(here.time) + (warm_up.duration if warm_up else 0.0)
+    yield Started(here.time, left, len(pending), len(plan.measurements))
+    if warm_up:
+        yield from _warm_up(plan, warm_up, robot, bus, clock)
+        clock.restart(locate(bus).time)
+    gave_up = []
+    for measurement in pending:
+        arrived = travel(bus, robot, measurement.start, plan.travel)
+        yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
+        for event in _attempts(plan, bus, measurement, clock):
+            if isinstance(event, GaveUp):
+                gave_up.append(measurement.id)
+            yield event
+    yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up))
+
+
+class _Clock:
+    """How much robot time is left, scaled by how the timetable held so far."""
+
+    def __init__(self, entries: Sequence[Entry], start: float) -> None:
+        self._expected = [entry.travel + entry.duration for entry in entries]
+        self._done = 0
+        self._start = start
+
+    def restart(self, now: float) -> None:
+        """Count from now on: the warm-up is no part of the timetable."""
+        self._start = now
+
+    def advance(self) -> None:
+        """One more measurement is done."""
+        self._done += 1
+
+    def remaining(self, now: float) -> float:
+        """Estimate the robot time until the end [s]."""
+        past = sum(self._expected[: self._done])
+        scale = (now - self._start) / past if past else 1.0
+        return scale * sum(self._expected[self._done :])
+
+
+def _attempts(
+    plan: Plan, bus: DriveBus, measurement: Measurement, clock: _Clock
+) -> Iterator[Event]:
+    """Record until the checks pass or the attempts are used up."""
+    tries: list[tuple[Recording, tuple[Finding, ...]]] = []
+    while True:
+        recording = record(bus, measurement)
+        findings = tuple(check(recording, measurement))
+        tries.append((recording, findings))
+        now = float(recording.time[-1])
+        if not findings or len(tries) == plan.attempts:
+            break
+        yield Repeated(now, clock.remaining(now), measurement, len(tries), findings)
+    clock.advance()
+    left = clock.remaining(now)
+    if findings:
+        recording, findings = min(tries, key=_badness)
+        yield GaveUp(now, left, measurement, len(tries), findings)
+    yield Recorded(now, left, measurement, recording, len(tries), findings)
+
+
+def _badness(attempt: tuple[Recording, tuple[Finding, ...]]) -> tuple[int, float]:
+    findings = attempt[1]
+    return len(findings), sum(finding.excess for finding in findings)
+
+
+def _warm_up(
+    plan: Plan, warm_up: WarmUp, robot: Robot, bus: DriveBus, clock: _Clock
+) -> Iterator[Event]:
+    """Go round the plan's own configurations, whose paths are checked, until time is up."""
+    begin = locate(bus).time
+    for measurement in cycle(plan.measurements):
+        for target in (measurement.start, measurement.end):
+            now = travel(bus, robot, target, warm_up.fraction).time
+            done = now - begin
+            if done >= warm_up.duration:
+                return
+            left = warm_up.duration - done + clock.remaining(begin)
+            yield WarmingUp(now, left, done, warm_up.duration)
+
+
+def _check_bus(plan: Plan, robot: Robot, bus: DriveBus) -> None:
+    if len(bus.axes) != robot.n_joints:
+        raise DriveRefused(
+            f"the bus has {len(bus.axes)} axes, {robot.name} has {robot.n_joints} joints; list one"
+            " axis for each joint in drives.yaml"
+        )
+    if abs(bus.period - plan.sample_period) > 1e-9:
+        raise DriveRefused(
+            f"the bus samples every {bus.period:g} s, the plan wants {plan.sample_period:g} s;"
+            " make sample_period in the plan and sync_period in drives.yaml alike"
+        )

@@ -1,0 +1,228 @@
+"""Base parameters: the least set of parameters that the torques tell, as readable expressions.
+
+The ten standard parameters of each link are more than any motion can tell apart. From the tip down
+each link gives what it can to the link before (`model.transfer`): Gautier and Khalil's regrouping,
+analytic and for any serial chain of revolute and prismatic joints. What is left, in the order of
+eq. (5), heads one base parameter each. Then the robot's own sparsity is put in: absent parameters
+vanish, tied ones merge, and of base parameters that have thereby become linearly dependent those
+without a present head are given up. Absent parameters do not change which torques are possible, so
+the values of base parameters may be put into their heads, all other standard parameters being
+zero: `BaseParameters.placement`.
+
+Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.combination import Combination, add, combine, scale, text
+from hil.model.dependencies import Dependencies, find_dependencies, influences
+from hil.model.frames import parameter_map, symbolic_link_pose
+from hil.model.polynomial import Polynomial
+from hil.model.transfer import transfers
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+_RANK_TOLERANCE = 1e-9
+_UNITS = {"I": "kg m2", "s": "kg m", "m": "kg"}
+
+
+class RegroupingFailed(RuntimeError):
+    """Analytic regrouping and numeric rank disagree: an error of this program, not of the user."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """The base parameters of a robot.
+
+    Attributes
+    ----------
+    names : tuple of str, length n_base
+        ``p1`` and so on.
+    expressions : tuple of str
+        Each as a sum of standard parameters, in the lengths' names.
+    units : tuple of str
+        ``kg m2``, ``kg m`` or ``kg``.
+    heads : tuple of str
+        The standard parameter that heads each.
+    groups : dict
+        Indices of the parameters in ``gravity``, ``diagonal`` and ``off_diagonal``.
+    dependencies : Dependencies
+        Where each occurs in M(q) and g(q).
+    matrix : array, shape (n_base, 10 n_joints)
+        K of p_base = K p_standard, for standard parameters that are as sparse and tied as the
+        robot file says.
+    placement : array, shape (10 n_joints, n_base)
+        Standard parameters that act as given base parameters do: mostly the value in the head.
+    """
+
+    names: tuple[str, ...]
+    expressions: tuple[str, ...]
+    units: tuple[str, ...]
+    heads: tuple[str, ...]
+    groups: dict[str, tuple[int, ...]]
+    dependencies: Dependencies
+    matrix: Array
+    placement: Array
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@lru_cache(maxsize=32)
+def base_parameters(robot: Robot) -> BaseParameters:
+    """Return the base parameters of `robot`, computed once.
+
+    Raises
+    ------
+    RegroupingFailed
+        The numeric cross-check disagrees.
+    """
+    heads, regrouped = _regroup(robot)
+    sparse = [_put_in_sparsity(robot, row) for row in regrouped]
+    matrix = _numeric(robot, sparse)
+    kept, dependence = _independent_rows(matrix, [h in _free(robot) for h in heads])
+    placement = np.zeros((10 * robot.n_joints, len(kept)))
+    placement[heads] = dependence
+    mass, gravity = influences(robot)
+    _cross_check(robot, mass, gravity, matrix[kept], placement)
+    dependencies = find_dependencies(mass @ placement, gravity @ placement)
+    standard = robot.standard_parameters
+    names = [standard[heads[k]] for k in kept]
+    texts = [text(sparse[k], heads[k], standard) for k in kept]
+    return BaseParameters(
+        names=tuple(f"p{k}" for k in range(1, len(kept) + 1)),
+        expressions=tuple(texts),
+        units=tuple(_UNITS[name[0]] for name in names),
+        heads=tuple(names),
+        groups=dependencies.groups(),
+        dependencies=dependencies,
+        matrix=_read_only(matrix[kept]),
+        placement=_read_only(placement),
+    )
+
+
+def dependencies(robot: Robot) -> Dependencies:
+    """Return where each base parameter occurs in M(q) and g(q): Table 2."""
+    return base_parameters(robot).dependencies
+
+
+def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
+    """Head and combination of every base parameter of the full robot, in standard order."""
+    found = transfers(robot)
+    received: list[Combination] = [{} for _ in range(10)]
+    rows: list[tuple[int, Combination]] = []
+    one = Polynomial.constant(1.0)
+    for link in reversed(range(robot.n_joints)):
+        body = [add({10 * link + k: one}, received[k]) for k in range(10)]
+        given, directions = found[link].given, found[link].directions
+        removed = combine(directions.T, [body[k] for k in given])
+        rows += [
+            (10 * link + k, add(body[k], scale(removed[k], -1.0)))
+            for k in range(10)
+            if k not in given
+        ]
+        received = combine(parameter_map(symbolic_link_pose(robot, link)), removed)
+    rows.sort(key=lambda row: row[0])
+    return [head for head, _ in rows], [row for _, row in rows]
+
+
+def _put_in_sparsity(robot: Robot, row: Combination) -> Combination:
+    """Drop absent parameters, merge tied ones, drop what cancels."""
+    names, ties, total = robot.standard_parameters, robot.ties, Combination()
+    for parameter, weight in row.items():
+        if names[parameter] in robot.present:
+            carrier = names.index(ties.get(names[parameter], names[parameter]))
+            total = add(total, {carrier: weight})
+    tidy = {parameter: weight.tidied() for parameter, weight in total.items()}
+    return {parameter: weight for parameter, weight in sorted(tidy.items()) if weight}
+
+
+def _free(robot: Robot) -> set[int]:
+    """Standard parameters that are present and not tied to others."""
+    names = enumerate(robot.standard_parameters)
+    return {k for k, name in names if name in robot.present and name not in robot.ties}
+
+
+def _numeric(robot: Robot, rows: Sequence[Combination]) -> Array:
+    matrix = np.zeros((len(rows), 10 * robot.n_joints))
+    for index, row in enumerate(rows):
+        for parameter, weight in row.items():
+            matrix[index, parameter] = weight.evaluate(robot.file.lengths)
+    return matrix
+
+
+def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int], Array]:
+    """Choose rows of `matrix` that span it, those with a present head first.
+
+    Returns
+    -------
+    kept : list of int
+        The rows, in order.
+    dependence : array, shape (n_rows, n_kept)
+        All rows as combinations of those kept.
+    """
+    kept: list[int] = []
+    for index in sorted(range(len(matrix)), key=lambda k: (not headed[k], k)):
+        if _rank(matrix[[*kept, index]]) > len(kept):
+            kept.append(index)
+    kept.sort()
+    if not kept:
+        return [], np.zeros((len(matrix), 0))
+    dependence: Array = np.linalg.lstsq(matrix[kept].T, matrix.T, rcond=None)[0].T.astype(float)
+    dependence[np.abs(dependence) < _RANK_TOLERANCE] = 0.0
+    dependence[kept] = np.eye(len(kept))
+    return kept, dependence
+
+
+def _cross_check(
+    robot: Robot, mass: Array, gravity: Array, matrix: Array, placement: Array
+) -> None:
+    """Compare with the rank of M and g, whose vanishing is that of all torques."""
+    n = 10 * robot.n_joints
+    observed = np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
+    stated = observed @ _sparsity(robot)
+    rank = _rank(stated.T)
+    if rank != len(matrix):
+        raise RegroupingFailed(
+            f"{robot.name}: {len(matrix)} base parameters, but the numeric rank is {rank};"
+            " are two axes of the robot file almost, but not quite, parallel or square?"
+        )
+    error = np.abs(stated - observed @ placement @ matrix).max(initial=0.0)
+    if error > _RANK_TOLERANCE * np.abs(stated).max(initial=0.0):
+        raise RegroupingFailed(f"{robot.name}: regrouped parameters miss the torque by {error:g}")
+
+
+def _sparsity(robot: Robot) -> Array:
+    """Matrix that writes the free parameters into all standard ones, shape (10 n, 10 n)."""
+    names = robot.standard_parameters
+    result = np.zeros((len(names), len(names)))
+    for k, name in enumerate(names):
+        if name in robot.present:
+            result[k, names.index(robot.ties.get(name, name))] = 1.0
+    return result
+
+
+def _rank(rows: Array) -> int:
+    """Rank of `rows` scaled to unit length, zero rows apart."""
+    norms = np.linalg.norm(rows, axis=1)
+    seen = norms > _RANK_TOLERANCE * norms.max(initial=0.0)
+    values = np.linalg.svd(rows[seen] / norms[seen, None], compute_uv=False)
+    return int(np.sum(values > _RANK_TOLERANCE * values.max(initial=0.0)))
+
+
+def _read_only(array: Array) -> Array:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,111 @@
+"""Which parameter occurs in which element of M(q) and g(q): Table 2, and the three groups.
+
+Both are linear in the parameters, with coefficients that are analytic in q. Such a function is
+either identically zero or nonzero at almost every q; so at random configurations a coefficient
+that vanishes is zero everywhere, but for a set of measure zero and for rounding, some 1e-15 of the
+largest coefficient, against which the threshold leaves six orders of magnitude. Several
+configurations are taken, of which one would do.
+
+The coefficients are computed from the joints' axes seen in each link, apart from the recursion of
+`hil.model.recursion`: M_ab = S_a' I S_b, g_a = S_a' I (0, -gravity).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion, link_pose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+GROUPS = ("gravity", "diagonal", "off_diagonal")
+"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only beside it."""
+
+_THRESHOLD = 1e-9
+_CONFIGURATIONS = 12
+
+
+@dataclass(frozen=True)
+class Dependencies:
+    """Where each base parameter occurs.
+
+    Attributes
+    ----------
+    mass : bool array, shape (n_joints, n_joints, n_base)
+        Whether parameter k occurs in M_ij(q).
+    gravity : bool array, shape (n_joints, n_base)
+        Whether parameter k occurs in g_i(q).
+    """
+
+    mass: NDArray[np.bool_]
+    gravity: NDArray[np.bool_]
+
+    def groups(self) -> dict[str, tuple[int, ...]]:
+        """Indices of the parameters of each of `GROUPS`, in order."""
+        in_gravity = self.gravity.any(axis=0)
+        on_diagonal = np.einsum("iik->ik", self.mass).any(axis=0) & ~in_gravity
+        beside = ~in_gravity & ~on_diagonal
+        members = (in_gravity, on_diagonal, beside)
+        return {
+            name: tuple(int(k) for k in np.flatnonzero(member))
+            for name, member in zip(GROUPS, members, strict=True)
+        }
+
+
+def find_dependencies(mass: Array, gravity: Array) -> Dependencies:
+    """Tell from `influences` of the base parameters where each one occurs."""
+    return Dependencies(_occurs(mass), _occurs(gravity))
+
+
+def influences(robot: Robot) -> tuple[Array, Array]:
+    """Coefficients of all standard parameters in M and g at random configurations.
+
+    Returns
+    -------
+    mass : array, shape (n_configurations, n_joints, n_joints, 10 n_joints)
+    gravity : array, shape (n_configurations, n_joints, 10 n_joints)
+    """
+    random = np.random.default_rng(22)
+    configurations = random.uniform(-np.pi, np.pi, (_CONFIGURATIONS, robot.n_joints))
+    found = [_influences_at(robot, q) for q in configurations]
+    return np.array([mass for mass, _ in found]), np.array([gravity for _, gravity in found])
+
+
+def _influences_at(robot: Robot, q: Array) -> tuple[Array, Array]:
+    n = robot.n_joints
+    mass, gravity = np.zeros((n, n, 10 * n)), np.zeros((n, 10 * n))
+    axes = np.zeros((n, 6))
+    upward = np.concatenate([np.zeros(3), -robot.gravity])
+    for link in range(n):
+        into = adjoint(inverse(_pose_at(robot, link, q[link])))
+        axes, upward = axes @ into.T, into @ upward
+        axes[link] = joint_motion(bool(robot.revolute[link]))[1]
+        own = slice(10 * link, 10 * link + 10)
+        mass[:, :, own] = np.einsum("ax,kxy,by->abk", axes, UNIT_INERTIAS, axes)
+        gravity[:, own] = np.einsum("ax,kxy,y->ak", axes, UNIT_INERTIAS, upward)
+    return mass, gravity
+
+
+def _pose_at(robot: Robot, link: int, q: float) -> Array:
+    motion = np.eye(4)
+    if robot.revolute[link]:
+        c, s = cos_sin(robot.theta[link] + q)
+        motion[:2, :2] = [[c, -s], [s, c]]
+    else:
+        motion[2, 3] = q
+    return link_pose(robot, link) @ motion
+
+
+def _occurs(coefficients: Array) -> NDArray[np.bool_]:
+    size = np.abs(coefficients)
+    scale = size.max(initial=0.0)
+    found: NDArray[np.bool_] = (size > _THRESHOLD * scale).any(axis=0)
+    return found

@@ -1,0 +1,191 @@
+"""Inverse dynamics, linear in the base parameters: A(q, qd, qdd) p of eq. (6).
+
+Everything comes from one compiled recursion (`model.recursion`), so that A p, M qdd + c + g and the
+inverse dynamics agree to rounding. Base parameters enter in the standard parameters that head
+their groups, all others being zero (`base_parameters`), so that a robot costs no more than the
+parameters that it has. Rigid bodies only: motor inertias are `hil.model.motors`.
+
+Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
+have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model import recursion
+from hil.model.base_parameters import base_parameters
+from hil.model.frames import cos_sin
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+_CHUNK = 2048
+"""Samples at a time, so that intermediate values stay in the cache."""
+
+
+def regressor(
+    robot: Robot,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    joints: Sequence[int] | None = None,
+) -> Array:
+    """Regressor A of the base parameters, eq. (6).
+
+    Parameters
+    ----------
+    robot : Robot
+    q, qd, qdd : array_like, shape (n_samples, n_joints) or (n_joints,)
+        Positions, velocities, accelerations.
+    joints : sequence of int, optional
+        Rows wanted, as joint indices from 0; all by default. Few rows cost less.
+
+    Returns
+    -------
+    array, shape (n_samples, n_rows, n_base)
+        Torque per unit of each base parameter [N m per kg m^2, kg m or kg].
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit the robot, or no such joint.
+    """
+    model = _model(robot)
+    wanted = _rows(robot, joints)
+    rows = np.unique(wanted)
+    q, qd, qdd = _samples(robot, q, qd, qdd)
+    lead = q.shape[:-1]
+    flat = np.empty((q.size // robot.n_joints, rows.size, model.kinds.size))
+    for part, state in _chunks(model, q, qd, qdd):
+        recursion.columns(
+            state, model.chain, robot.gravity, model.kinds, model.links, rows, flat[part]
+        )
+    if model.mixing is not None:
+        flat = flat @ model.mixing
+    if not np.array_equal(rows, wanted):
+        flat = flat[:, np.searchsorted(rows, wanted)]
+    return flat.reshape(*lead, wanted.size, flat.shape[-1])
+
+
+def inverse_dynamics(
+    robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike
+) -> Array:
+    """Joint torques M(q) qdd + c(q, qd) + g(q) of base parameters `p`, shape of `q` [N m]."""
+    return _torques(robot, p, q, qd, qdd, robot.gravity)
+
+
+def gravity_torque(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
+    """Gravity torques g(q) of eq. (6), shape of `q` [N m]."""
+    return _torques(robot, p, q, 0.0, 0.0, robot.gravity)
+
+
+def coriolis_torque(robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike) -> Array:
+    """Centrifugal and Coriolis torques c(q, qd) of eq. (6), shape of `q` [N m]."""
+    return _torques(robot, p, q, qd, 0.0, _WEIGHTLESS)
+
+
+def mass_matrix(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
+    """Mass matrix M(q) of eq. (6), shape (n_samples, n_joints, n_joints) [kg m^2]."""
+    units = np.eye(robot.n_joints)
+    return np.stack([_torques(robot, p, q, 0.0, unit, _WEIGHTLESS) for unit in units], axis=-1)
+
+
+_WEIGHTLESS = np.zeros(3)
+
+
+@dataclass(frozen=True)
+class _Model:
+    """What the recursion needs of a robot; `mixing` where a base parameter has several carriers."""
+
+    chain: Array
+    theta: Array
+    shift: Array
+    revolute: Array
+    kinds: NDArray[np.int64]
+    links: NDArray[np.int64]
+    placement: Array
+    mixing: Array | None
+
+
+@lru_cache(maxsize=32)
+def _model(robot: Robot) -> _Model:
+    placement = base_parameters(robot).placement
+    carriers = np.flatnonzero(placement.any(axis=1)).astype(np.int64)
+    carried = placement[carriers]
+    revolute = robot.revolute.astype(np.float64)
+    alpha = np.array([cos_sin(angle) for angle in robot.alpha])
+    plain = np.array_equal(carried, np.eye(carriers.size))
+    return _Model(
+        chain=np.column_stack([alpha, robot.d, revolute]),
+        theta=robot.theta,
+        shift=robot.r,
+        revolute=revolute,
+        kinds=carriers % 10,
+        links=carriers // 10,
+        placement=carried,
+        mixing=None if plain else carried,
+    )
+
+
+def _torques(
+    robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: Array
+) -> Array:
+    model = _model(robot)
+    p = np.asarray(p, dtype=np.float64)
+    if p.shape != model.placement.shape[1:]:
+        n_base = model.placement.shape[1]
+        raise ValueError(f"p has shape {p.shape}; {robot.name} has {n_base} base parameters")
+    q, qd, qdd = _samples(robot, q, qd, qdd)
+    values = model.placement @ p
+    flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
+    for part, state in _chunks(model, q, qd, qdd):
+        recursion.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
+    return flat.reshape(q.shape)
+
+
+def _rows(robot: Robot, joints: Sequence[int] | None) -> NDArray[np.int64]:
+    rows = np.arange(robot.n_joints) if joints is None else np.array(joints, dtype=np.int64)
+    outside = rows[(rows < 0) | (rows >= robot.n_joints)]
+    if outside.size:
+        raise ValueError(f"joint index {outside[0]} must be in 0..{robot.n_joints - 1}")
+    return rows
+
+
+def _samples(
+    robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Bring positions, velocities and accelerations to the shape of positions."""
+    q = np.asarray(q, dtype=np.float64)
+    if q.ndim == 0 or q.shape[-1] != robot.n_joints:
+        raise ValueError(f"q has shape {q.shape}; its last axis must be {robot.n_joints} joints")
+    return (
+        q,
+        np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape),
+        np.broadcast_to(np.asarray(qdd, dtype=np.float64), q.shape),
+    )
+
+
+def _chunks(model: _Model, q: Array, qd: Array, qdd: Array) -> Iterator[tuple[slice, Array]]:
+    """Yield the samples in parts, with the recursion's state of each."""
+    n_joints = model.revolute.size
+    q, qd, qdd = (x.reshape(-1, n_joints) for x in (q, qd, qdd))
+    for first in range(0, len(q), _CHUNK):
+        part = slice(first, first + _CHUNK)
+        angle = model.theta + model.revolute * q[part]
+        state = np.empty((5, *angle.shape))
+        np.cos(angle, out=state[0])
+        np.sin(angle, out=state[1])
+        state[2] = model.shift + (1.0 - model.revolute) * q[part]
+        state[3], state[4] = qd[part], qdd[part]
+        yield part, state

@@ -1,0 +1,153 @@
+"""Frames of a chain in modified Denavit-Hartenberg notation, and what changes with the frame.
+
+Frame j stands in frame j-1 as turn by alpha and shift by d about x, then turn by theta and shift
+by r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. From the pose
+follow the maps of velocities (angular, linear) and of a body's ten standard parameters. Everything
+comes as numbers and, for readable expressions, as polynomials in the lengths' names.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.polynomial import Polynomial
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+_RIGHT_ANGLE = 1e-9
+"""An angle this near to a multiple of pi/2 is meant to be one [rad]."""
+
+
+def link_pose(robot: Robot, joint: int) -> Array:
+    """Pose of frame j in frame j-1 at q_j + theta_j = 0 (revolute) or q_j = 0 (prismatic)."""
+    return _pose(robot, joint, robot.d[joint], robot.r[joint])
+
+
+def symbolic_link_pose(robot: Robot, joint: int) -> NDArray[np.object_]:
+    """`link_pose` with entries that are polynomials in the lengths' names."""
+    pose = _pose(robot, joint, robot.d_expressions[joint], robot.r_expressions[joint])
+    lifted = [x if isinstance(x, Polynomial) else Polynomial.constant(x) for x in pose.flat]
+    return np.array(lifted, dtype=object).reshape(4, 4)
+
+
+def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
+    """Return the matrix, shape (10, 10), from a body's parameters in a frame to those seen outside.
+
+    `pose` is that of the frame, shape (4, 4), of floats or polynomials. The pseudo-inertia
+    [[tr(I)/2 - I, s], [s', m]] transforms by congruence.
+    """
+    columns = [_parameters(pose @ body @ pose.T) for body in _UNIT_PSEUDO_INERTIAS]
+    return np.array(columns, dtype=pose.dtype).T
+
+
+def cos_sin(angle: float) -> tuple[float, float]:
+    """Cosine and sine, exactly 0 and +-1 at right angles."""
+    quarters = round(angle / (math.pi / 2))
+    if abs(angle - quarters * math.pi / 2) < _RIGHT_ANGLE:
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
+    return math.cos(angle), math.sin(angle)
+
+
+def _pose(robot: Robot, joint: int, d: Any, r: Any) -> NDArray[Any]:
+    ca, sa = cos_sin(robot.alpha[joint])
+    ct, st = (1.0, 0.0) if robot.revolute[joint] else cos_sin(robot.theta[joint])
+    rows = [
+        [ct, -st, 0.0, d],
+        [ca * st, ca * ct, -sa, r * -sa],
+        [sa * st, sa * ct, ca, r * ca],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+    return np.array(rows, dtype=object if isinstance(d, Polynomial) else np.float64)
+
+
+def joint_motion(revolute: bool) -> tuple[Array, Array]:
+    """Generator of a joint's motion in its own frame, shape (4, 4), and the twist, shape (6,)."""
+    generator, axis = np.zeros((4, 4)), np.zeros(6)
+    if revolute:
+        generator[1, 0], generator[0, 1], axis[2] = 1.0, -1.0, 1.0
+    else:
+        generator[2, 3], axis[5] = 1.0, 1.0
+    return generator, axis
+
+
+def inverse(pose: Array) -> Array:
+    """Return the inverse of a pose."""
+    rotation, position = pose[:3, :3], pose[:3, 3]
+    result = np.eye(4)
+    result[:3, :3] = rotation.T
+    result[:3, 3] = -rotation.T @ position
+    return result
+
+
+def cross_matrix(v: NDArray[Any]) -> NDArray[Any]:
+    """Return the matrix of the cross product with `v`, shape (..., 3) to (..., 3, 3)."""
+    x, y, z = np.moveaxis(v, -1, 0)
+    o = np.zeros_like(x)
+    rows = [np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))]
+    return np.stack(rows, axis=-2)
+
+
+def adjoint(pose: Array) -> Array:
+    """Return the map of (angular, linear) velocities from a frame to the one that `pose` is in."""
+    result = np.zeros((6, 6))
+    result[:3, :3] = result[3:, 3:] = pose[:3, :3]
+    result[3:, :3] = cross_matrix(pose[:3, 3]) @ pose[:3, :3]
+    return result
+
+
+def adjoint_rate(generator: Array) -> Array:
+    """Derivative of `adjoint` along a motion that `generator` generates, at the identity."""
+    result = np.zeros((6, 6))
+    result[:3, :3] = result[3:, 3:] = generator[:3, :3]
+    result[3:, :3] = cross_matrix(generator[:3, 3])
+    return result
+
+
+def parameter_rate(generator: Array) -> Array:
+    """Derivative of `parameter_map` along a motion that `generator` generates, at the identity."""
+    bodies = [generator @ body + body @ generator.T for body in _UNIT_PSEUDO_INERTIAS]
+    return np.array([_parameters(body) for body in bodies]).T
+
+
+def _parameters(body: NDArray[Any]) -> list[Any]:
+    """Return the ten parameters of a pseudo-inertia."""
+    xx, yy, zz = body[0, 0], body[1, 1], body[2, 2]
+    inertia = [yy + zz, -body[0, 1], -body[0, 2], xx + zz, -body[1, 2], xx + yy]
+    return [*inertia, body[0, 3], body[1, 3], body[2, 3], body[3, 3]]
+
+
+def _pseudo_inertia(parameters: Array) -> Array:
+    xx, xy, xz, yy, yz, zz, sx, sy, sz, m = parameters
+    half = (xx + yy + zz) / 2
+    return np.array(
+        [
+            [half - xx, -xy, -xz, sx],
+            [-xy, half - yy, -yz, sy],
+            [-xz, -yz, half - zz, sz],
+            [sx, sy, sz, m],
+        ]
+    )
+
+
+def _spatial_inertia(parameters: Array) -> Array:
+    xx, xy, xz, yy, yz, zz = parameters[:6]
+    inertia = np.zeros((6, 6))
+    inertia[:3, :3] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    inertia[:3, 3:] = cross_matrix(parameters[6:9])
+    inertia[3:, :3] = inertia[:3, 3:].T
+    inertia[3:, 3:] = parameters[9] * np.eye(3)
+    return inertia
+
+
+_UNIT_PSEUDO_INERTIAS = [_pseudo_inertia(unit) for unit in np.eye(10)]
+UNIT_INERTIAS = np.array([_spatial_inertia(unit) for unit in np.eye(10)])

@@ -1,0 +1,38 @@
+"""Inertia of the motors, eq. (7): known beforehand and compensated, never identified.
+
+A drive train is stated by gear ratio N and rotor inertia Im alone. Each motor then turns N times
+as fast as its own joint and with nothing else, so that H is diagonal and constant, N^2 Im, and c_m
+vanishes. What that leaves out: the motors' gyroscopic torques as they are carried along, a factor N
+smaller, and their masses, which count with the links that carry them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+
+def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
+    """H(q) of eq. (7), shape (n_samples, n_joints, n_joints), or none leading for one sample.
+
+    Joint side: kg m^2 for revolute joints, kg for prismatic ones.
+    """
+    q = np.asarray(q, dtype=np.float64)
+    reflected = np.diag(robot.gear_ratio**2 * robot.rotor_inertia)
+    return np.broadcast_to(reflected, (*q.shape[:-1], *reflected.shape)).copy()
+
+
+def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+    """H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m]."""
+    del qd  # c_m vanishes, see the module
+    qdd = np.asarray(qdd, dtype=np.float64)
+    torque: Array = np.einsum("...ij,...j->...i", motor_inertia(robot, q), qdd)
+    return torque

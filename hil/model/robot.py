@@ -1,0 +1,280 @@
+"""A robot as everything above it sees it: frames, limits and drive trains as arrays.
+
+`load_robot` reads a robot file (by name from those that come along, or by path), checks what one
+field alone cannot tell (names of lengths, ties between parameters) and returns an immutable
+`Robot`. Its digest is that of the content, not of the text: plans keep it, so that no plan moves a
+robot that it was not made for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.yaml_file import FileError, line_of, parse_yaml
+from hil.model.polynomial import Polynomial, parse
+from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+_TIE = re.compile(r"^\s*(\w+)\s*=\s*(\w+)\s*$")
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot; all arrays are read-only and indexed by joint, from 0.
+
+    Attributes
+    ----------
+    file : RobotFile
+        What its file says.
+    source : str
+        Where the file stands; `text` is what stands there, to be copied into run folders.
+    """
+
+    file: RobotFile
+    source: str
+    text: str = field(repr=False)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Robot) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.file.name
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints and links."""
+        return len(self.file.joints)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the content (not of its layout), in hexadecimal."""
+        content = json.dumps(self.file.model_dump(mode="json"), sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()
+
+    @cached_property
+    def gravity(self) -> NDArray[np.float64]:
+        """Acceleration of free fall in the base frame, shape (3,) [m/s^2]."""
+        return _read_only(self.file.gravity)
+
+    @cached_property
+    def revolute(self) -> NDArray[np.bool_]:
+        """Which joints turn; the others slide. Shape (n_joints,)."""
+        return _read_only_flags([joint.type == "revolute" for joint in self.file.joints])
+
+    @cached_property
+    def alpha(self) -> NDArray[np.float64]:
+        """Angles between successive axes [rad]."""
+        return self._array(lambda joint: joint.frame.alpha)
+
+    @cached_property
+    def theta(self) -> NDArray[np.float64]:
+        """Angles about the axes; q adds to those of revolute joints [rad]."""
+        return self._array(lambda joint: joint.frame.theta)
+
+    @cached_property
+    def d(self) -> NDArray[np.float64]:
+        """Distances between successive axes [m]."""
+        return _read_only([length.evaluate(self.file.lengths) for length in self.d_expressions])
+
+    @cached_property
+    def r(self) -> NDArray[np.float64]:
+        """Shifts along the axes; q adds to those of prismatic joints [m]."""
+        return _read_only([length.evaluate(self.file.lengths) for length in self.r_expressions])
+
+    @cached_property
+    def d_expressions(self) -> tuple[Polynomial, ...]:
+        """`d` in the names of lengths."""
+        return tuple(parse(joint.frame.d) for joint in self.file.joints)
+
+    @cached_property
+    def r_expressions(self) -> tuple[Polynomial, ...]:
+        """`r` in the names of lengths."""
+        return tuple(parse(joint.frame.r) for joint in self.file.joints)
+
+    @cached_property
+    def q_min(self) -> NDArray[np.float64]:
+        """Lower ends of the joints' ranges [rad]."""
+        return self._array(lambda joint: joint.q_min)
+
+    @cached_property
+    def q_max(self) -> NDArray[np.float64]:
+        """Upper ends of the joints' ranges [rad]."""
+        return self._array(lambda joint: joint.q_max)
+
+    @cached_property
+    def velocity_limit(self) -> NDArray[np.float64]:
+        """Greatest speeds [rad/s]."""
+        return self._array(lambda joint: joint.velocity_limit)
+
+    @cached_property
+    def acceleration_limit(self) -> NDArray[np.float64]:
+        """Greatest accelerations [rad/s^2]."""
+        return self._array(lambda joint: joint.acceleration_limit)
+
+    @cached_property
+    def torque_limit(self) -> NDArray[np.float64]:
+        """Greatest joint torques [N m]."""
+        return self._array(lambda joint: joint.torque_limit)
+
+    @cached_property
+    def gear_ratio(self) -> NDArray[np.float64]:
+        """Motor turns per joint turn."""
+        return self._array(lambda joint: joint.drive.gear_ratio)
+
+    @cached_property
+    def rotor_inertia(self) -> NDArray[np.float64]:
+        """Motor inertias, motor side [kg m^2]."""
+        return self._array(lambda joint: joint.drive.rotor_inertia)
+
+    @cached_property
+    def torque_constant(self) -> NDArray[np.float64]:
+        """Motor torque per current [N m/A]."""
+        return self._array(lambda joint: joint.drive.torque_constant)
+
+    @cached_property
+    def rotor_inertia_uncertainty(self) -> NDArray[np.float64]:
+        """Relative standard deviations of `rotor_inertia`."""
+        return self._array(lambda joint: joint.drive.rotor_inertia_uncertainty)
+
+    @cached_property
+    def torque_constant_uncertainty(self) -> NDArray[np.float64]:
+        """Relative standard deviations of `torque_constant`."""
+        return self._array(lambda joint: joint.drive.torque_constant_uncertainty)
+
+    @cached_property
+    def standard_parameters(self) -> tuple[str, ...]:
+        """Names of all ten parameters of every link, eq. (5): ``Ixx1`` to ``m<n>``."""
+        links = range(1, self.n_joints + 1)
+        return tuple(f"{parameter}{link}" for link in links for parameter in LINK_PARAMETERS)
+
+    @cached_property
+    def present(self) -> tuple[str, ...]:
+        """Standard parameters that are present (Table 1), those tied to others included."""
+        joints = enumerate(self.file.joints, start=1)
+        return tuple(f"{name}{link}" for link, joint in joints for name in joint.parameters)
+
+    @cached_property
+    def ties(self) -> dict[str, str]:
+        """From each tied standard parameter to the one whose value it has."""
+        return dict(_split_tie(tie) for tie in self.file.ties)
+
+    def _array(self, value: Callable[[Joint], float]) -> NDArray[np.float64]:
+        return _read_only([value(joint) for joint in self.file.joints])
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
+    """Load a robot that comes along by its name, or any by its file's path.
+
+    Raises
+    ------
+    FileError
+        No such robot, or a file that cannot be used: one line for each problem, with its place.
+    """
+    path = _find(name_or_path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise FileError(f"{path}: cannot be read: {reason}") from error
+    return parse_robot(text, str(path))
+
+
+def parse_robot(text: str, source: str) -> Robot:
+    """Make a robot of a robot file's text; `source` names it in messages.
+
+    Raises
+    ------
+    FileError
+        As `load_robot`.
+    """
+    robot = Robot(parse_yaml(text, RobotFile, source), source, text)
+    problems = [*_unknown_lengths(robot), *_wrong_ties(robot)]
+    if problems:
+        places = ((".".join(map(str, at)), line_of(text, at), why) for at, why in problems)
+        raise FileError("\n".join(f"{source}:{line}: {at}: {why}" for at, line, why in places))
+    return robot
+
+
+def available_robots() -> list[str]:
+    """Return the names of the robots that come along."""
+    return sorted(path.stem for path in ROBOTS.glob("*.yaml") if len(path.suffixes) == 1)
+
+
+def _find(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml"} or len(path.parts) > 1:
+        return path
+    if str(name_or_path) not in available_robots():
+        raise FileError(
+            f"{name_or_path}: unknown robot; available: {', '.join(available_robots())};"
+            " or give the path of a robot file ending in .yaml"
+        )
+    return ROBOTS / f"{name_or_path}.yaml"
+
+
+_Problem = tuple[tuple[str | int, ...], str]
+
+
+def _unknown_lengths(robot: Robot) -> Iterator[_Problem]:
+    known = robot.file.lengths
+    for index in range(robot.n_joints):
+        for key in ("d", "r"):
+            expression = (robot.d_expressions if key == "d" else robot.r_expressions)[index]
+            for name in sorted(expression.names - set(known)):
+                names = f"known are {', '.join(known)}" if known else "none are named"
+                yield ("joints", index, "frame", key), f"{name} is no length; {names} in lengths"
+
+
+def _wrong_ties(robot: Robot) -> Iterator[_Problem]:
+    valid = [tie for tie in robot.file.ties if _TIE.match(tie)]
+    left = [_split_tie(tie)[0] for tie in valid]
+    for index, tie in enumerate(robot.file.ties):
+        at = ("ties", index)
+        if tie not in valid:
+            yield at, f"{tie!r} must read as in: Iyy6 = Ixx6"
+            continue
+        tied, value = _split_tie(tie)
+        absent = [name for name in (tied, value) if name not in robot.present]
+        if absent:
+            yield at, f"{absent[0]} is not present; add it to its joint's parameters"
+        elif tied == value or left.count(tied) > 1:
+            yield at, f"{tied} is tied twice or to itself; remove this tie"
+        elif value in left:
+            yield at, f"{value} is tied itself; tie {tied} to what {value} is tied to"
+        elif tied[0] != value[0]:
+            yield at, f"{tied} and {value} have different units; tie inertia to inertia"
+
+
+def _split_tie(tie: str) -> tuple[str, str]:
+    tied, value = tie.split("=")
+    return tied.strip(), value.strip()
+
+
+def _read_only(values: object) -> NDArray[np.float64]:
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def _read_only_flags(values: list[bool]) -> NDArray[np.bool_]:
+    array = np.array(values, dtype=np.bool_)
+    array.setflags(write=False)
+    return array

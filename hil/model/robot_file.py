@@ -1,0 +1,246 @@
+"""What a robot file may say, and what it may not.
+
+One YAML file states everything that is known of a robot beforehand: its frames in modified
+Denavit-Hartenberg notation (Khalil and Kleinfinger 1986), which link parameters are present and
+which are tied by symmetry, the limits of its joints and its drive trains. SI throughout: rad and
+N m for revolute joints, m and N for prismatic ones. A value whose magnitude betrays another unit
+(degrees, millimetres, kg cm^2) is refused here, before anything is planned with it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+
+from drivers.yaml_file import FileModel
+from hil.model.polynomial import parse
+
+LinkParameter = Literal["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "sz", "m"]
+
+LINK_PARAMETERS: tuple[LinkParameter, ...] = (
+    "Ixx",
+    "Ixy",
+    "Ixz",
+    "Iyy",
+    "Iyz",
+    "Izz",
+    "sx",
+    "sy",
+    "sz",
+    "m",
+)
+"""Of every link, in the order of eq. (4): inertia about the frame's origin, first moment, mass."""
+
+_MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
+_MAX_VELOCITY = {"revolute": 40.0, "prismatic": 20.0}
+_MAX_ACCELERATION = {"revolute": 1000.0, "prismatic": 500.0}
+_MAX_GEAR_RATIO = {"revolute": 1e4, "prismatic": 1e5}
+_UNIT = {"revolute": "rad", "prismatic": "m"}
+_WRONG_UNIT = {"revolute": "degrees", "prismatic": "millimetres"}
+
+
+def _expression(value: object) -> str:
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise ValueError(f"{value!r} must be a number or an expression in lengths, such as l1")  # noqa: TRY004 - pydantic expects ValueError
+    offset = parse(str(value)).terms.get((), 0.0)
+    if not abs(offset) <= 20.0:
+        raise ValueError(f"{offset:g} m must be within +-20 m: it looks like millimetres")
+    return str(value)
+
+
+def _angle(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise ValueError(f"{value!r} must be an angle in rad, such as -pi/2")  # noqa: TRY004 - as above
+    angle = parse(str(value))
+    if angle.names:
+        raise ValueError(f"{value!r} must be an angle in rad: a number or a multiple of pi")
+    radians = angle.evaluate({})
+    if not abs(radians) <= 2 * math.pi + 1e-9:
+        raise ValueError(
+            f"{radians:g} rad must be within +-2 pi: it looks like degrees; write"
+            f" {math.radians(radians):.6g}, or pi/2 for 90 degrees"
+        )
+    _refuse_rounded_right_angle(radians)
+    return radians
+
+
+def _refuse_rounded_right_angle(radians: float) -> None:
+    """Refuse 1.57 for pi/2: a frame that is nearly square has other base parameters."""
+    quarters = round(radians / (math.pi / 2))
+    exact = quarters * math.pi / 2
+    if quarters and any(round(exact, digits) == radians for digits in range(2, 9)):
+        raise ValueError(f"{radians:g} rad is a rounded {quarters} pi/2; write {quarters}*pi/2")
+
+
+Expression = Annotated[str, BeforeValidator(_expression)]
+Angle = Annotated[float, BeforeValidator(_angle)]
+
+
+def _positive(value: float, unit: str, bound: float, hint: str) -> float:
+    if not value > 0:
+        raise ValueError(f"{value:g} {unit} must be positive")
+    if value > bound:
+        raise ValueError(f"{value:g} {unit} must be at most {bound:g} {unit}: {hint}")
+    return value
+
+
+class Frame(FileModel):
+    """Frame j in frame j-1: turn by alpha and shift by d about x, by theta and r about z.
+
+    ``q`` adds to theta of a revolute joint, to r of a prismatic one.
+    """
+
+    alpha: Angle
+    d: Expression = "0"
+    theta: Angle = 0.0
+    r: Expression = "0"
+
+
+class Drive(FileModel):
+    """A drive train; the uncertainties are relative standard deviations."""
+
+    gear_ratio: float
+    rotor_inertia: float
+    torque_constant: float
+    rotor_inertia_uncertainty: float = 0.0
+    torque_constant_uncertainty: float = 0.0
+
+    @field_validator("gear_ratio")
+    @classmethod
+    def _check_gear_ratio(cls, value: float) -> float:
+        if not value > 0:
+            raise ValueError(f"{value:g} must be positive; the sense of rotation is the drive's")
+        return value
+
+    @field_validator("rotor_inertia")
+    @classmethod
+    def _check_rotor_inertia(cls, value: float) -> float:
+        if value == 0:
+            return value  # no rotor of its own: a direct drive counts with its link
+        return _positive(value, "kg m2", 0.5, "it looks like kg cm2, or like the joint side")
+
+    @field_validator("torque_constant")
+    @classmethod
+    def _check_torque_constant(cls, value: float) -> float:
+        return _positive(value, "N m/A", 20.0, "it looks like mN m/A, or like the joint side")
+
+    @field_validator("rotor_inertia_uncertainty", "torque_constant_uncertainty")
+    @classmethod
+    def _check_uncertainty(cls, value: float) -> float:
+        if not 0 <= value < 0.5:
+            raise ValueError(f"{value:g} must be in [0, 0.5): 0.02 stands for 2 %")
+        return value
+
+
+class Joint(FileModel):
+    """One joint, the link that it carries, its limits and its drive train.
+
+    Attributes
+    ----------
+    type : {"revolute", "prismatic"}
+        What q is: an angle [rad] or a displacement [m].
+    parameters : tuple of str
+        Link parameters that are present; the others are zero or negligible. All ten by default.
+    q_min, q_max : float
+        Range of the joint [rad or m].
+    velocity_limit, acceleration_limit, torque_limit : float
+        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
+    """
+
+    type: Literal["revolute", "prismatic"] = "revolute"
+    frame: Frame
+    parameters: tuple[LinkParameter, ...] = LINK_PARAMETERS
+    q_min: float
+    q_max: float
+    velocity_limit: float
+    acceleration_limit: float
+    torque_limit: float
+    drive: Drive
+
+    @field_validator("parameters")
+    @classmethod
+    def _check_parameters(cls, value: tuple[LinkParameter, ...]) -> tuple[LinkParameter, ...]:
+        twice = [name for name in LINK_PARAMETERS if value.count(name) > 1]
+        if twice:
+            raise ValueError(f"{twice[0]} stands twice; remove one of them")
+        return tuple(name for name in LINK_PARAMETERS if name in value)
+
+    @field_validator("q_min", "q_max")
+    @classmethod
+    def _check_range(cls, value: float, info: ValidationInfo) -> float:
+        kind = info.data.get("type", "revolute")
+        unit, bound = _UNIT[kind], _MAX_RANGE[kind]
+        if abs(value) > bound:
+            raise ValueError(
+                f"{value:g} {unit} must be within +-{bound:g} {unit}:"
+                f" it looks like {_WRONG_UNIT[kind]}{_conversion(kind, value)}"
+            )
+        lower = info.data.get("q_min", -math.inf)
+        if info.field_name == "q_max" and not value > lower:
+            raise ValueError(f"{value:g} {unit} must be greater than q_min = {lower:g} {unit}")
+        return value
+
+    @field_validator("velocity_limit", "acceleration_limit", "torque_limit")
+    @classmethod
+    def _check_limit(cls, value: float, info: ValidationInfo) -> float:
+        kind = info.data.get("type", "revolute")
+        hint = f"it looks like {_WRONG_UNIT[kind]}{_conversion(kind, value)}"
+        if info.field_name == "velocity_limit":
+            return _positive(value, f"{_UNIT[kind]}/s", _MAX_VELOCITY[kind], hint)
+        if info.field_name == "acceleration_limit":
+            return _positive(value, f"{_UNIT[kind]}/s2", _MAX_ACCELERATION[kind], hint)
+        unit = "N m" if kind == "revolute" else "N"
+        return _positive(value, unit, 1e5, f"it looks like m{unit}")
+
+    @field_validator("drive")
+    @classmethod
+    def _check_gear_ratio(cls, value: Drive, info: ValidationInfo) -> Drive:
+        bound = _MAX_GEAR_RATIO[info.data.get("type", "revolute")]
+        if value.gear_ratio > bound:
+            raise ValueError(f"gear_ratio {value.gear_ratio:g} must be at most {bound:g}")
+        return value
+
+
+def _conversion(kind: str, value: float) -> str:
+    si = math.radians(value) if kind == "revolute" else value / 1000
+    return f"; write {si:.4g}"
+
+
+class RobotFile(FileModel):
+    """A robot file as a whole; names across it are checked by `hil.model.robot.load_robot`.
+
+    Attributes
+    ----------
+    gravity : tuple of three floats
+        In the base frame [m/s^2].
+    lengths : dict
+        Named lengths that frames refer to [m].
+    ties : tuple of str
+        ``Iyy6 = Ixx6``: the left parameter has the right one's value.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+    gravity: tuple[float, float, float]
+    lengths: dict[str, float] = Field(default_factory=dict)
+    joints: Annotated[tuple[Joint, ...], Field(min_length=1)]
+    ties: tuple[str, ...] = ()
+
+    @field_validator("gravity")
+    @classmethod
+    def _check_gravity(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        magnitude = math.hypot(*value)
+        if magnitude > 30:
+            raise ValueError(f"{magnitude:g} m/s2 must be at most 30 m/s2: it is 9.81 on Earth")
+        return value
+
+    @field_validator("lengths")
+    @classmethod
+    def _check_lengths(cls, value: dict[str, float]) -> dict[str, float]:
+        reserved = {"pi"} | {f"{p}{k}" for p in LINK_PARAMETERS for k in range(1, 100)}
+        for name, length in value.items():
+            if not (name.isidentifier() and name.isascii()) or name in reserved:
+                raise ValueError(f"{name!r} cannot name a length; write l1, or wrist_offset")
+            _positive(length, "m", 20.0, f"{name} looks like millimetres")
+        return value

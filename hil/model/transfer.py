@@ -1,0 +1,136 @@
+"""Which link parameters can move to the link before without any motion telling.
+
+A change of the standard parameters of links j and j-1 shows in no torque if it leaves the kinetic
+energy, and the potential energy up to a constant, as they were for every motion. From the tip down
+this splits into one question per joint: which changes delta of link j's ten parameters (i) are not
+seen by the joint's own rate, and (ii) look the same, to everything that link j-1 can feel, at
+whatever q_j? Those form the space T_j; expressed in frame j-1 and taken from link j-1 they are
+undone. For a revolute joint T_j always holds m, sz and Ixx = Iyy, for a prismatic one the whole
+inertia: the general rules of Gautier and Khalil (IEEE Trans. Robotics and Automation 6, 1990). It
+holds more where the links before cannot move freely (parallel axes, axes along gravity, prismatic
+joints before the second revolute direction): their special rules.
+
+What link j can feel is the span D_j of linear functionals of its parameters: the energies' terms.
+Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of L, and
+the infinite set of configurations needs only finitely many conditions (Wensing, Niemeyer, Slotine,
+Int. J. Robotics Research 43, 2024)::
+
+    V_j = span over q of (velocities of link j-1 seen in frame j), and the joint's own axis s
+    D_j = span over q of (D_(j-1) seen in frame j), and v' I(.) s for all v in V_j
+    T_j = {delta : d L exp(q L) delta = 0 for all d in D_(j-1), q;  v' I(delta) s = 0 for v in V_j}
+
+with D_0 the potential energy of a body at the base. Velocities are (angular, linear).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.frames import (
+    UNIT_INERTIAS,
+    adjoint,
+    adjoint_rate,
+    inverse,
+    joint_motion,
+    link_pose,
+    parameter_map,
+    parameter_rate,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-9
+"""Singular values below this part of the largest count as zero."""
+
+_ELIMINATION_ORDER = (9, 8, 3, 4, 2, 1, 0, 5, 7, 6)
+"""Parameters to give away first: m, sz, Iyy as Gautier and Khalil do, then whatever is left."""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """What joint j lets move to the link before.
+
+    Attributes
+    ----------
+    directions : array, shape (n_given, 10)
+        Basis of T_j in echelon form: row i is 1 at ``given[i]`` and 0 at the others of `given`.
+    given : tuple of int
+        Parameters of link j that are given away.
+    """
+
+    directions: Array
+    given: tuple[int, ...]
+
+
+def transfers(robot: Robot) -> list[Transfer]:
+    """Return T_j of every joint, see the module."""
+    velocities = np.zeros((0, 6))
+    felt = np.zeros((1, 10))
+    felt[0, 6:9] = robot.gravity
+    found = []
+    for joint in range(robot.n_joints):
+        pose = link_pose(robot, joint)
+        generator, axis = joint_motion(bool(robot.revolute[joint]))
+        velocities = _krylov(velocities @ adjoint(inverse(pose)).T, adjoint_rate(generator).T)
+        velocities = _span(np.vstack([velocities, axis]))
+        rate = parameter_rate(generator)
+        felt = _krylov(felt @ parameter_map(pose), rate)
+        own = np.array([v @ UNIT_INERTIAS @ axis for v in velocities])
+        found.append(_echelon(_null_space(np.vstack([felt @ rate, own]))))
+        felt = _span(np.vstack([felt, own]))
+    return found
+
+
+def _krylov(rows: Array, step: Array) -> Array:
+    """Span of rows exp(q step) over all q: the least space that holds `rows` and its own image."""
+    space = _span(rows)
+    while True:
+        larger = _span(np.vstack([space, space @ step]))
+        if len(larger) == len(space):
+            return space
+        space = larger
+
+
+def _span(rows: Array) -> Array:
+    """Orthonormal basis of the rows' span."""
+    norms = np.linalg.norm(rows, axis=1)
+    rows = rows[norms > _TOLERANCE] / norms[norms > _TOLERANCE, None]
+    if not len(rows):
+        return rows
+    _, values, basis = np.linalg.svd(rows, full_matrices=False)
+    spanning: Array = basis[values > _TOLERANCE * values[0]]
+    return spanning
+
+
+def _null_space(rows: Array) -> Array:
+    """Orthonormal basis, as rows, of what all `rows` send to zero."""
+    space = _span(rows)
+    return np.linalg.svd(space)[2][len(space) :]
+
+
+def _echelon(basis: Array) -> Transfer:
+    basis = basis.copy()
+    given: list[int] = []
+    for column in _ELIMINATION_ORDER:
+        rank = len(given)
+        if rank == len(basis):
+            break
+        pivot = rank + int(np.argmax(np.abs(basis[rank:, column])))
+        if abs(basis[pivot, column]) < _TOLERANCE:
+            continue
+        basis[[rank, pivot]] = basis[[pivot, rank]]
+        basis[rank] /= basis[rank, column]
+        others = np.arange(len(basis)) != rank
+        basis[others] -= np.outer(basis[others, column], basis[rank])
+        given.append(column)
+    nearest = np.round(basis)
+    snapped = np.where(np.abs(basis - nearest) < _TOLERANCE, nearest, basis)
+    return Transfer(snapped + 0.0, tuple(given))

@@ -1,0 +1,1 @@
+"""What to measure, as data, and what it will take and give. Nothing moves here."""

@@ -1,0 +1,216 @@
+"""What a plan will cost and give: a fold over it, without a bus and without motion.
+
+Three questions are answered. Does every configuration, stroke and profile keep inside the robot's
+limits, and is each stroke long enough for what it is to show (`Problem`)? How long will it take and
+how much of the bus will it use? What can be identified from it (`hil.planning.identifiability`)?
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.planning.identifiability import Identifiability, identifiability
+from hil.planning.measurement import (
+    MARGIN,
+    PARTNER_TURN,
+    SETTLED,
+    SHORTEST_WINDOW,
+    Coupling,
+    Inertia,
+)
+from hil.planning.timetable import timetable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+
+BITRATE = 1_000_000
+"""Bit rate that is assumed where nothing else is known [bit/s]."""
+MAX_LOAD = 0.7
+"""Share of the bus that SYNC and samples may take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Why a plan is refused.
+
+    Attributes
+    ----------
+    location : tuple of str and int
+        Keys that lead to the value in the plan's file.
+    message : str
+        Measurement, value, bound and remedy.
+    """
+
+    location: tuple[str | int, ...]
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class DryRun:
+    """Answer of a dry run.
+
+    Attributes
+    ----------
+    counts : dict
+        Measurements of each kind.
+    durations : dict
+        Time of each kind, of travels and of the warm-up [s].
+    bus_load : float
+        Share of the bus that SYNC and one 8-byte TPDO of each axis take at the sample period.
+    problems : tuple of Problem
+        Why the plan must not be run; empty when it may.
+    groups : tuple of Identifiability
+        What each group of base parameters can expect; empty where there are problems with the
+        measurements.
+    """
+
+    counts: dict[str, int]
+    durations: dict[str, float]
+    bitrate: int
+    bus_load: float
+    problems: tuple[Problem, ...]
+    groups: tuple[Identifiability, ...]
+
+    @property
+    def duration(self) -> float:
+        """Expected robot time of everything [s]."""
+        return sum(self.durations.values())
+
+
+def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
+    """Fold over `plan`, which was made for `robot`; `bitrate` of the bus in bit/s."""
+    load = bus_load(robot.n_joints, plan.sample_period, bitrate)
+    measurements = [
+        problem
+        for number, measurement in enumerate(plan.measurements)
+        for problem in _check(number, measurement, robot)
+    ]
+    return DryRun(
+        counts=dict(Counter(m.kind for m in plan.measurements)),
+        durations=_durations(plan, robot),
+        bitrate=bitrate,
+        bus_load=load,
+        problems=tuple(measurements + list(_check_load(load, plan, bitrate))),
+        groups=() if measurements else identifiability(plan, robot),
+    )
+
+
+def frame_bits(n_bytes: int) -> int:
+    """Longest base frame of `n_bytes` on the wire, stuffing and interframe space included."""
+    return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
+
+
+def bus_load(n_axes: int, period: float, bitrate: int) -> float:
+    """Share of the bus taken by one SYNC and `n_axes` full TPDOs each `period` [s]."""
+    return (frame_bits(0) + n_axes * frame_bits(8)) / (period * bitrate)
+
+
+def _durations(plan: Plan, robot: Robot) -> dict[str, float]:
+    total: defaultdict[str, float] = defaultdict(float)
+    for entry in timetable(plan, robot, plan.measurements):
+        total[entry.measurement.kind] += entry.duration
+        total["travel"] += entry.travel
+    if plan.warm_up:
+        total["warm-up"] = plan.warm_up.duration
+    return dict(total)
+
+
+def _check_load(load: float, plan: Plan, bitrate: int) -> Iterator[Problem]:
+    if load > MAX_LOAD:
+        longest = plan.sample_period * load / MAX_LOAD
+        yield Problem(
+            ("sample_period",),
+            f"{plan.sample_period:g} s loads the bus with {load:.0%} at {bitrate} bit/s, at most"
+            f" {MAX_LOAD:.0%} may; sample every {math.ceil(longest * 1e4) / 1e4:g} s or use a"
+            " faster bus",
+        )
+
+
+def _check(number: int, measurement: Measurement, robot: Robot) -> Iterator[Problem]:
+    """Everything that is wrong with one measurement."""
+    here: tuple[str | int, ...] = ("measurements", number)
+    where = measurement.id
+    yield from _check_ends(here, measurement, robot)
+    yield from _check_profile(
+        here, where, measurement.index, measurement.velocity, measurement.acceleration, robot
+    )
+    if isinstance(measurement, Coupling):
+        partner = measurement.partner
+        yield from _check_profile(
+            (*here, "partner"), where, partner.index, partner.velocity, partner.acceleration, robot
+        )
+    yield from _check_window((*here, "stroke"), measurement)
+
+
+def _check_ends(
+    here: tuple[str | int, ...], measurement: Measurement, robot: Robot
+) -> Iterator[Problem]:
+    """Both ends of the strokes, and so the whole way between them, keep inside the range."""
+    ends = zip(measurement.start, measurement.end, robot.q_min, robot.q_max, strict=True)
+    for index, (first, last, low, high) in enumerate(ends):
+        beyond = min(first, last) if min(first, last) < low else max(first, last)
+        if low <= beyond <= high:
+            continue
+        still = first == last
+        stroke = "" if still else ", with half its stroke,"
+        yield Problem(
+            (*here, "q", index),
+            f"{measurement.id}: joint {index + 1}{stroke} at {beyond:.5g} rad is outside"
+            f" {low:.5g} ... {high:.5g} rad;"
+            f" {_angle_remedy(beyond, low, high, 'choose another configuration or stroke')}",
+        )
+
+
+def _check_profile(
+    here: tuple[str | int, ...],
+    where: str,
+    index: int,
+    velocity: float,
+    acceleration: float,
+    robot: Robot,
+) -> Iterator[Problem]:
+    for key, value, limits, unit in (
+        ("velocity", velocity, robot.velocity_limit, "rad/s"),
+        ("acceleration", acceleration, robot.acceleration_limit, "rad/s^2"),
+    ):
+        limit = float(limits[index])
+        if value > limit:
+            yield Problem(
+                (*here, key),
+                f"{where}: {value:g} {unit} is above the limit of joint {index + 1}, {limit:g}"
+                f" {unit}; {_angle_remedy(value, -limit, limit, 'plan a lower one')}",
+            )
+
+
+def _check_window(here: tuple[str | int, ...], measurement: Measurement) -> Iterator[Problem]:
+    """Tell a stroke too short for constant velocity, or for the partner's strokes."""
+    if isinstance(measurement, Inertia):
+        return
+    profile = measurement.profile(0)
+    begin, end = profile.window
+    available, needed, what = end - begin, MARGIN + SHORTEST_WINDOW, "constant velocity"
+    if isinstance(measurement, Coupling):
+        needed = SETTLED + 2 * (measurement.partner_profile(0).duration + PARTNER_TURN)
+        what = "creep, needed for two strokes of the partner"
+    if available < needed:
+        length = measurement.stroke + (needed - available) * measurement.velocity
+        yield Problem(
+            here,
+            f"{measurement.id}: {measurement.stroke:g} rad leaves {available:.3g} s of {what},"
+            f" must be at least {needed:.3g} s; lengthen the stroke to {length:.3g} rad or lower"
+            " the velocity",
+        )
+
+
+def _angle_remedy(value: float, low: float, high: float, remedy: str) -> str:
+    """Tell who wrote degrees that radians are wanted."""
+    if abs(value) > 5 * max(abs(low), abs(high)) and low <= math.radians(value) <= high:
+        return f"is it in degrees? then write {math.radians(value):.5g}"
+    return remedy

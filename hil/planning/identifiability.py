@@ -1,0 +1,129 @@
+"""What a plan can identify, before anything moves.
+
+Each measurement gives one row of an observation matrix: gravity measurements the row of the
+axis's gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that
+of M_ij, eq. (17), each over the base parameters of its own group and weighted with the axis's
+torque limit, eq. (16). A group's matrix W tells by its rank whether every parameter can be told
+from the others, by its condition number how well the worst combination can, and, with columns
+scaled to unit length, by sqrt(diag((W'W)^-1)) how many times larger a parameter's standard error
+is than if all the others were known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
+from hil.planning.measurement import Coupling, Gravity, Inertia
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+
+KINDS = {"gravity": Gravity, "diagonal": Inertia, "off_diagonal": Coupling}
+"""Which measurements serve which group of base parameters."""
+WEAK = 10.0
+"""A parameter whose standard error grows more than this by the others' is weak."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identifiability:
+    """One group of base parameters as a plan excites it.
+
+    Attributes
+    ----------
+    group : str
+        gravity, diagonal or off_diagonal.
+    names : tuple of str
+        Its parameters.
+    rows : int
+        Measurements that serve it.
+    rank : int
+        Of the observation matrix; all parameters can be identified when it is ``len(names)``.
+    condition : float
+        Ratio of its largest to its smallest singular value; inf where the rank is short.
+    weak : tuple of str
+        Parameters that cannot be told from others, or only badly.
+    """
+
+    group: str
+    names: tuple[str, ...]
+    rows: int
+    rank: int
+    condition: float
+    weak: tuple[str, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Every parameter of the group can be identified."""
+        return self.rank == len(self.names)
+
+
+def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
+    """Judge each group of base parameters that the robot has."""
+    base = base_parameters(robot)
+    return tuple(
+        _judge(group, tuple(base.names[c] for c in columns), observations(plan, robot, group))
+        for group, columns in _columns(robot).items()
+        if columns
+    )
+
+
+def observations(plan: Plan, robot: Robot, group: str) -> NDArray[np.float64]:
+    """Weighted observation matrix (n_measurements, n_group) of one group, in plan order."""
+    chosen = [m for m in plan.measurements if isinstance(m, KINDS[group])]
+    columns = _columns(robot)[group]
+    if not chosen:
+        return np.zeros((0, len(columns)))
+    rows = _torque_rows(robot, chosen)[:, columns]
+    limits = np.asarray(robot.torque_limit)[[m.index for m in chosen]]
+    return np.asarray(rows / limits[:, None], dtype=np.float64)
+
+
+def _torque_rows(robot: Robot, chosen: Sequence[Measurement]) -> NDArray[np.float64]:
+    """Regressor rows of the axes read: at rest for gravity, per unit of acceleration else."""
+    q = np.array([m.q for m in chosen], dtype=float)
+    still = np.zeros_like(q)
+    sample = np.arange(len(chosen))
+    axis = np.array([m.index for m in chosen])
+    at_rest: NDArray[np.float64] = regressor(robot, q, still, still)[sample, axis]
+    if isinstance(chosen[0], Gravity):
+        return at_rest
+    qdd = still.copy()
+    qdd[sample, [m.partner.index if isinstance(m, Coupling) else m.index for m in chosen]] = 1.0
+    moving: NDArray[np.float64] = regressor(robot, q, still, qdd)[sample, axis]
+    return moving - at_rest
+
+
+def _columns(robot: Robot) -> dict[str, list[int]]:
+    """Columns of the regressor that belong to each group."""
+    base = base_parameters(robot)
+    return {group: [int(i) for i in base.groups[group]] for group in KINDS}
+
+
+def _judge(group: str, names: tuple[str, ...], W: NDArray[np.float64]) -> Identifiability:
+    n = len(names)
+    if not len(W):
+        return Identifiability(group, names, 0, 0, float("inf"), names)
+    length = np.linalg.norm(W, axis=0)
+    tiny = 1e-9 * max(float(length.max()), np.finfo(float).tiny)
+    scaled = W / np.where(length > tiny, length, np.inf)
+    _, s, vt = np.linalg.svd(scaled, full_matrices=True)
+    rank = int(np.sum(s > 1e-6 * max(1.0, float(s[0]))))
+    if rank < n:
+        lost = np.linalg.norm(vt[rank:], axis=0) > 1e-3
+        condition = float("inf")
+    else:
+        lost = np.sqrt(np.sum((vt / s[:, None]) ** 2, axis=0)) > WEAK
+        condition = float(np.linalg.cond(W))
+    weak = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)
+    return Identifiability(group, names, len(W), rank, condition, weak)

@@ -1,0 +1,173 @@
+"""The three kinds of measurement, as data.
+
+All of them follow section 6.3 of Grotjahn, Daemi and Heimann (2001): an axis goes back and forth
+about a configuration `q`, `cycles` times, from ``q[axis] - stroke/2`` to ``q[axis] + stroke/2`` and
+back.
+
+gravity
+    long windows of constant velocity: half the sum of both directions is g_i(q), eq. (14);
+inertia
+    a large share of acceleration: M_ii(q) by eq. (19) and (20);
+coupling
+    the axis whose torque is read creeps, so that it never sticks, while a partner accelerates back
+    and forth: M_ij(q) by eq. (21).
+
+Numbers are rounded to a millionth as they enter, far below an encoder's increment, so that what is
+read back equals what was written.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from drivers.yaml_file import FileModel
+from hil.planning.profile import Trapezoid
+
+if TYPE_CHECKING:
+    from typing import Self
+
+REST = 0.3
+"""Time at rest recorded before the first stroke and after the last, padding for filters [s]."""
+TURN = 0.03
+"""Expected time between the end of one stroke's profile and the start of the next [s]."""
+SETTLED = 0.2
+"""Time after the creeping axis's ramp before its partner may start [s]."""
+PARTNER_TURN = 0.06
+"""Time for handshake and settling between a partner's profile and its next one [s]."""
+MARGIN = 0.1
+"""Time after a ramp that does not count as constant velocity yet [s]."""
+SHORTEST_WINDOW = 0.15
+"""Least duration of constant velocity in a stroke [s]."""
+
+
+def rounded(value: float) -> float:
+    """Round to a millionth; never -0.0."""
+    return round(value, 6) + 0.0
+
+
+Real = Annotated[float, AfterValidator(rounded)]
+Positive = Annotated[float, Field(ge=1e-6), AfterValidator(rounded)]
+Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(rounded)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
+"""Identifies a measurement and names its file."""
+
+
+class Partner(FileModel):
+    """The axis that accelerates back and forth while another one creeps."""
+
+    axis: int = Field(ge=1)
+    stroke: Positive
+    velocity: Positive
+    acceleration: Positive
+
+    @property
+    def index(self) -> int:
+        """Joint index, from 0."""
+        return self.axis - 1
+
+
+class _Strokes(FileModel):
+    """What all kinds share: an axis going back and forth about a configuration."""
+
+    id: Name
+    axis: int = Field(ge=1)
+    q: tuple[Real, ...] = Field(min_length=1)
+    stroke: Positive
+    velocity: Positive
+    acceleration: Positive
+    cycles: int = Field(default=1, ge=1)
+
+    @model_validator(mode="after")
+    def _axis_exists(self) -> Self:
+        if self.axis > len(self.q):
+            raise ValueError(
+                f"axis {self.axis} must be one of the {len(self.q)} joints that q names"
+            )
+        return self
+
+    @property
+    def index(self) -> int:
+        """Joint index of the axis whose torque is read, from 0."""
+        return self.axis - 1
+
+    @property
+    def n_strokes(self) -> int:
+        """Strokes in all; even numbers go forward, odd ones back."""
+        return 2 * self.cycles
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """Configuration where the first stroke begins and the last one ends [rad]."""
+        return _moved(self.q, self.index, -self.stroke / 2)
+
+    @property
+    def end(self) -> tuple[float, ...]:
+        """Configuration where the forward strokes end [rad]."""
+        return _moved(self.q, self.index, self.stroke / 2)
+
+    def profile(self, stroke: int) -> Trapezoid:
+        """Profile of stroke number `stroke` (from 0) of the axis."""
+        ends = (self.start[self.index], self.end[self.index])
+        begin, end = ends if stroke % 2 == 0 else ends[::-1]
+        return Trapezoid(begin, end, self.velocity, self.acceleration)
+
+    @property
+    def duration(self) -> float:
+        """Expected time from rest at the start to rest after the last stroke [s]."""
+        return 2 * REST + self.n_strokes * (self.profile(0).duration + TURN)
+
+
+class Gravity(_Strokes):
+    """Constant velocity back and forth: gravity torque of the axis at q."""
+
+    kind: Literal["gravity"] = "gravity"
+
+
+class Inertia(_Strokes):
+    """Acceleration back and forth: diagonal element of the mass matrix at q."""
+
+    kind: Literal["inertia"] = "inertia"
+
+
+class Coupling(_Strokes):
+    """The axis creeps, its partner accelerates: off-diagonal element of the mass matrix at q."""
+
+    kind: Literal["coupling"] = "coupling"
+    partner: Partner
+
+    @model_validator(mode="after")
+    def _partner_differs(self) -> Self:
+        if self.partner.axis == self.axis:
+            raise ValueError(f"partner.axis {self.partner.axis} must differ from axis {self.axis}")
+        if self.partner.axis > len(self.q):
+            raise ValueError(
+                f"partner.axis {self.partner.axis} must be one of the {len(self.q)} joints"
+                " that q names"
+            )
+        return self
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """Configuration where the first strokes of both axes begin [rad]."""
+        return _moved(super().start, self.partner.index, -self.partner.stroke / 2)
+
+    @property
+    def end(self) -> tuple[float, ...]:
+        """Configuration of both axes at the far end of their strokes [rad]."""
+        return _moved(super().end, self.partner.index, self.partner.stroke / 2)
+
+    def partner_profile(self, stroke: int) -> Trapezoid:
+        """Profile of the partner's stroke number `stroke`; even numbers go forward."""
+        index = self.partner.index
+        ends = (self.start[index], self.end[index])
+        begin, end = ends if stroke % 2 == 0 else ends[::-1]
+        return Trapezoid(begin, end, self.partner.velocity, self.partner.acceleration)
+
+
+Measurement = Annotated[Gravity | Inertia | Coupling, Field(discriminator="kind")]
+
+
+def _moved(q: tuple[float, ...], index: int, by: float) -> tuple[float, ...]:
+    return tuple(value + by if i == index else value for i, value in enumerate(q))

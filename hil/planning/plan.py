@@ -1,0 +1,163 @@
+"""The plan: what to measure, as data.
+
+A plan is a frozen, validated document that never touches hardware. A dry run is a fold over it,
+the sequencer carries it out, two plans are compared with `diff`: one short block a measurement
+(`measurement`), numbers rounded, and a plan read back equals the plan written. It names the
+robot file that it was made for by digest, so that it never moves another robot.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import yaml
+from pydantic import AfterValidator, Field, field_validator
+
+from drivers.yaml_file import FileError, FileModel, load_yaml
+from hil.planning.measurement import (
+    Coupling,
+    Fraction,
+    Gravity,
+    Inertia,
+    Measurement,
+    Partner,
+    Positive,
+    rounded,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+
+__all__ = [
+    "Coupling",
+    "Gravity",
+    "Inertia",
+    "Measurement",
+    "Partner",
+    "Plan",
+    "PlannedRobot",
+    "WarmUp",
+    "dump_plan",
+    "load_plan",
+    "refuse_other_robot",
+]
+
+
+class PlannedRobot(FileModel):
+    """For which robot the plan was made: its name and the digest of its file."""
+
+    name: str
+    digest: str
+
+
+class WarmUp(FileModel):
+    """Motion before the first measurement: for how long [s], at which share of the limits."""
+
+    duration: Positive
+    fraction: Fraction = 0.5
+
+
+class Plan(FileModel):
+    """A campaign: which robot, how it travels, what is measured in which order.
+
+    Attributes
+    ----------
+    sample_period : float
+        Time between samples [s].
+    travel : float
+        Share of the velocity and acceleration limits used between configurations.
+    attempts : int
+        How often a measurement is tried before its best recording is kept with its findings.
+    """
+
+    format: Literal[1] = 1
+    robot: PlannedRobot
+    sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(rounded)] = 0.004
+    travel: Fraction = 0.3
+    attempts: int = Field(default=3, ge=1, le=20)
+    warm_up: WarmUp | None = None
+    measurements: tuple[Measurement, ...] = Field(min_length=1)
+
+    @field_validator("measurements")
+    @classmethod
+    def _ids_differ(cls, measurements: tuple[Measurement, ...]) -> tuple[Measurement, ...]:
+        seen: dict[str, int] = {}
+        for number, measurement in enumerate(measurements):
+            first = seen.setdefault(measurement.id, number)
+            if first != number:
+                raise ValueError(
+                    f"numbers {first} and {number} share the id {measurement.id}; give each its own"
+                )
+        return measurements
+
+    @property
+    def digest(self) -> str:
+        """Fingerprint of the content: comments and layout of the file do not matter."""
+        return hashlib.sha256(dump_plan(self).encode()).hexdigest()
+
+
+def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:
+    """Read a plan and, where `robot` is given, refuse one that was made for another.
+
+    Raises
+    ------
+    FileError
+        The file is no plan, or the plan is not for this robot.
+    """
+    plan = load_yaml(path, Plan)
+    if robot is not None:
+        refuse_other_robot(plan, robot, str(path))
+    return plan
+
+
+def refuse_other_robot(plan: Plan, robot: Robot, source: str) -> None:
+    """Refuse a plan made for another robot, or for this one before its file was changed.
+
+    Raises
+    ------
+    FileError
+        Name, digest or number of joints differ.
+    """
+    remedy = f"make a new plan with: hil plan {robot.name} -o plan.yaml"
+    if plan.robot.name != robot.name:
+        raise FileError(
+            f"{source}: robot.name: the plan is for {plan.robot.name}, not for {robot.name};"
+            f" {remedy}"
+        )
+    if plan.robot.digest != robot.digest:
+        raise FileError(
+            f"{source}: robot.digest: the robot file of {robot.name} was changed since the plan"
+            f" was made ({plan.robot.digest[:12]} then, {robot.digest[:12]} now); {remedy}"
+        )
+    for number, measurement in enumerate(plan.measurements):
+        if len(measurement.q) != robot.n_joints:
+            raise FileError(
+                f"{source}: measurements.{number}.q: {len(measurement.q)} values must be"
+                f" {robot.n_joints}, one for each joint of {robot.name}"
+            )
+
+
+def dump_plan(plan: Plan) -> str:
+    """Write a plan as YAML: a short block a measurement, joints in one line."""
+    data = plan.model_dump(mode="json", exclude_none=True)
+    data["measurements"] = [
+        {key: item[key] for key in sorted(item, key=_KEYS.index)} for item in data["measurements"]
+    ]
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=200)
+
+
+_KEYS = ["id", "kind", "axis", "q", "stroke", "velocity", "acceleration", "partner", "cycles"]
+
+
+class _Dumper(yaml.SafeDumper):
+    """Lists of numbers in one line, everything else in blocks."""
+
+    def represent_sequence(
+        self, tag: str, sequence: object, flow_style: bool | None = None
+    ) -> yaml.SequenceNode:
+        assert isinstance(sequence, list)  # noqa: S101 - JSON data
+        numbers = all(isinstance(item, float | int) for item in sequence)
+        return super().represent_sequence(tag, sequence, flow_style=numbers or flow_style)

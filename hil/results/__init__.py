@@ -1,0 +1,1 @@
+"""What becomes of an estimate: model file, report, comparison with a known truth."""

@@ -1,0 +1,242 @@
+"""What is weak in a result, and what to measure to mend it.
+
+Every piece of advice names a figure and a remedy that can be carried out. Which measurement would
+help a weak parameter most is calculated: with W of eq. (17), rows weighted by eq. (16), one more
+row w lowers the parameter's variance G_kk, G = (W'W)^-1, by (G w)_k^2 / (1 + w' G w); the best row
+among those already measured is named, to be measured again or in its neighbourhood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.identification import GROUP_OF
+from hil.model.base_parameters import base_parameters
+from hil.planning.identifiability import observations
+from hil.planning.measurement import Coupling
+from hil.results.rounding import signed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.measuring.recording_file import Measured
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+    from hil.results.prediction import Prediction
+
+    Array = NDArray[np.float64]
+
+WEAK = 0.005
+"""Standard error of a parameter, as a share of some joint's torque, above which it is weak."""
+FEW_DEGREES = 2.5
+"""Effective degrees of freedom up to which an interval rests on next to nothing."""
+FEW_ROWS = 3
+"""Measurements that a group should have for each of its parameters."""
+CORRELATED = 0.9
+"""Correlation from which on two parameters count as hard to tell apart."""
+CONDITION = 100.0
+"""Condition number above which a group is badly excited."""
+OUTLIER = 4.0
+"""Scatter inside a measurement over that of its axis's others from which on it stands out."""
+OFFSET = 4.0
+"""Mean deviation of half-sums over its standard error that betrays an offset."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """One weakness.
+
+    Attributes
+    ----------
+    subject : str
+        Parameter, axis or measurement.
+    what : str
+        What is weak, with its figure.
+    remedy : str
+        What to do about it.
+    urgent : bool
+        Whether to do it is advised; if not it is only to be known.
+    """
+
+    subject: str
+    what: str
+    remedy: str
+    urgent: bool = True
+
+
+def advice(
+    estimate: Estimate,
+    prediction: Prediction,
+    robot: Robot,
+    plan: Plan,
+    campaign: Sequence[Measured],
+) -> tuple[Advice, ...]:
+    """Judge a result and the measurements behind it; those of `plan` not in `campaign` miss.
+
+    Weak parameters are those whose uncertainty shows in the torques of a free motion.
+    """
+    return (
+        *_campaign(estimate, plan, campaign),
+        *_outliers(estimate),
+        *_groups(estimate, robot),
+        *_parameters(estimate, prediction, robot, plan),
+        *_correlations(estimate, robot),
+        *_drives(robot),
+        *_offsets(estimate),
+    )
+
+
+def correlation(estimate: Estimate) -> Array:
+    """Correlations of the parameters' errors, shape (n_base, n_base)."""
+    covariance = estimate.covariance + estimate.drive_covariance
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0, scale, 1.0)
+    found: Array = covariance / np.outer(scale, scale)
+    return found
+
+
+def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> Iterator[Advice]:
+    measured_ids = {measured.measurement.id for measured in campaign}
+    missing = [m.id for m in plan.measurements if m.id not in measured_ids]
+    if missing:
+        what = f"{len(missing)} of {len(plan.measurements)} planned measurements are missing"
+        yield Advice(_listed(missing), what, "finish the run with hil run … --resume")
+    for told in estimate.left_out:
+        subject, _, reason = told.partition(": ")
+        yield Advice(subject, f"left out: {reason}", "move its recording away and --resume")
+    for measured in (m for m in campaign if m.findings):
+        told = "; ".join(finding.message for finding in measured.findings)
+        yield Advice(
+            measured.measurement.id,
+            f"kept with findings after {measured.attempts} attempts: {told}",
+            "mend the cause, move its recording away and --resume",
+        )
+
+
+def _outliers(estimate: Estimate) -> Iterator[Advice]:
+    """Measurements whose local model leaves far more than it does in others of their kind."""
+    elements = {(v.kind, v.axis, v.partner) for v in estimate.local}
+    for kind, axis, partner in sorted(elements):
+        alike = [v for v in estimate.local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
+        usual = float(np.median([v.residual for v in alike]))
+        for value in (v for v in alike if v.residual > OUTLIER * usual > 0):
+            yield Advice(
+                value.id,
+                f"scatters by {value.residual:.2g} N m, {value.residual / usual:.0f} times as much"
+                f" as {kind} measurements of axis {axis + 1} do",
+                "look for a cause (contact, saturation, a cable), move its recording away and"
+                " --resume",
+            )
+
+
+def _groups(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+    base = base_parameters(robot)
+    for kind, group in GROUP_OF.items():
+        members = base.groups[group]
+        names = ", ".join(base.names[k] for k in members)
+        rows = sum(value.kind == kind for value in estimate.local)
+        if members and rows < FEW_ROWS * len(members):
+            yield Advice(names, f"{rows} {kind} measurements for {len(members)} parameters",
+                         f"at least {FEW_ROWS * len(members)} {kind} measurements")  # fmt: skip
+        if members and estimate.condition[group] > CONDITION:
+            yield Advice(names, f"condition number {estimate.condition[group]:.3g}",
+                         f"{kind} measurements that vary more joints")  # fmt: skip
+
+
+def _parameters(
+    estimate: Estimate, prediction: Prediction, robot: Robot, plan: Plan
+) -> Iterator[Advice]:
+    base = base_parameters(robot)
+    effect = np.nan_to_num(prediction.relative_effect)
+    for k, name in enumerate(base.names):
+        joint = int(np.argmax(effect[:, k]))
+        if effect[joint, k] > WEAK:
+            what = (
+                f"its standard error, {estimate.standard_error[k]:.2g} {base.units[k]}, is"
+                f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}"
+            )
+            yield Advice(name, what, _best_measurement(robot, plan, k))
+        elif (degrees := float(estimate.degrees_of_freedom[k])) < FEW_DEGREES:
+            what = (
+                f"few measurements decide it, so its interval is wide: {degrees:.1f} effective"
+                " degrees of freedom"
+            )
+            yield Advice(name, what, _best_measurement(robot, plan, k))
+
+
+def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
+    """Which of the plan's measurements would lower the variance of parameter k most, if doubled."""
+    groups = base_parameters(robot).groups
+    kind, group = next((kind, group) for kind, group in GROUP_OF.items() if k in groups[group])
+    candidates = [m for m in plan.measurements if m.kind == kind]
+    W = observations(plan, robot, group)
+    G = np.linalg.pinv(W.T @ W)
+    at = groups[group].index(k)
+    gains = (W @ G[:, at]) ** 2 / (1.0 + np.einsum("ij,jk,ik->i", W, G, W)) / G[at, at]
+    best = candidates[int(np.argmax(gains))]
+    return (
+        f"more {kind} measurements of {_axes(best)}, such as {best.id}"
+        f" (each lowers the variance by {100 * gains.max():.0f} %)"
+    )
+
+
+def _correlations(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+    names = base_parameters(robot).names
+    found = correlation(estimate)
+    for i, j in np.argwhere(np.triu(np.abs(found) > CORRELATED, 1)):
+        size = signed(f"{found[i, j]:.2f}")
+        yield Advice(
+            f"{names[i]}, {names[j]}",
+            f"correlation {size}: known better together than apart",
+            "configurations in which they act differently (hil robot shows where they occur)",
+        )
+
+
+def _drives(robot: Robot) -> Iterator[Advice]:
+    stated = {
+        "torque constants": robot.torque_constant_uncertainty,
+        "rotor inertias": robot.rotor_inertia_uncertainty,
+    }
+    exact = [what for what, uncertainty in stated.items() if not uncertainty.any()]
+    if exact:
+        yield Advice(
+            " and ".join(exact),
+            "taken as exact; their errors shift parameters, show in no residual and are not in the"
+            " intervals",
+            "state their uncertainty in the robot file to have it carried to the parameters",
+            urgent=False,
+        )
+
+
+def _offsets(estimate: Estimate) -> Iterator[Advice]:
+    """Half-sums that miss the model by the same amount everywhere."""
+    found = {}
+    gravity = [v for v in estimate.local if v.kind == "gravity"]
+    for axis in sorted({v.axis for v in gravity}):
+        left = np.array([v.value - v.model for v in gravity if v.axis == axis])
+        if len(left) > 2 and abs(left.mean()) > OFFSET * left.std(ddof=1) / np.sqrt(len(left)):
+            found[f"axis {axis + 1}"] = signed(f"{left.mean():.2f}") + " N m"
+    if found:
+        yield Advice(
+            ", ".join(found),
+            f"half-sums are off by {', '.join(found.values())} on average: friction differs by"
+            " direction, or the current sensor has an offset",
+            "nothing, as the improved method fits it; it shifts the printed one's parameters",
+            urgent=False,
+        )
+
+
+def _axes(m: Measurement) -> str:
+    partner = f" with partner {m.partner.axis}" if isinstance(m, Coupling) else ""
+    return f"axis {m.axis}{partner}"
+
+
+def _listed(names: Sequence[str], most: int = 6) -> str:
+    return ", ".join(names[:most]) + (" …" if len(names) > most else "")

@@ -1,0 +1,70 @@
+"""What uncertain parameters mean in torques: how well the model predicts a motion it never saw.
+
+A parameter's standard error says little by itself: 0.01 kg m^2 is nothing at the first axis and
+much at the last. Carried through the regressor to a free motion of the robot (`trajectory`),
+tau = A p with the covariance A C A', all errors become comparable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.dynamics import regressor
+from hil.results.trajectory import free_motion
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Rigid-body torques on a free motion, as root mean squares over it.
+
+    Attributes
+    ----------
+    torque, standard_error : ndarray, shape (n_joints,)
+        [N m].
+    effect : ndarray, shape (n_joints, n_base)
+        Torque that one standard error of each parameter by itself amounts to [N m].
+    """
+
+    torque: Array
+    standard_error: Array
+    effect: Array
+
+    @property
+    def relative(self) -> Array:
+        """Standard error over torque, shape (n_joints,); NaN for a joint without torque."""
+        share: Array = self.standard_error / self._some_torque
+        return share
+
+    @property
+    def relative_effect(self) -> Array:
+        """`effect` over torque, shape (n_joints, n_base); NaN for a joint without torque."""
+        share: Array = self.effect / self._some_torque[:, np.newaxis]
+        return share
+
+    @property
+    def _some_torque(self) -> Array:
+        return np.where(self.torque > 0, self.torque, np.nan)
+
+
+def predict(estimate: Estimate, robot: Robot) -> Prediction:
+    """Predict the torques of a free motion with their uncertainty."""
+    motion = free_motion(robot)
+    A = regressor(robot, motion.q, motion.qd, motion.qdd)
+    covariance = estimate.covariance + estimate.drive_covariance
+    variance = np.einsum("njk,kl,njl->nj", A, covariance, A, optimize=True)
+    return Prediction(
+        torque=np.sqrt(np.mean((A @ estimate.p) ** 2, axis=0)),
+        standard_error=np.sqrt(np.maximum(variance.mean(axis=0), 0.0)),
+        effect=np.sqrt(np.mean(A**2, axis=0)) * estimate.standard_error,
+    )

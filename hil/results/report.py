@@ -1,0 +1,144 @@
+"""A run's report: one HTML file with everything in it, made from the recordings alone.
+
+It can be written again at any time, without hardware and without the network; what `hil identify`
+wrote before is only mentioned. Plots are embedded as SVG. The text is in `templates/report.html`,
+the figures that stand in it come from `hil.results.report_content`.
+"""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from drivers.yaml_file import FileError, load_yaml
+from hil.estimation import condensed, local_fits, signals
+from hil.estimation.identification import NotIdentifiable, estimates
+from hil.measuring.atomic_file import operator_told, write_file
+from hil.measuring.run_folder import RunFolder
+from hil.measuring.run_journal import now, versions
+from hil.results import plots, report_content
+from hil.results.advice import advice
+from hil.results.model_file import NAME as MODEL_NAME
+from hil.results.model_file import ModelFile, recorded
+from hil.results.plot_style import drawn, image
+from hil.results.prediction import predict
+from hil.results.report_content import Result
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from hil.measuring.recording_file import Measured
+
+NAME = "report.html"
+_TEMPLATES = Path(__file__).parent / "templates"
+
+
+def report(run_folder: Path | str, figures: Path | None = None) -> Path:
+    """Estimate a run anew by both methods and write its report into its folder.
+
+    Parameters
+    ----------
+    figures : path, optional
+        Folder for the plots as PNG files too; made if it is not there.
+
+    Returns
+    -------
+    Path
+        Of the report.
+
+    Raises
+    ------
+    FileError
+        No run folder, a damaged recording, measurements that do not suffice, a full disk.
+    """
+    folder = RunFolder.open(run_folder)
+    campaign = list(folder)
+    result = _evaluate(folder, campaign)
+    path = folder.path / NAME
+    with drawn():
+        drawings = _draw(folder, result)
+        write_file(path, _html(folder, campaign, result, drawings).encode())
+        if figures is not None:
+            _write_figures(figures, drawings)
+    return path
+
+
+def _evaluate(folder: RunFolder, campaign: Sequence[Measured]) -> Result:
+    recordings = list(recorded(campaign))
+    try:
+        found = estimates(folder.robot, recordings)
+    except NotIdentifiable as error:
+        raise FileError(f"{folder.path}: {error}") from error
+    best = found["improved"]
+    prediction = predict(best, folder.robot)
+    return Result(
+        robot=folder.robot,
+        estimate=best,
+        printed=found["printed"],
+        prediction=prediction,
+        advice=advice(best, prediction, folder.robot, folder.plan, campaign),
+        robot_time=max(float(recording.time[-1]) for _, recording in recordings),
+    )
+
+
+def _draw(folder: RunFolder, result: Result) -> dict[str, Figure]:
+    planned = {measurement.id: measurement for measurement in folder.plan.measurements}
+    evidence = plots.Evidence(result.estimate, folder.robot, planned)
+    return {name: draw(evidence) for name, draw in plots.PLOTS.items()}
+
+
+def _html(
+    folder: RunFolder, campaign: Sequence[Measured], result: Result, drawings: dict[str, Figure]
+) -> str:
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters.update(symbols=report_content.symbols, when=report_content.when)
+    return environment.get_template(NAME).render(
+        result=result,
+        folder=folder,
+        journal=folder.journal,
+        campaign=campaign,
+        content=report_content,
+        plots={name: _data_uri(image(figure, "svg")) for name, figure in drawings.items()},
+        model_note=_model_note(folder),
+        written=now(),
+        version=versions()["canopen-robot-identification"],
+        signals=signals,
+        local_fits=local_fits,
+        condensed=condensed,
+    )
+
+
+def _data_uri(svg: bytes) -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
+
+
+def _model_note(folder: RunFolder) -> str:
+    """What `model.yaml` has to do with this report."""
+    path = folder.path / MODEL_NAME
+    if not path.exists():
+        return f"There is no {MODEL_NAME} yet; hil identify writes these parameters into one."
+    try:
+        model = load_yaml(path, ModelFile)
+    except FileError as error:
+        return f"{MODEL_NAME} cannot be used: {error}"
+    if model.provenance.method != "improved":
+        return (
+            f"{MODEL_NAME} holds the parameters of the {model.provenance.method} method, not these;"
+            " hil identify writes it anew."
+        )
+    return f"{MODEL_NAME} holds the parameters of the same method, with their covariance."
+
+
+def _write_figures(folder: Path, drawings: dict[str, Figure]) -> None:
+    with operator_told(folder, "made"):
+        folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in drawings.items():
+        write_file(folder / f"{name}.png", image(figure, "png"))

@@ -1,0 +1,46 @@
+"""How many decimals a figure deserves: two digits of its uncertainty, no more."""
+
+from __future__ import annotations
+
+import math
+
+MOST = 9
+"""Decimals at most."""
+
+
+def decimals(uncertainty: float) -> int:
+    """Decimals that show an uncertainty with two digits; 4 where there is none."""
+    if not math.isfinite(uncertainty) or uncertainty <= 0:
+        return 4
+    return min(max(1 - math.floor(math.log10(uncertainty)), 0), MOST)
+
+
+def rounded(value: float, uncertainty: float) -> str:
+    """Write `value` to the decimals that its uncertainty deserves, with a true minus sign."""
+    return signed(f"{value:.{decimals(uncertainty)}f}")
+
+
+def signed(text: str) -> str:
+    """Write a number's minus as such; a zero has none."""
+    digits = text.lstrip("-")
+    is_zero = not any(digit in "123456789" for digit in digits.split("e")[0])
+    return digits if is_zero else text.replace("-", "−")
+
+
+def percent(part: float, whole: float) -> str:
+    """Write a share with two digits, ``> 100`` where it says nothing any more."""
+    if not abs(whole) > abs(part):
+        return "> 100"
+    return significant(100 * abs(part / whole), 2)
+
+
+def significant(value: float, digits: int) -> str:
+    """Write a value with that many significant digits."""
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def clock(seconds: float) -> str:
+    """Write a duration as h:mm:ss or m:ss."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

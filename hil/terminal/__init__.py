@@ -1,0 +1,1 @@
+"""What the command line shows and asks, apart from the commands themselves (`hil.cli`)."""

@@ -1,0 +1,116 @@
+"""A campaign's progress: a live bar on a terminal, plain lines anywhere else.
+
+Robot time and the clock on the wall differ in lock-step, so the time left is scaled by how fast
+robot time has passed so far.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rich.progress import BarColumn, Progress, TextColumn
+
+from hil.measuring.events import Finished, GaveUp, Recorded, Repeated, Started, Travelled, WarmingUp
+from hil.results.rounding import clock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rich.console import Console
+
+    from hil.measuring.events import Event
+
+EVERY = 30.0
+"""Time between plain lines [s]."""
+
+
+@contextmanager
+def shown(console: Console) -> Iterator[Callable[[Event], None]]:
+    """Show events as they come; yields what takes them."""
+    pace = _Pace()
+    if not console.is_terminal:
+        yield _PlainLines(console, pace).take
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]}"))
+    with Progress(*columns, console=console, transient=True) as progress:
+        yield _LiveBar(progress, pace).take
+
+
+class _Pace:
+    """How long the rest takes on the wall's clock."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._robot_began: float | None = None
+
+    def left(self, event: Event) -> float:
+        """Time left by the wall's clock [s]."""
+        if self._robot_began is None:
+            self._began, self._robot_began = time.monotonic(), event.time
+        robot = event.time - self._robot_began
+        wall = time.monotonic() - self._began
+        return event.remaining * (wall / robot if robot > 0 else 1.0)
+
+
+class _LiveBar:
+    def __init__(self, progress: Progress, pace: _Pace) -> None:
+        self._progress = progress
+        self._pace = pace
+        self._task = progress.add_task("starting", total=None, left="")
+
+    def take(self, event: Event) -> None:
+        """Update the bar."""
+        text = _notice(event)
+        if text:
+            self._progress.console.print(text, highlight=False)
+        left = f"{clock(self._pace.left(event))} left"
+        total = event.time + event.remaining
+        self._progress.update(
+            self._task, description=_doing(event), completed=event.time, total=total, left=left
+        )
+
+
+class _PlainLines:
+    def __init__(self, console: Console, pace: _Pace) -> None:
+        self._console = console
+        self._pace = pace
+        self._next = 0.0
+
+    def take(self, event: Event) -> None:
+        """Print what matters, and now and then how far it is."""
+        left = self._pace.left(event)
+        text = _notice(event)
+        if text:
+            self._console.print(text, highlight=False, soft_wrap=True)
+        elif time.monotonic() >= self._next and not isinstance(event, Finished):
+            self._next = time.monotonic() + EVERY
+            self._console.print(f"{_doing(event)}, {clock(left)} left", highlight=False)
+
+
+def _notice(event: Event) -> str:
+    """What the operator must be told even when it scrolls by."""
+    if isinstance(event, Repeated):
+        reason = event.findings[0].message
+        return f"{event.measurement.id}: attempt {event.attempt} is repeated: {reason}"
+    if isinstance(event, GaveUp):
+        reasons = "\n  ".join(finding.message for finding in event.findings)
+        return (
+            f"{event.measurement.id}: kept with findings after {event.attempts} attempts:\n"
+            f"  {reasons}"
+        )
+    return ""
+
+
+def _doing(event: Event) -> str:
+    match event:
+        case Started():
+            return f"{event.pending} of {event.planned} measurements to do"
+        case WarmingUp():
+            return f"warming up, {clock(event.done)} of {clock(event.duration)}"
+        case Travelled() | Repeated():
+            return f"measuring {event.measurement.id} ({event.measurement.kind})"
+        case Recorded() | GaveUp():
+            return f"measured {event.measurement.id} ({event.measurement.kind})"
+    return "finished"

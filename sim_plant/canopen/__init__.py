@@ -1,0 +1,1 @@
+"""A CANopen slave after CiA 301: one file for each service."""

@@ -1,0 +1,178 @@
+"""One CANopen slave without its profile: the services of CiA 301 around an object dictionary.
+
+The node never sees a bus. Frames come in through the handlers that `routes` names and go out
+through `emit`; who listens to which identifier changes with NMT state and configuration, so the
+node tells `rewired` and is asked again.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.cob_id import FLAG, IDENTIFIER, check_change
+from sim_plant.canopen.emcy import Emergencies, ErrorCode
+from sim_plant.canopen.heartbeat import HEARTBEAT, HeartbeatConsumer, HeartbeatProducer
+from sim_plant.canopen.nmt import NmtSlave, NmtState
+from sim_plant.canopen.object_dictionary import ObjectDictionary
+from sim_plant.canopen.pdo import Rpdo, Tpdo
+from sim_plant.canopen.sdo_server import SdoServer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_plant.canopen.timers import Timers
+
+PDOS = 4
+"""PDOs in each direction."""
+
+_STATE_AFTER_LOSS = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
+"""1029h:1: where an operational node goes when communication fails; 1 stays."""
+
+
+class CanopenNode:
+    """Communication of one slave.
+
+    Parameters
+    ----------
+    node_id : int
+    timers : Timers
+        Shared by all nodes of the bus.
+    emit : callable
+        Sends a frame: identifier and data.
+    rewired : callable
+        Told when any of `routes`, `remote_routes`, `sync_actions`, `sync_reports`, `event_actions`
+        has changed.
+    """
+
+    def __init__(
+        self,
+        node_id: int,
+        timers: Timers,
+        emit: Callable[[int, bytes], None],
+        rewired: Callable[[], None],
+    ) -> None:
+        self.node_id = node_id
+        self._emit = emit
+        self._rewired = rewired
+        self.dictionary = ObjectDictionary(node_id)
+        self.emergencies = Emergencies(self.dictionary, emit)
+        self.nmt = NmtSlave(node_id, self._nmt_changed, self._reset)
+        self._sdo = SdoServer(self.dictionary, functools.partial(emit, 0x580 + node_id))
+        self._producer = HeartbeatProducer(self.dictionary, timers, self._send_state)
+        self._consumer = HeartbeatConsumer(
+            self.dictionary, timers, self._lose_heartbeat, self._regain_heartbeat, rewired
+        )
+        self._rpdos = [Rpdo(self.dictionary, n, rewired, self.emergencies) for n in range(PDOS)]
+        self._tpdos = [Tpdo(self.dictionary, n, rewired, emit, timers) for n in range(PDOS)]
+        self.dictionary.guard(0x1005, self._check_sync_identifier)
+        self.dictionary.react(0x1005, lambda _subindex, _value: rewired())
+
+    # What the bus asks of the node
+
+    def boot(self) -> None:
+        """Begin as after power-on or a reset: boot-up message, then pre-operational."""
+        self._consumer.restart()
+        self._producer.restart()
+        self._sdo.reset()
+        for pdo in (*self._rpdos, *self._tpdos):
+            pdo.configure()
+        self._send_state()
+        self.nmt.enter(NmtState.PRE_OPERATIONAL)
+
+    @property
+    def sync_identifier(self) -> int:
+        """Identifier of the SYNC that this node follows."""
+        return self.dictionary.get(0x1005) & IDENTIFIER
+
+    def routes(self) -> list[tuple[int, Callable[[bytes], None]]]:
+        """Return who takes which identifier in the present state."""
+        routes: list[tuple[int, Callable[[bytes], None]]] = [(0, self.nmt.receive)]
+        for node in self._consumer.watched:
+            hear = functools.partial(self._hear, node)
+            routes.append((HEARTBEAT + node, hear))
+        if self.nmt.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            routes.append((0x600 + self.node_id, self._sdo.receive))
+        if self._operational:
+            routes += [(rpdo.identifier, rpdo.receive) for rpdo in self._rpdos if rpdo.enabled]
+        return routes
+
+    def remote_routes(self) -> list[tuple[int, Callable[[], None]]]:
+        """Who answers remote frames with which identifier."""
+        tpdos = self._tpdos if self._operational else []
+        return [(t.identifier, t.answer_remote) for t in tpdos if t.enabled and t.answers_remote]
+
+    def sync_actions(self) -> list[Callable[[], None]]:
+        """What to do on SYNC in the present state: RPDOs take effect, TPDOs may be sent."""
+        pdos: list[Rpdo | Tpdo] = [*self._rpdos, *self._tpdos] if self._operational else []
+        return [
+            pdo.act_on_sync for pdo in pdos if pdo.enabled and pdo.on_sync and not pdo.on_every_sync
+        ]
+
+    def sync_reports(self) -> list[tuple[int, Callable[[], bytes]]]:
+        """Return identifier and data of the TPDOs that answer every SYNC in the present state."""
+        tpdos = self._tpdos if self._operational else []
+        return [(t.identifier, t.reporter()) for t in tpdos if t.enabled and t.on_every_sync]
+
+    def event_actions(self) -> list[Callable[[], None]]:
+        """What to do whenever something may have changed: event-driven TPDOs look at their data."""
+        tpdos = self._tpdos if self._operational else ()
+        return [tpdo.event for tpdo in tpdos if tpdo.enabled and not tpdo.on_sync]
+
+    # What a profile adds
+
+    def _abort_connection(self, code: ErrorCode) -> None:
+        """React to the loss of communication (6007h) that `code` names."""
+
+    def _regain_heartbeat(self) -> None:
+        """React to the return of all watched heartbeats."""
+        self.emergencies.clear(ErrorCode.HEARTBEAT_LOST)
+
+    def _reset_profile(self) -> None:
+        """Put the profile to its state after power-on."""
+
+    # Inside
+
+    @property
+    def _operational(self) -> bool:
+        return self.nmt.state is NmtState.OPERATIONAL
+
+    def _nmt_changed(self, state: NmtState) -> None:
+        self.emergencies.enabled = state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)
+        if state is not NmtState.OPERATIONAL:
+            for rpdo in self._rpdos:
+                rpdo.stop()
+            for tpdo in self._tpdos:
+                tpdo.stop()
+        if state in (NmtState.STOPPED, NmtState.INITIALISING):
+            self._sdo.reset()
+            self._abort_connection(ErrorCode.COMMUNICATION)
+        self._rewired()
+
+    def _reset(self, whole_node: bool) -> None:
+        self.emergencies.reset()
+        if whole_node:
+            self.dictionary.reset(0x2000, 0x9FFF)
+            self._reset_profile()
+        self.dictionary.reset(0x1000, 0x1FFF)
+        self.boot()
+
+    def _send_state(self) -> None:
+        self._emit(HEARTBEAT + self.node_id, bytes([self.nmt.state]))
+
+    def _hear(self, node: int, data: bytes) -> None:
+        if len(data) == 1:
+            self._consumer.hear(node)
+
+    def _lose_heartbeat(self) -> None:
+        self.emergencies.raise_error(ErrorCode.HEARTBEAT_LOST)
+        self._abort_connection(ErrorCode.HEARTBEAT_LOST)
+        after = _STATE_AFTER_LOSS.get(self.dictionary.get(0x1029, 1))
+        if self._operational and after is not None:
+            self.nmt.enter(after)
+
+    def _check_sync_identifier(self, _subindex: int, value: int) -> None:
+        if value & FLAG:  # we produce no SYNC
+            raise SdoAbort(AbortCode.INVALID_VALUE)
+        check_change(1 << 31, value)

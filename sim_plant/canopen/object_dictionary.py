@@ -1,0 +1,213 @@
+"""The object dictionary of one node: typed storage with access rights, ranges and hooks.
+
+Every service (SDO, PDO, NMT, the drive profile) meets here. A write from the bus passes access,
+length and range as the EDS states them, then the *guards* of its index, which may refuse it, is
+stored, and then told to the *reactions* of its index. A value that lives elsewhere, such as the
+actual position, has a *source* that is asked whenever it is read.
+"""
+
+from __future__ import annotations
+
+import functools
+import operator
+import struct
+from collections import defaultdict
+from typing import TYPE_CHECKING, TypeAlias
+
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.eds import Entry, drive_entries, key
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+
+Value: TypeAlias = int | bytes
+RowReader: TypeAlias = "Callable[[], tuple[int, ...]]"
+"""Tells the present values of several objects at once."""
+Hook: TypeAlias = "Callable[[int, int], None]"
+"""Called with sub-index and integer value."""
+
+TEXT_MAX = 4096
+"""Longest text that an object stores [bytes]."""
+
+
+class ObjectDictionary:
+    """Values of one node, by index and sub-index."""
+
+    def __init__(self, node_id: int) -> None:
+        self.node_id = node_id
+        self._entries = drive_entries()
+        self._indices = {entry.index for entry in self._entries.values()}
+        self._defaults = {
+            number: entry.default + node_id
+            if entry.relative and isinstance(entry.default, int)
+            else entry.default
+            for number, entry in self._entries.items()
+        }
+        self._values = dict(self._defaults)
+        self._ranges: dict[int, tuple[int, int]] = {}
+        self._sources: dict[int, Callable[[], int]] = {}
+        self._slots: dict[int, int] = {}
+        self._image: Sequence[int] = ()
+        self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
+        self._reactions: defaultdict[int, list[Hook]] = defaultdict(list)
+
+    # What the node itself does with its dictionary
+
+    def get(self, index: int, subindex: int = 0) -> int:
+        """Present value of an integer object."""
+        number = key(index, subindex)
+        source = self._sources.get(number)
+        value = source() if source else self._values[number]
+        assert isinstance(value, int)  # noqa: S101 - text is only reached through upload
+        return value
+
+    def imaged(self, objects: Mapping[int, int], image: Sequence[int]) -> None:
+        """Declare where in `image` the present values of objects (by index, sub-index 0) stand."""
+        self._image = image
+        self._slots = {key(index): slot for index, slot in objects.items()}
+        for number, slot in self._slots.items():
+            self._sources[number] = functools.partial(image.__getitem__, slot)
+
+    def row_reader(self, numbers: Sequence[int]) -> RowReader:
+        """Return the quickest way to read several integer objects (by `key`) again and again."""
+        slots = self._slots
+        if len(numbers) > 1 and all(number in slots for number in numbers):
+            pick = operator.itemgetter(*(slots[number] for number in numbers))
+            return functools.partial(pick, self._image)
+        readers = [self._reader(number) for number in numbers]
+        return lambda: tuple(read() for read in readers)
+
+    def set(self, index: int, subindex: int, value: Value) -> None:
+        """Store a value on the device's own behalf: no access check, no hooks."""
+        self._values[key(index, subindex)] = value
+
+    def preset(self, index: int, subindex: int, value: Value) -> None:
+        """Set what the object holds after a reset, and now."""
+        self._defaults[key(index, subindex)] = value
+        self.set(index, subindex, value)
+
+    def limit(self, index: int, subindex: int, low: int, high: int) -> None:
+        """Narrow the range that the bus may write."""
+        self._ranges[key(index, subindex)] = (low, high)
+
+    def allow(self, index: int, values: Collection[int]) -> None:
+        """Let the bus write these values only."""
+
+        def check(_subindex: int, value: int) -> None:
+            if value not in values:
+                raise SdoAbort(AbortCode.INVALID_VALUE)
+
+        self.guard(index, check)
+
+    def source(self, index: int, subindex: int, read: Callable[[], int]) -> None:
+        """Ask `read` whenever the object is read."""
+        self._sources[key(index, subindex)] = read
+
+    def guard(self, index: int, check: Hook) -> None:
+        """Let `check` refuse writes to `index` by raising `SdoAbort`."""
+        self._guards[index].append(check)
+
+    def react(self, index: int, action: Hook) -> None:
+        """Call `action` after every write to `index` from the bus."""
+        self._reactions[index].append(action)
+
+    def reset(self, first: int, last: int) -> None:
+        """Put indices `first` to `last` back to their values after power-on."""
+        for number, value in self._defaults.items():
+            if first <= number >> 8 <= last:
+                self._values[number] = value
+
+    # What the bus does with it
+
+    def entry(self, index: int, subindex: int) -> Entry:
+        """Find a declared entry.
+
+        Raises
+        ------
+        SdoAbort
+            NO_OBJECT or NO_SUBINDEX.
+        """
+        found = self._entries.get(key(index, subindex))
+        if found is None:
+            known = index in self._indices
+            raise SdoAbort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
+        return found
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Encode the present value.
+
+        Raises
+        ------
+        SdoAbort
+            Unknown, write-only, or refused by its source.
+        """
+        entry = self.entry(index, subindex)
+        if not entry.readable:
+            raise SdoAbort(AbortCode.WRITE_ONLY)
+        if not entry.code:
+            text = self._values[key(index, subindex)]
+            assert isinstance(text, bytes)  # noqa: S101 - by its declared type
+            return text
+        return struct.pack("<" + entry.code, wrapped(entry.code, self.get(index, subindex)))
+
+    def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
+        """Check all that can be known before the data: existence, access, announced length."""
+        entry = self.entry(index, subindex)
+        if not entry.writable:
+            raise SdoAbort(AbortCode.READ_ONLY)
+        if size is not None:
+            largest, least = (entry.size, entry.size) if entry.code else (TEXT_MAX, 0)
+            if size > largest:
+                raise SdoAbort(AbortCode.LENGTH_HIGH)
+            if size < least:
+                raise SdoAbort(AbortCode.LENGTH_LOW)
+        return entry
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Decode and write a value.
+
+        Raises
+        ------
+        SdoAbort
+            Unknown, read-only, of wrong length, out of range, or refused by a guard.
+        """
+        entry = self.check_download(index, subindex, len(data))
+        if entry.code:
+            self.write(index, subindex, struct.unpack("<" + entry.code, data)[0])
+        else:
+            self.set(index, subindex, bytes(data))
+
+    def write(self, index: int, subindex: int, value: int) -> None:
+        """Write an integer from the bus: range, guards, storage, reactions."""
+        number = key(index, subindex)
+        entry = self._entries[number]
+        low, high = self._ranges.get(number, (entry.low, entry.high))
+        if value > high:
+            raise SdoAbort(AbortCode.VALUE_HIGH)
+        if value < low:
+            raise SdoAbort(AbortCode.VALUE_LOW)
+        for check in self._guards[index]:
+            check(subindex, value)
+        self._values[number] = value
+        for action in self._reactions[index]:
+            action(subindex, value)
+
+    def _reader(self, number: int) -> Callable[[], int]:
+        return self._sources.get(number) or functools.partial(self.get, number >> 8, number & 0xFF)
+
+
+def wrapped(code: str, value: int) -> int:
+    """Fit a measured value into its object: counters of 32 bits wrap, smaller values saturate.
+
+    Parameters
+    ----------
+    code : str
+        struct format of the object.
+    value : int
+        Any integer.
+    """
+    bits = 8 * struct.calcsize("<" + code)
+    low = -(1 << bits >> 1) if code.islower() else 0
+    if bits == 32:
+        return (value - low) % (1 << bits) + low
+    return min(max(value, low), low + (1 << bits) - 1)

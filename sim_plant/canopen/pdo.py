@@ -1,0 +1,242 @@
+"""Process data: objects that travel without a request, on SYNC or on event.
+
+Transmission types: 0 and 1...240 act on SYNC (a TPDO of type n every n-th, one of type 0 when its
+data have changed; an RPDO takes effect at the next SYNC), 254 and 255 act at once. Only
+an event-driven TPDO knows inhibit time and event timer. Layouts are compiled when they change, so
+that a SYNC costs one `struct` call a PDO.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.cob_id import FLAG, IDENTIFIER, INVALID, check_change
+from sim_plant.canopen.eds import key
+from sim_plant.canopen.emcy import ErrorCode
+from sim_plant.canopen.object_dictionary import wrapped
+from sim_plant.canopen.pdo_mapping import PdoMapping
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_plant.canopen.emcy import Emergencies
+    from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.canopen.timers import Timers
+
+_SYNC_MAX = 240
+_EVENT_MIN = 254
+
+
+class Pdo:
+    """What both directions share: identifier, transmission type, layout.
+
+    Parameters
+    ----------
+    dictionary : ObjectDictionary
+    number : int
+        From 0.
+    base : int
+        Index of the first communication record: 1400h or 1800h; mappings stand 200h behind.
+    rewired : callable
+        Told when the identifier or the type has changed.
+    """
+
+    def __init__(
+        self, dictionary: ObjectDictionary, number: int, base: int, rewired: Callable[[], None]
+    ) -> None:
+        self._dictionary = dictionary
+        self._parameters = base + number
+        self._mapping = PdoMapping(
+            dictionary, base + number, base + 0x200 + number, receives=base == 0x1400
+        )
+        self._rewired = rewired
+        dictionary.guard(base + number, self._check)
+        for index in (base + number, base + 0x200 + number):
+            dictionary.react(index, lambda _subindex, _value: self.configure())
+        self._load()
+
+    def configure(self) -> None:
+        """Take over what the dictionary says now."""
+        self._load()
+        self._rewired()
+
+    def _load(self) -> None:
+        identifier = self._dictionary.get(self._parameters, 1)
+        self.enabled = not identifier & INVALID
+        self.answers_remote = not identifier & FLAG
+        self.identifier = identifier & IDENTIFIER
+        self.transmission = self._dictionary.get(self._parameters, 2)
+        self._layout, self._entries = self._mapping.compile()
+        self._size = self._layout.size
+
+    def _check(self, subindex: int, value: int) -> None:
+        if subindex == 1:
+            check_change(self._dictionary.get(self._parameters, 1), value)
+        unknown_type = subindex == 2 and _SYNC_MAX < value < _EVENT_MIN
+        inhibit_in_use = subindex == 3 and self.enabled
+        if unknown_type or inhibit_in_use:
+            raise SdoAbort(AbortCode.INVALID_VALUE)
+
+    @property
+    def on_sync(self) -> bool:
+        """Whether SYNC moves this PDO."""
+        return self.transmission <= _SYNC_MAX
+
+    @property
+    def on_every_sync(self) -> bool:
+        """Whether each SYNC is answered by a frame."""
+        return False
+
+
+class Rpdo(Pdo):
+    """Objects written by the master."""
+
+    def __init__(
+        self,
+        dictionary: ObjectDictionary,
+        number: int,
+        rewired: Callable[[], None],
+        emergencies: Emergencies,
+    ) -> None:
+        self._emergencies = emergencies
+        self._pending: bytes | None = None
+        super().__init__(dictionary, number, 0x1400, rewired)
+
+    def receive(self, data: bytes) -> None:
+        """Take a frame: now, or at the next SYNC."""
+        if len(data) < self._size:
+            self._emergencies.report(ErrorCode.PDO_TOO_SHORT)
+            return
+        if len(data) > self._size:
+            self._emergencies.report(ErrorCode.PDO_TOO_LONG)
+        if self.on_sync:
+            self._pending = data
+        else:
+            self._apply(data)
+
+    def act_on_sync(self) -> None:
+        """Let what came since the last SYNC take effect."""
+        data, self._pending = self._pending, None
+        if data is not None and len(data) >= self._size:
+            self._apply(data)
+
+    def stop(self) -> None:
+        """Forget what has not taken effect."""
+        self._pending = None
+
+    def _apply(self, data: bytes) -> None:
+        values = self._layout.unpack_from(data)
+        for entry, value in zip(self._entries, values, strict=True):
+            try:
+                self._dictionary.write(entry.index, entry.subindex, value)
+            except SdoAbort:
+                self._emergencies.report(ErrorCode.PDO_VALUE)
+
+
+class Tpdo(Pdo):
+    """Objects told by the node."""
+
+    def __init__(
+        self,
+        dictionary: ObjectDictionary,
+        number: int,
+        rewired: Callable[[], None],
+        emit: Callable[[int, bytes], None],
+        timers: Timers,
+    ) -> None:
+        self._emit = emit
+        self._timers = timers
+        self._inhibit_name = (dictionary.node_id, "inhibit", number)
+        self._event_name = (dictionary.node_id, "event", number)
+        self._inhibited = False
+        self._last: bytes | None = None
+        self._countdown = 0
+        super().__init__(dictionary, number, 0x1800, rewired)
+
+    def _load(self) -> None:
+        super()._load()
+        self._read = self._dictionary.row_reader([key(e.index, e.subindex) for e in self._entries])
+        self._inhibit = self._dictionary.get(self._parameters, 3) / 10_000
+        self._event = self._dictionary.get(self._parameters, 5) / 1000
+        self.stop()
+
+    def stop(self) -> None:
+        """Forget what was sent, and all timers."""
+        self._timers.stop(self._inhibit_name)
+        self._timers.stop(self._event_name)
+        self._inhibited = False
+        self._last = None
+        self._countdown = max(1, self.transmission)
+
+    @property
+    def on_every_sync(self) -> bool:
+        """Whether each SYNC is answered by a frame."""
+        return self.transmission == 1
+
+    def reporter(self) -> Callable[[], bytes]:
+        """Return what tells the data with all that it looks up bound: the hot path of the plant."""
+        read, pack, careful = self._read, self._layout.pack, self._data
+
+        def report() -> bytes:
+            try:
+                return pack(*read())
+            except struct.error:
+                return careful()
+
+        return report
+
+    def act_on_sync(self) -> None:
+        """Send if this SYNC is ours."""
+        if self.transmission == 0:
+            self._send_changed()
+        else:
+            self._send_nth()
+
+    def _send_changed(self) -> None:
+        data = self._data()
+        if data != self._last:
+            self._last = data
+            self._emit(self.identifier, data)
+
+    def _send_nth(self) -> None:
+        self._countdown -= 1
+        if self._countdown == 0:
+            self._countdown = self.transmission
+            self._emit(self.identifier, self._data())
+
+    def event(self) -> None:
+        """Send if the data have changed and the inhibit time is over."""
+        if not self._inhibited:
+            data = self._data()
+            if data != self._last:
+                self._send(data)
+
+    def answer_remote(self) -> None:
+        """Answer a remote frame."""
+        self._emit(self.identifier, self._data())
+
+    def _send(self, data: bytes) -> None:
+        self._last = data
+        self._emit(self.identifier, data)
+        if self._inhibit:
+            self._inhibited = True
+            self._timers.start(self._inhibit_name, self._inhibit, self._release)
+        if self._event:
+            self._timers.start(self._event_name, self._event, self._elapse)
+
+    def _release(self) -> None:
+        self._inhibited = False
+        self.event()
+
+    def _elapse(self) -> None:
+        self._send(self._data())
+
+    def _data(self) -> bytes:
+        values = self._read()
+        try:
+            return self._layout.pack(*values)
+        except struct.error:
+            fitting = zip(self._entries, values, strict=True)
+            return self._layout.pack(*[wrapped(entry.code, value) for entry, value in fitting])

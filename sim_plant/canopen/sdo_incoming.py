@@ -1,0 +1,52 @@
+"""What a client is sending piece by piece, checked as it grows and written when complete."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.object_dictionary import TEXT_MAX
+
+if TYPE_CHECKING:
+    from sim_plant.canopen.object_dictionary import ObjectDictionary
+
+
+class Incoming:
+    """Data of one segmented or block download.
+
+    Parameters
+    ----------
+    dictionary : ObjectDictionary
+    index, subindex : int
+    size : int or None
+        Length that the client announced.
+
+    Raises
+    ------
+    SdoAbort
+        Unknown or read-only object, or an announced length that does not fit it.
+    """
+
+    def __init__(
+        self, dictionary: ObjectDictionary, index: int, subindex: int, size: int | None
+    ) -> None:
+        self.index = index
+        self.subindex = subindex
+        self._dictionary = dictionary
+        self._entry = dictionary.check_download(index, subindex, size)
+        self._size = size
+        self._data = bytearray()
+
+    def add(self, data: bytes) -> None:
+        """Append; more than the object holds is refused at once."""
+        self._data += data
+        if self._entry.code and len(self._data) > self._entry.size:
+            raise SdoAbort(AbortCode.LENGTH_HIGH)
+        if len(self._data) > TEXT_MAX:
+            raise SdoAbort(AbortCode.OUT_OF_MEMORY)
+
+    def finish(self) -> None:
+        """Write the object."""
+        if self._size is not None and len(self._data) != self._size:
+            raise SdoAbort(AbortCode.LENGTH)
+        self._dictionary.download(self.index, self.subindex, bytes(self._data))

@@ -1,0 +1,1 @@
+"""What makes a CANopen slave a servo drive after CiA 402."""

@@ -1,0 +1,243 @@
+"""A servo drive as a CANopen slave: CiA 402's power state machine in front of one axis.
+
+Commands come in through the controlword, whoever wrote it (SDO or PDO). Stopping on the way out of
+OPERATION ENABLED follows the option codes: the state is left when the axis stands still, at once
+where the option says so. Faults take the way over FAULT REACTION ACTIVE (605Eh) to FAULT, and are
+left by a rising edge of bit 7 once their cause is gone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.axis import AxisEvent
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.canopen_node import CanopenNode
+from sim_plant.canopen.emcy import ErrorCode
+from sim_plant.drive.cia402_states import (
+    POWERED,
+    TRANSITIONS,
+    Command,
+    Control,
+    State,
+    Status,
+    command_of,
+)
+from sim_plant.drive.drive_objects import declare, present
+from sim_plant.drive.motion import Motion, Ramp
+from sim_plant.drive.profile_position import ProfilePosition
+from sim_plant.drive.target_window import TargetWindow
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_plant.axis import Axis
+    from sim_plant.canopen.timers import Timers
+    from sim_plant.drive.process_image import AxisImage
+    from sim_plant.drive_settings import DriveSettings
+
+_ALWAYS_SET = Status.VOLTAGE_ENABLED | Status.REMOTE
+_OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
+_STAYS_STOPPED = 4
+"""Quick stop options above this one stay in QUICK STOP ACTIVE; less 4 they are the ramp."""
+
+
+class Cia402Node(CanopenNode):
+    """One drive of the plant.
+
+    Parameters
+    ----------
+    settings : DriveSettings
+    axis : Axis
+    image : AxisImage
+        What the axis shows.
+    timers, emit, rewired
+        As in `CanopenNode`.
+
+    Attributes
+    ----------
+    state : State
+    """
+
+    def __init__(
+        self,
+        settings: DriveSettings,
+        axis: Axis,
+        image: AxisImage,
+        timers: Timers,
+        emit: Callable[[int, bytes], None],
+        rewired: Callable[[], None],
+    ) -> None:
+        super().__init__(settings.node_id, timers, emit, rewired)
+        self.state = State.NOT_READY
+        self._image = image
+        self._controlword = 0
+        self._next_state: State | None = None
+        self._motion = Motion(self.dictionary, axis, settings, image)
+        self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
+        self._position = ProfilePosition(
+            self.dictionary, self._motion, self._window, self.emergencies
+        )
+        declare(self.dictionary, settings)
+        present(self.dictionary, image)
+        self._connect_objects()
+        self._reset_profile()
+
+    # What the axis reports
+
+    def attend(self) -> None:
+        """Take what was latched at a SYNC, which has news."""
+        reading = self._image.reading
+        self._take_events(reading.events)
+        if self._follows_set_points:
+            self._position.observe(reading)
+        self._refresh()
+
+    def handle_events(self, events: int) -> None:
+        """Take events at the instant at which they change."""
+        self._take_events(events)
+        self._refresh()
+
+    def _take_events(self, events: int) -> None:
+        self._motion.events = events
+        if events & AxisEvent.FOLLOWING_ERROR and self.state in POWERED:
+            self._fail(ErrorCode.FOLLOWING_ERROR)
+        self._leave_at_rest()
+        if self._follows_set_points:
+            self._position.progress()
+
+    # Commands
+
+    def _control(self, _subindex: int, controlword: int) -> None:
+        risen = controlword & ~self._controlword
+        self._controlword = controlword
+        if self.state is State.FAULT:
+            if risen & Control.FAULT_RESET and self._consumer.all_present:
+                self.emergencies.clear_all()
+                self._enter(State.SWITCH_ON_DISABLED)
+        elif self.state is not State.FAULT_REACTION_ACTIVE:
+            self._command(command_of(controlword))
+            if self._follows_set_points:
+                self._position.control(controlword)
+        self._refresh()
+
+    def _command(self, command: Command) -> None:
+        target = TRANSITIONS.get((self.state, command))
+        if self._next_state is not None and command is Command.ENABLE_OPERATION:
+            self._resume()
+        elif target is State.QUICK_STOP_ACTIVE:
+            self._quick_stop()
+        elif target in _OPTION_OF_EXIT and self.state is State.OPERATION_ENABLED:
+            self._slow_down(Ramp(self.dictionary.get(_OPTION_OF_EXIT[target])), target)
+        elif self.state is State.QUICK_STOP_ACTIVE and target is State.OPERATION_ENABLED:
+            self._resume()
+        elif target is not None:
+            self._enter(target)
+
+    def _quick_stop(self) -> None:
+        option = self.dictionary.get(0x605A)
+        self.state = State.QUICK_STOP_ACTIVE
+        if option > _STAYS_STOPPED:
+            self._slow_down(Ramp(option - _STAYS_STOPPED), None)
+        else:
+            self._slow_down(Ramp(option), State.SWITCH_ON_DISABLED)
+
+    def _resume(self) -> None:
+        """Take back a stop: hold where the axis is or comes to rest."""
+        quick = self.state is State.QUICK_STOP_ACTIVE
+        if quick and self.dictionary.get(0x605A) <= _STAYS_STOPPED:
+            return
+        self._next_state = None
+        self.state = State.OPERATION_ENABLED
+        self._position.start(self._image.reading.demand, self._controlword & ~Control.NEW_SET_POINT)
+
+    # States
+
+    @property
+    def _follows_set_points(self) -> bool:
+        return self.state is State.OPERATION_ENABLED and self._next_state is None
+
+    def _enter(self, state: State) -> None:
+        was_powered = self.state in POWERED
+        self.state, self._next_state = state, None
+        if was_powered and state not in POWERED:
+            self._position.abandon()
+            self._motion.disable()
+        elif not was_powered and state in POWERED:
+            self._motion.apply_torque_limit()
+            self._motion.apply_following_window()
+            self._motion.enable()
+            position = self._image.reading.position
+            self._position.start(position, self._controlword & ~Control.NEW_SET_POINT)
+
+    def _slow_down(self, ramp: Ramp, then: State | None) -> None:
+        """Stop, and go to state `then` when at rest."""
+        self._position.abandon()
+        if ramp is Ramp.NONE and then is not None:
+            self._enter(then)
+        else:
+            self._next_state = then
+            self._motion.stop(ramp)
+            self._leave_at_rest()
+
+    def _leave_at_rest(self) -> None:
+        if self._next_state is not None and self._motion.at_rest:
+            self._enter(self._next_state)
+
+    def _fail(self, code: ErrorCode) -> None:
+        self.emergencies.raise_error(code)
+        if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            return
+        self.state = State.FAULT_REACTION_ACTIVE
+        self._slow_down(Ramp(self.dictionary.get(0x605E)), State.FAULT)
+
+    def _refresh(self) -> None:
+        status = self.state | _ALWAYS_SET
+        events = self._motion.events
+        if self.state in POWERED:
+            if self._follows_set_points:
+                status |= self._position.status
+            elif self._motion.at_rest:
+                status |= Status.TARGET_REACHED
+            if events & AxisEvent.SATURATED:
+                status |= Status.INTERNAL_LIMIT
+        if events & AxisEvent.FOLLOWING_ERROR:
+            status |= Status.FOLLOWING_ERROR
+        self._image.statusword = status
+
+    # Communication
+
+    def _abort_connection(self, code: ErrorCode) -> None:
+        if self.state not in POWERED:
+            return
+        option = self.dictionary.get(0x6007)
+        if option == 1:
+            self._fail(code)
+        elif option in (2, 3) and self.state is not State.FAULT_REACTION_ACTIVE:
+            self._command(Command.DISABLE_VOLTAGE if option == 2 else Command.QUICK_STOP)
+        self._refresh()
+
+    def _regain_heartbeat(self) -> None:
+        if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            super()._regain_heartbeat()
+
+    def _reset_profile(self) -> None:
+        self._enter(State.SWITCH_ON_DISABLED)
+        self._controlword = 0
+        self._motion.apply_torque_limit()
+        self._motion.apply_following_window()
+        self._refresh()
+
+    def _connect_objects(self) -> None:
+        dictionary, motion = self.dictionary, self._motion
+        dictionary.react(0x6040, self._control)
+        for index in (0x6065, 0x6066):
+            dictionary.react(index, lambda _subindex, _value: motion.apply_following_window())
+        for index in (0x6072, 0x6073):
+            dictionary.react(index, lambda _subindex, _value: motion.apply_torque_limit())
+        for index in (0x6073, 0x6080):
+            dictionary.guard(index, self._only_without_power)
+
+    def _only_without_power(self, _subindex: int, _value: int) -> None:
+        if self.state in POWERED:
+            raise SdoAbort(AbortCode.DEVICE_STATE)

@@ -1,0 +1,113 @@
+"""Commands to the axis and what is known about their completion.
+
+Whatever was reported before a command says nothing about the command, so each one forgets it; the
+next event or latched reading tells anew.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import TYPE_CHECKING
+
+from sim_plant.axis import AxisEvent
+
+if TYPE_CHECKING:
+    from sim_plant.axis import Axis
+    from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.drive.process_image import AxisImage
+    from sim_plant.drive_settings import DriveSettings
+
+_COMPLETION = AxisEvent.DONE | AxisEvent.STANDSTILL
+
+
+class Ramp(enum.IntEnum):
+    """How to stop, numbered as in the option codes 605Ah to 605Eh."""
+
+    NONE = 0
+    """Take the torque away."""
+    PROFILE = 1
+    """The profile deceleration 6084h."""
+    QUICK_STOP = 2
+    """The quick stop deceleration 6085h."""
+    CURRENT_LIMIT = 3
+    """Hold the present position with all torque there is."""
+
+
+class Motion:
+    """One axis under the limits of its dictionary."""
+
+    def __init__(
+        self, dictionary: ObjectDictionary, axis: Axis, settings: DriveSettings, image: AxisImage
+    ) -> None:
+        self._dictionary = dictionary
+        self._axis = axis
+        self._counts_per_rev = settings.increments_per_revolution
+        self._image = image
+
+    @property
+    def events(self) -> int:
+        """`AxisEvent` bits known to belong to the last command."""
+        return self._image.events
+
+    @events.setter
+    def events(self, bits: int) -> None:
+        self._image.events = bits
+
+    @property
+    def done(self) -> bool:
+        """Whether the profile generator has finished the last command."""
+        return bool(self.events & AxisEvent.DONE)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether demand and axis stand still."""
+        return self.events & _COMPLETION == _COMPLETION
+
+    def enable(self) -> None:
+        """Energise."""
+        self._forget()
+        self._axis.enable()
+
+    def disable(self) -> None:
+        """Take the torque away."""
+        self._axis.disable()
+
+    def move(self, target: int, velocity: int, acceleration: int, deceleration: int) -> None:
+        """Start towards `target`."""
+        self._forget()
+        self._axis.move(target, velocity, acceleration, deceleration)
+
+    def stop(self, ramp: Ramp) -> None:
+        """Come to rest; nothing to do at rest."""
+        if self.at_rest:
+            return
+        self._forget()
+        if ramp is Ramp.CURRENT_LIMIT:
+            self._axis.hold()
+        else:
+            index = 0x6084 if ramp is Ramp.PROFILE else 0x6085
+            self._axis.stop(self.limited(index, 0x60C6))
+
+    def limited(self, index: int, *maxima: int) -> int:
+        """Return the value of an object, or of the smallest of its maxima."""
+        return min(self._dictionary.get(i) for i in (index, *maxima))
+
+    @property
+    def speed_max(self) -> int:
+        """Highest velocity that 607Fh and the motor (6080h, rev/min) allow [increments/s]."""
+        motor = self._dictionary.get(0x6080) * self._counts_per_rev // 60
+        return max(1, min(self._dictionary.get(0x607F), motor))
+
+    def apply_torque_limit(self) -> None:
+        """Hand on 6072h and 6073h; torque and current are the same per mille."""
+        self._axis.set_torque_limit(self.limited(0x6072, 0x6073))
+
+    def apply_following_window(self) -> None:
+        """Hand on 6065h (FFFFFFFFh = off) and 6066h."""
+        window = self._dictionary.get(0x6065)
+        off = window == 0xFFFF_FFFF
+        timeout = self._dictionary.get(0x6066) / 1000
+        self._axis.set_following_window(float("inf") if off else float(window), timeout)
+
+    def _forget(self) -> None:
+        self.events &= ~int(_COMPLETION)

@@ -1,0 +1,134 @@
+"""The physics of all axes over many steps, compiled.
+
+Position drifts half a step, accelerations act in the middle, position drifts the other half
+(leapfrog); velocity-dependent torques use the velocity extrapolated to the middle. So the scheme is
+of second order and keeps energy over long times, at one evaluation of the dynamics a step. The
+motor's torque over a step is the mean of its values at both ends, because the current loop slews
+linearly between them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_plant.physics import friction, profile_generator, rigid_body, servo
+from sim_plant.physics import state as st
+from sim_plant.physics.compiled import compiled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SLOW_STEPS = 10
+"""Steps between two updates of the slow friction states."""
+
+
+@compiled
+def run(
+    steps: int,
+    number: int,
+    h: float,
+    joints: tuple[int, ...],
+    frames: Array,
+    bodies: Array,
+    gravity: Array,
+    const: Array,
+    state: Array,
+    profile: Array,
+    normal: Array,
+) -> int:
+    """Advance by at most `steps`, fewer if an axis's events change.
+
+    Parameters
+    ----------
+    steps : int
+    number : int
+        Steps done since the machine was switched on.
+    h : float
+        Step [s].
+    joints, frames, bodies, gravity
+        See `sim_plant.physics.rigid_body`.
+    const, state, profile : ndarray, shape (n, ...)
+        See `sim_plant.physics.state`.
+    normal : ndarray, shape (m, n)
+        Standard normal deviates; every `SLOW_STEPS` steps the next row is used, in turn.
+
+    Returns
+    -------
+    int
+        Steps done; negative if events have changed in the last of them.
+    """
+    n = len(joints)
+    middle, rhs = np.empty((2, n)), np.empty(n)
+    mass, work = np.empty((n, n)), np.empty((n, rigid_body.WORK))
+    for done in range(1, steps + 1):
+        for i in range(n):
+            v = state[i, st.QD] + 0.5 * h * state[i, st.QDD]
+            middle[0, i] = state[i, st.Q] + 0.5 * h * state[i, st.QD]
+            middle[1, i] = v
+        rigid_body.bias_and_mass(
+            joints, frames, bodies, gravity, middle[0], middle[1], rhs, mass, work
+        )
+        for i in range(n):
+            u = servo.command(const, state, profile, i, h)
+            tau = 0.5 * (state[i, st.TORQUE] + u)
+            state[i, st.TORQUE] = u
+            state[i, st.FRICTION] = friction.torque(const, state, i, middle[1, i], h)
+            if state[i, st.ENABLED] != 0.0:
+                tau += servo.ripple(const, i, middle[0, i])
+            state[i, st.LOAD] = tau - state[i, st.FRICTION]
+            rhs[i] = state[i, st.LOAD] - rhs[i]
+            mass[i, i] += const[i, st.MOTOR_INERTIA]
+        rigid_body.solve_in_place(joints, mass, rhs)
+        number += 1
+        now = number * h
+        for i in range(n):
+            profile_generator.evaluate(profile, i, now)
+        changed = False
+        for i in range(n):
+            state[i, st.QDD] = rhs[i]
+            state[i, st.LOAD] -= const[i, st.MOTOR_INERTIA] * rhs[i]
+            v = state[i, st.QD] + h * rhs[i]
+            state[i, st.Q] = middle[0, i] + 0.5 * h * v
+            state[i, st.QD] = v
+            bits = servo.events(const, state, profile, i, now, h)
+            changed |= bits != state[i, st.EVENTS]
+            state[i, st.EVENTS] = bits
+        if number % SLOW_STEPS == 0:
+            row = (number // SLOW_STEPS) % normal.shape[0]
+            friction.drift(const, state, normal[row], SLOW_STEPS * h)
+        if changed:
+            return -done
+    return steps
+
+
+@compiled
+def run_and_latch(
+    steps: int,
+    number: int,
+    h: float,
+    row: int,
+    joints: tuple[int, ...],
+    frames: Array,
+    bodies: Array,
+    gravity: Array,
+    const: Array,
+    state: Array,
+    profile: Array,
+    normal: Array,
+    noise: Array,
+    image: NDArray[np.int64],
+) -> int:
+    """Do as `run`, then as `physics.servo.latch` with a row of `noise` if no event came last.
+
+    Entering compiled code costs as much as a step, so it is done once a SYNC.
+    """
+    done = run(
+        steps, number, h, joints, frames, bodies, gravity, const, state, profile, normal
+    )  # fmt: skip
+    if done == steps:
+        servo.latch(const, state, profile, noise[row], image)
+    return done
