@@ -172,6 +172,12 @@ class Plant:
             axis_servo.hold()
         self.drives = tuple(_settings(i, axis) for i, axis in enumerate(file.axes))
         self.on_event: Callable[[int, int], None] = lambda _axis, _events: None
+        self._compile()
+
+    def _compile(self) -> None:
+        """Compile before the first SYNC, whose answer a master waits for only so long."""
+        _run(0, 0, self._step, 0, *self._memory)
+        servo.latch(self.const, self.state, self.profile, self._noise[0], self._image)
 
     @property
     def time(self) -> float:
