@@ -27,7 +27,7 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 
 def start(plan_file: Path, folder: Path, *options: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(  # noqa: S603 - our own program
-        [sys.executable, "-m", "hil.cli", "run", str(plan_file), "-o", str(folder), *options],
+        [sys.executable, "-m", "hil", "run", str(plan_file), "-o", str(folder), *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

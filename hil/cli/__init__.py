@@ -257,7 +257,3 @@ def _open_bus(
     from drivers.canopen_bus import open_drive_bus  # noqa: PLC0415 - only where a bus is used
 
     return open_drive_bus(drives, interface, channel, options, pacing.value)
-
-
-if __name__ == "__main__":
-    main()
