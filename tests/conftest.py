@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import canopen
 import numpy as np
 import pytest
+from canopen.sdo import SdoClient
 from hypothesis import settings
 
 from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 settings.register_profile("local", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them
 
 
 class _Path:
