@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from sim_plant.drive_settings import DriveSettings
 
 
@@ -105,13 +108,13 @@ class Machine(Protocol):
         that the firmware acts at the right instant, however long `duration` is.
         """
 
-    def read(self) -> Sequence[int]:
+    def read(self) -> NDArray[np.int64]:
         """Latch encoders and current sensors of all axes at the present instant.
 
         Returns
         -------
-        sequence of int, length 7 n_axes
-            The fields of a `Reading` of each axis in turn.
+        ndarray, shape (7 n_axes,)
+            The fields of a `Reading` of each axis in turn; the next call may overwrite them.
         """
 
     on_event: Callable[[int, int], None]

@@ -6,17 +6,19 @@ channel share it and see each other's frames as well as the drives', so that a l
 beside a master.
 
 `PlantBus.lock_step` tells a master whether the plant keeps step with its SYNC: whatever the drives
-have to say to a frame is in the receive queue before `send` returns.
+have to say to a frame is in the receive queue before `send` returns. Such a master may also take
+the answers to a SYNC as one block, the way a kernel hands frames over: see `PlantBus.recv_block`.
 """
 
 from __future__ import annotations
 
 import queue
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import can
 
-from sim_plant.plant_channel import BITRATE, PlantChannel, close_channel, open_channel
+from sim_plant.plant_channel import BITRATE, Block, PlantChannel, close_channel, open_channel
 from sim_plant.plant_file import packaged_plants
 
 if TYPE_CHECKING:
@@ -49,6 +51,8 @@ class PlantBus(can.BusABC):
     ----------
     lock_step : bool
         Whether the plant's time advances by SYNC alone.
+    idle : callable
+        Tells whether no frame waits that has not been looked at.
 
     Raises
     ------
@@ -72,13 +76,14 @@ class PlantBus(can.BusABC):
                 f"{', '.join(unknown)}: the simulated plant knows no such option; it knows"
                 " seed, clock, bitrate and receive_own_messages"
             )
-        self._inbox: queue.SimpleQueue[can.Message] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[can.Message | Block] = queue.SimpleQueue()
+        self._unpacked: deque[can.Message] = deque()
         self._echo = receive_own_messages
         self._plant: PlantChannel | None = open_channel(
             str(channel), self._inbox, seed=seed, clock=clock, bitrate=bitrate
         )
-        self._next = self._inbox.get_nowait
         self._direct = True
+        self.idle = self._inbox.empty
         self.lock_step = self._plant.clock == "sync"
         self.channel_info = f"simulated plant {channel}"
         super().__init__(channel, can_filters)
@@ -100,22 +105,48 @@ class PlantBus(can.BusABC):
         """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
         if self._direct:
             try:
-                return self._next()
+                return self._next(0)
             except queue.Empty:
                 if timeout == 0:
                     return None
         return super().recv(timeout)
 
+    def recv_block(self) -> bytes | None:
+        """Take frames that wait, as consecutive ``struct can_frame`` of 16 bytes each.
+
+        Returns
+        -------
+        bytes or None
+            The whole answer to a SYNC, if that is what comes next and no filter is set; what is
+            not handed out as a block comes through `recv`.
+        """
+        if not self._direct or self._unpacked or self._inbox.empty():
+            return None
+        item = self._inbox.get_nowait()
+        if isinstance(item, Block):
+            return item.frames
+        self._unpacked.append(item)
+        return None
+
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         self._opened()
         try:
-            message = self._inbox.get(timeout=None if timeout is None else max(0.0, timeout))
+            message = self._next(None if timeout is None else max(0.0, timeout))
             # recv(0) of the base class would give up at the first frame that its filters drop
             while not self._matches_filters(message):
-                message = self._inbox.get_nowait()
+                message = self._next(0)
         except queue.Empty:
             return None, False
         return message, True
+
+    def _next(self, timeout: float | None) -> can.Message:
+        while not self._unpacked:
+            item = self._inbox.get(timeout=timeout)
+            if isinstance(item, Block):
+                self._unpacked.extend(self._opened().messages(item))
+            else:
+                self._unpacked.append(item)
+        return self._unpacked.popleft()
 
     def shutdown(self) -> None:
         """Leave the channel; the last one to leave switches the plant off."""

@@ -151,6 +151,7 @@ class Plant:
         self._noise = self._random.standard_normal((STOCK, n))
         self._noise_row = 0
         self._image = np.zeros((n, len(Reading._fields)), dtype=np.int64)
+        self._readings = self._image.reshape(-1)
         self._latched = False
         self._memory = (
             *self._arm, self.const, self.state, self.profile,
@@ -211,7 +212,7 @@ class Plant:
             if new != old:
                 self.on_event(i, new)
 
-    def read(self) -> Sequence[int]:
+    def read(self) -> NDArray[np.int64]:
         """Latch encoders and current sensors of all axes at the present instant."""
         if not self._latched:
             noise = self._noise[self._noise_row]
@@ -221,8 +222,7 @@ class Plant:
         if self._noise_row == STOCK:
             self._random.standard_normal(out=self._noise)
             self._noise_row = 0
-        readings: Sequence[int] = self._image.ravel().tolist()
-        return readings
+        return self._readings
 
 
 def _arm(file: PlantFile) -> tuple[tuple[int, ...], Array, Array, Array]:

@@ -2,19 +2,20 @@
 
 Every bus has an inbox. A frame sent by one goes to the other buses' inboxes and to the drives, and
 the drives' answers to all inboxes, all within the sender's call and under one lock. Time stamps are
-the plant's time plus the time that the frames before took on the wire.
+the plant's time plus the time that the frames before took on the wire. The frames that answer a
+SYNC stay one block until somebody reads them one by one.
 """
 
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import can
 
 from drivers.yaml_file import FileError
 from sim_plant.plant import load_plant
-from sim_plant.slave_network import CLOCKS, Clock, SlaveNetwork
+from sim_plant.slave_network import CLOCKS, FRAME, Clock, SlaveNetwork
 from sim_plant.wall_clock import TICK, WallClock
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
     from sim_plant.slave_network import Frame
 
-    Inbox = queue.SimpleQueue[can.Message]
+    Inbox = queue.SimpleQueue[can.Message | "Block"]
 
 BITRATE = 1_000_000
 
@@ -31,28 +32,18 @@ _channels: dict[str, PlantChannel] = {}
 _channels_lock = threading.Lock()
 
 
-class DriveFrame(can.Message):
-    """A data frame from a drive.
+class Block(NamedTuple):
+    """Frames that follow each other on the wire, as consecutive ``struct can_frame``.
 
-    What is the same for all of them stands in the class, which makes one in a third of the time of
-    ``can.Message(...)``: six of them are built for every SYNC.
+    Attributes
+    ----------
+    start : float
+        When the first of them begins [s].
+    frames : bytes
     """
 
-    __slots__ = ()
-    is_extended_id = False
-    is_remote_frame = False
-    is_error_frame = False
-    is_fd = False
-    is_rx = True
-    bitrate_switch = False
-    error_state_indicator = False
-
-    def __init__(self, timestamp: float, identifier: int, data: bytes, channel: str) -> None:
-        self.timestamp = timestamp
-        self.arbitration_id = identifier
-        self.dlc = len(data)
-        self.data = bytearray(data)
-        self.channel = channel
+    start: float
+    frames: bytes
 
 
 class PlantChannel:
@@ -67,6 +58,8 @@ class PlantChannel:
         self._network = SlaveNetwork(load_plant(name, seed), clock)
         self._durations = [(47 + 8 * n) / bitrate for n in range(9)]
         self._wire_free = 0.0
+        self._block_sizes = b""
+        self._block_duration = 0.0
         self._stop = threading.Event()
         self._follower = threading.Thread(target=self._follow_wall, name=name, daemon=True)
 
@@ -96,7 +89,11 @@ class PlantChannel:
             if message.is_remote_frame:
                 self._deliver(network.receive_remote(message.arbitration_id))
             else:
-                self._deliver(network.receive(message.arbitration_id, bytes(message.data)))
+                answer = network.answer(message.arbitration_id, bytes(message.data))
+                if isinstance(answer, bytes):
+                    self._deliver_block(answer)
+                else:
+                    self._deliver(answer)
         finally:
             lock.release()
 
@@ -121,8 +118,26 @@ class PlantChannel:
         for time, identifier, data in frames:
             free = (free if free > time else time) + durations[len(data)]
             for inbox in inboxes:
-                inbox.put(DriveFrame(free, identifier, data, name))
+                inbox.put(_message(free, identifier, data, name))
         self._wire_free = free
+
+    def _deliver_block(self, frames: bytes) -> None:
+        block = Block(max(self._wire_free, self._network.time), frames)
+        for inbox in self.inboxes:
+            inbox.put(block)
+        sizes = frames[4 :: FRAME.size]
+        if sizes != self._block_sizes:
+            self._block_sizes = sizes
+            self._block_duration = sum(self._durations[size] for size in sizes)
+        self._wire_free = block.start + self._block_duration
+
+    def messages(self, block: Block) -> list[can.Message]:
+        """Take a block apart."""
+        messages, free = [], block.start
+        for identifier, size, data in FRAME.iter_unpack(block.frames):
+            free += self._durations[size]
+            messages.append(_message(free, identifier, data[:size], self.name))
+        return messages
 
     def _occupy(self, time: float, size: int) -> float:
         """End of a frame that is ready at `time`: the wire carries one after the other."""
@@ -135,6 +150,10 @@ class PlantChannel:
         while not self._stop.wait(TICK):
             with self._lock:
                 self._deliver(self._network.elapse(wall.elapsed()))
+
+
+def _message(timestamp: float, identifier: int, data: bytes, channel: str) -> can.Message:
+    return can.Message(timestamp, identifier, is_extended_id=False, data=data, channel=channel)
 
 
 def open_channel(

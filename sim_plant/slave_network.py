@@ -11,18 +11,21 @@ frames of one instant leave in the order of their identifiers, as arbitration wo
 
 from __future__ import annotations
 
+import struct
 from collections import defaultdict
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
+from sim_plant.canopen.object_dictionary import bounds
 from sim_plant.canopen.timers import Timers
 from sim_plant.drive.cia402_node import Cia402Node
-from sim_plant.drive.process_image import AxisImage, ProcessImage
+from sim_plant.drive.process_image import AxisImage, Field, FrameBlock, ProcessImage
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from sim_plant.axis import Machine
+    from sim_plant.canopen.pdo import Report
 
 Clock: TypeAlias = Literal["sync", "wall"]
 CLOCKS: tuple[Clock, ...] = ("sync", "wall")
@@ -30,14 +33,25 @@ CLOCKS: tuple[Clock, ...] = ("sync", "wall")
 CYCLE_DEFAULT = 0.004
 """SYNC period while no drive has been told one [s]."""
 
+FRAME = struct.Struct("=IB3x8s")
+"""``struct can_frame``: identifier, length, data."""
+
 _by_identifier = itemgetter(1)
 
 
 Frame: TypeAlias = tuple[float, int, bytes]
 """A data frame that a drive sends: instant [s], 11-bit identifier, data."""
 
-Report: TypeAlias = "tuple[int, Callable[[], bytes]]"
-"""What answers every SYNC: identifier, and what tells the data."""
+
+class _Synced(NamedTuple):
+    """What a SYNC sets off: actions first, then reports.
+
+    `block` packs all reports at once; None if some show what no axis's image holds.
+    """
+
+    actions: list[Callable[[], None]]
+    reports: list[Report]
+    block: FrameBlock | None
 
 
 class SlaveNetwork:
@@ -62,7 +76,7 @@ class SlaveNetwork:
         self._past: list[Frame] = []
         self._present: list[Frame] = []
         self._stale = True
-        self._synced: dict[int, tuple[list[Callable[[], None]], list[Report]]] = {}
+        self._synced: dict[int, _Synced] = {}
         self._routes: dict[int, list[Callable[[bytes], None]]] = {}
         self._remote: dict[int, list[Callable[[], None]]] = {}
         self._event_actions: list[Callable[[], None]] = []
@@ -91,14 +105,24 @@ class SlaveNetwork:
 
     def receive(self, identifier: int, data: bytes) -> list[Frame]:
         """Take a data frame with 11-bit identifier; return what the drives send."""
+        answer = self.answer(identifier, data)
+        return self._frames_of(answer) if isinstance(answer, bytes) else answer
+
+    def answer(self, identifier: int, data: bytes) -> list[Frame] | bytes:
+        """Do as `receive`, but quicker where SYNC is answered by what every SYNC is answered by.
+
+        Returns
+        -------
+        list of Frame, or bytes
+            Bytes are frames of the present instant, as ``struct can_frame`` one after the other.
+        """
         if self._stale:
             self._wire()
         synced = self._synced.get(identifier)
         if synced is not None:
-            self._sync(*synced)
-        else:
-            for handle in self._routes.get(identifier, ()):
-                handle(data)
+            return self._sync(synced)
+        for handle in self._routes.get(identifier, ()):
+            handle(data)
         return self._take()
 
     def receive_remote(self, identifier: int) -> list[Frame]:
@@ -117,15 +141,28 @@ class SlaveNetwork:
         self._latch()
         return self._take()
 
-    def _sync(self, actions: list[Callable[[], None]], reports: list[Report]) -> None:
+    def _sync(self, synced: _Synced) -> list[Frame] | bytes:
         if self._clock == "sync":
             self._advance(self._cycle)
-        self._latch()
+        actions, reports, block = synced
+        if block is None:
+            self._latch()
+        elif block.latch(self._machine.read()):
+            self._attend()
+        elif not (actions or self._event_actions or self._past or self._present):
+            return block.frames
         for act in actions:
             act()
-        now, present = self._timers.now, self._present
-        for identifier, data in reports:
-            present.append((now, identifier, data()))
+        if block is None:
+            now = self._timers.now
+            self._present += [(now, report.identifier, report.data()) for report in reports]
+        else:
+            self._present += self._frames_of(block.pack())
+        return self._take()
+
+    def _frames_of(self, block: bytes) -> list[Frame]:
+        now = self._timers.now
+        return [(now, number, data[:size]) for number, size, data in FRAME.iter_unpack(block)]
 
     def _advance(self, duration: float) -> None:
         timers, machine = self._timers, self._machine
@@ -140,8 +177,11 @@ class SlaveNetwork:
 
     def _latch(self) -> None:
         if self._image.latch(self._machine.read()):
-            for axis in self._image.news():
-                self.nodes[axis].attend()
+            self._attend()
+
+    def _attend(self) -> None:
+        for axis in self._image.news():
+            self.nodes[axis].attend()
 
     def _on_event(self, axis: int, events: int) -> None:
         self.nodes[axis].handle_events(events)
@@ -178,16 +218,32 @@ class SlaveNetwork:
         self._stale = False
         routes: defaultdict[int, list[Callable[[bytes], None]]] = defaultdict(list)
         remote: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
-        synced: dict[int, tuple[list[Callable[[], None]], list[Report]]] = {}
+        actions: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
+        reports: defaultdict[int, list[Report]] = defaultdict(list)
         for node in self.nodes:
             for identifier, handle in node.routes():
                 routes[identifier].append(handle)
             for identifier, answer in node.remote_routes():
                 remote[identifier].append(answer)
-            actions, reports = synced.setdefault(node.sync_identifier, ([], []))
-            actions += node.sync_actions()
-            reports += node.sync_reports()
-        self._routes, self._remote, self._synced = dict(routes), dict(remote), synced
+            actions[node.sync_identifier] += node.sync_actions()
+            reports[node.sync_identifier] += node.sync_reports()
+        self._routes, self._remote = dict(routes), dict(remote)
+        self._synced = {
+            number: _Synced(actions[number], reports[number], self._block(reports[number]))
+            for number in actions
+        }
         self._event_actions = [act for node in self.nodes for act in node.event_actions()]
         longest = max(node.dictionary.get(0x1006) for node in self.nodes)
         self._cycle = longest * 1e-6 or CYCLE_DEFAULT
+
+    def _block(self, reports: Sequence[Report]) -> FrameBlock | None:
+        frames = [
+            (report.identifier, [_field(slot, code) for slot, code in report.imaged])
+            for report in reports
+            if report.imaged is not None
+        ]
+        return FrameBlock(self._image, frames) if len(frames) == len(reports) else None
+
+
+def _field(slot: int, code: str) -> Field:
+    return Field(slot, struct.calcsize("<" + code), *bounds(code))

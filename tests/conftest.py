@@ -29,6 +29,8 @@ from sim_plant.slave_network import SlaveNetwork
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from drivers.drive_bus import Move
     from hil.model.robot import Robot
 
@@ -275,8 +277,8 @@ class IdealMachine:
                     self._events[number] = events
                     self.on_event(number, events)
 
-    def read(self) -> list[int]:
-        return [value for axis in self.axes for value in axis.reading()]
+    def read(self) -> NDArray[np.int64]:
+        return np.array([axis.reading() for axis in self.axes], dtype=np.int64).ravel()
 
 
 @pytest.fixture

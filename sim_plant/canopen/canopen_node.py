@@ -22,6 +22,7 @@ from sim_plant.canopen.sdo_server import SdoServer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sim_plant.canopen.pdo import Report
     from sim_plant.canopen.timers import Timers
 
 PDOS = 4
@@ -110,10 +111,10 @@ class CanopenNode:
             pdo.act_on_sync for pdo in pdos if pdo.enabled and pdo.on_sync and not pdo.on_every_sync
         ]
 
-    def sync_reports(self) -> list[tuple[int, Callable[[], bytes]]]:
-        """Return identifier and data of the TPDOs that answer every SYNC in the present state."""
+    def sync_reports(self) -> list[Report]:
+        """Return the TPDOs that answer every SYNC in the present state."""
         tpdos = self._tpdos if self._operational else []
-        return [(t.identifier, t.reporter()) for t in tpdos if t.enabled and t.on_every_sync]
+        return [tpdo.report() for tpdo in tpdos if tpdo.enabled and tpdo.on_every_sync]
 
     def event_actions(self) -> list[Callable[[], None]]:
         """What to do whenever something may have changed: event-driven TPDOs look at their data."""

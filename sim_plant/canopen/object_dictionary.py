@@ -9,7 +9,6 @@ actual position, has a *source* that is asked whenever it is read.
 from __future__ import annotations
 
 import functools
-import operator
 import struct
 from collections import defaultdict
 from typing import TYPE_CHECKING, TypeAlias
@@ -19,6 +18,9 @@ from sim_plant.canopen.eds import Entry, drive_entries, key
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
 
 Value: TypeAlias = int | bytes
 RowReader: TypeAlias = "Callable[[], tuple[int, ...]]"
@@ -47,7 +49,6 @@ class ObjectDictionary:
         self._ranges: dict[int, tuple[int, int]] = {}
         self._sources: dict[int, Callable[[], int]] = {}
         self._slots: dict[int, int] = {}
-        self._image: Sequence[int] = ()
         self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
         self._reactions: defaultdict[int, list[Hook]] = defaultdict(list)
 
@@ -61,19 +62,18 @@ class ObjectDictionary:
         assert isinstance(value, int)  # noqa: S101 - text is only reached through upload
         return value
 
-    def imaged(self, objects: Mapping[int, int], image: Sequence[int]) -> None:
+    def imaged(self, objects: Mapping[int, int], image: NDArray[np.int64]) -> None:
         """Declare where in `image` the present values of objects (by index, sub-index 0) stand."""
-        self._image = image
         self._slots = {key(index): slot for index, slot in objects.items()}
         for number, slot in self._slots.items():
-            self._sources[number] = functools.partial(image.__getitem__, slot)
+            self._sources[number] = functools.partial(image.item, slot)
+
+    def slot(self, number: int) -> int | None:
+        """Where in the image an object (by `key`) stands, if it does."""
+        return self._slots.get(number)
 
     def row_reader(self, numbers: Sequence[int]) -> RowReader:
-        """Return the quickest way to read several integer objects (by `key`) again and again."""
-        slots = self._slots
-        if len(numbers) > 1 and all(number in slots for number in numbers):
-            pick = operator.itemgetter(*(slots[number] for number in numbers))
-            return functools.partial(pick, self._image)
+        """Return a quick way to read several integer objects (by `key`) again and again."""
         readers = [self._reader(number) for number in numbers]
         return lambda: tuple(read() for read in readers)
 
@@ -194,6 +194,13 @@ class ObjectDictionary:
 
     def _reader(self, number: int) -> Callable[[], int]:
         return self._sources.get(number) or functools.partial(self.get, number >> 8, number & 0xFF)
+
+
+def bounds(code: str) -> tuple[int, int]:
+    """Least and largest value that an object shows: counters of 32 bits wrap and have none."""
+    bits = 8 * struct.calcsize("<" + code)
+    low = -(1 << bits >> 1) if code.islower() else 0
+    return (-(1 << 62), 1 << 62) if bits == 32 else (low, low + (1 << bits) - 1)
 
 
 def wrapped(code: str, value: int) -> int:

@@ -9,7 +9,7 @@ that a SYNC costs one `struct` call a PDO.
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.cob_id import FLAG, IDENTIFIER, INVALID, check_change
@@ -135,6 +135,23 @@ class Rpdo(Pdo):
                 self._emergencies.report(ErrorCode.PDO_VALUE)
 
 
+class Report(NamedTuple):
+    """A TPDO that answers every SYNC.
+
+    Attributes
+    ----------
+    identifier : int
+    data : callable
+        Tells the present data.
+    imaged : tuple of (int, str), or None
+        Where in the image its values stand and their struct codes; None if some stand elsewhere.
+    """
+
+    identifier: int
+    data: Callable[[], bytes]
+    imaged: tuple[tuple[int, str], ...] | None
+
+
 class Tpdo(Pdo):
     """Objects told by the node."""
 
@@ -175,17 +192,12 @@ class Tpdo(Pdo):
         """Whether each SYNC is answered by a frame."""
         return self.transmission == 1
 
-    def reporter(self) -> Callable[[], bytes]:
-        """Return what tells the data with all that it looks up bound: the hot path of the plant."""
-        read, pack, careful = self._read, self._layout.pack, self._data
-
-        def report() -> bytes:
-            try:
-                return pack(*read())
-            except struct.error:
-                return careful()
-
-        return report
+    def report(self) -> Report:
+        """Return how SYNC is answered."""
+        found = [(self._dictionary.slot(key(e.index, e.subindex)), e.code) for e in self._entries]
+        imaged = tuple((slot, code) for slot, code in found if slot is not None)
+        whole = len(imaged) == len(found)
+        return Report(self.identifier, self._data, imaged if whole else None)
 
     def act_on_sync(self) -> None:
         """Send if this SYNC is ours."""

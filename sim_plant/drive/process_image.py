@@ -1,26 +1,48 @@
 """What all axes show, side by side, and which of them have news for their drive.
 
 Every SYNC latches all axes, and nearly always nothing has happened that a drive must react to. So
-what each drive already knows is kept here in columns, and one look over all axes tells whether any
-has changed its events or left the range of positions in which its drive has nothing to tell.
+what each drive already knows is kept here in columns, and one compiled look over all axes tells
+whether any has changed its events or left the range of positions in which its drive has nothing to
+tell. `FrameBlock` packs what is shown into the frames that answer a SYNC.
 """
 
 from __future__ import annotations
 
-from operator import gt, lt
-from typing import TYPE_CHECKING
+import struct
+from operator import itemgetter
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from sim_plant.axis import Reading
+from sim_plant.compiled import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Integers = NDArray[np.int64]
 
 WIDTH = len(Reading._fields)
 STATUSWORD = WIDTH
 """Where the statusword stands for `AxisImage.slot`: behind the fields of a `Reading`."""
 
 _POSITION, _EVENTS = Reading._fields.index("position"), Reading._fields.index("events")
+_KNOWN, _LOWEST, _HIGHEST = range(3)
 _FAR = 1 << 62
+_HEAD = struct.Struct("=IB3x")
+_COLUMNS = 5
+"""Slot, place in the block, size, lowest and highest value."""
+
+
+class Field(NamedTuple):
+    """A value of the process image inside a frame: saturated at its bounds, little endian."""
+
+    slot: int
+    size: int
+    low: int
+    high: int
 
 
 class ProcessImage:
@@ -32,47 +54,71 @@ class ProcessImage:
 
     Attributes
     ----------
-    values : list of int
+    values : ndarray, shape (8 n_axes,)
         The fields of every axis's `Reading`, axis after axis, then all statuswords; changed in
         place.
-    events : list of int
-        `AxisEvent` bits that each drive knows of.
-    lowest, highest : list of int
-        Between which positions [increments] there is nothing to tell, for each drive.
+    watch : ndarray, shape (3, n_axes)
+        `AxisEvent` bits that each drive knows of, and between which positions [increments] there
+        is nothing to tell.
     """
 
     def __init__(self, n_axes: int) -> None:
-        self.values = [0] * (n_axes * (WIDTH + 1))
-        self.events = [0] * n_axes
-        self.lowest, self.highest = [-_FAR] * n_axes, [_FAR] * n_axes
-        self._readings = slice(0, n_axes * WIDTH)
+        self.values = np.zeros(n_axes * (WIDTH + 1), dtype=np.int64)
+        self.watch = np.zeros((3, n_axes), dtype=np.int64)
+        self.watch[_LOWEST], self.watch[_HIGHEST] = -_FAR, _FAR
+        _latch_and_pack(self.values, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
-    def latch(self, readings: Sequence[int]) -> bool:
+    def latch(self, readings: Integers) -> bool:
         """Take what `sim_plant.axis.Machine.read` returned; tell whether any axis has news."""
-        self.values[self._readings] = readings
-        positions = readings[_POSITION::WIDTH]
-        return (
-            readings[_EVENTS::WIDTH] != self.events
-            or any(map(lt, positions, self.lowest))
-            or any(map(gt, positions, self.highest))
-        )
+        return _latch_and_pack(readings, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
     def news(self) -> list[int]:
         """Return which axes have news, in order."""
-        values = self.values[self._readings]
-        rows = zip(
-            values[_POSITION::WIDTH],
-            values[_EVENTS::WIDTH],
-            self.events,
-            self.lowest,
-            self.highest,
-            strict=True,
-        )
-        return [
-            axis
-            for axis, (position, events, known, low, high) in enumerate(rows)
-            if events != known or not low <= position <= high
-        ]
+        rows = self.values[: WIDTH * self.watch.shape[1]].reshape(-1, WIDTH)
+        position, events = rows[:, _POSITION], rows[:, _EVENTS]
+        known, low, high = self.watch
+        news = (events != known) | (position < low) | (position > high)
+        return [int(axis) for axis in np.flatnonzero(news)]
+
+
+class FrameBlock:
+    """The frames that answer a SYNC, as consecutive ``struct can_frame`` of 16 bytes.
+
+    Parameters
+    ----------
+    image : ProcessImage
+        Where the values stand.
+    frames : sequence of (int, sequence of Field)
+        Identifier and contents; they leave in the order of their identifiers.
+    """
+
+    def __init__(self, image: ProcessImage, frames: Sequence[tuple[int, Sequence[Field]]]) -> None:
+        self._image = image
+        self._frames = np.zeros(16 * len(frames), dtype=np.uint8)
+        rows = []
+        for number, (identifier, fields) in enumerate(sorted(frames, key=itemgetter(0))):
+            place = 16 * number + _HEAD.size
+            for field in fields:
+                rows.append((field.slot, place, field.size, field.low, field.high))
+                place += field.size
+            head = _HEAD.pack(identifier, place - 16 * number - _HEAD.size)
+            self._frames[16 * number : 16 * number + _HEAD.size] = list(head)
+        self._fields = np.array(rows, dtype=np.int64).reshape(-1, _COLUMNS)
+        self._memory = image.values, image.watch, self._fields, self._frames
+
+    def latch(self, readings: Integers) -> bool:
+        """Do as `ProcessImage.latch`, and pack besides: `frames` are right if there are no news."""
+        return _latch_and_pack(readings, *self._memory)
+
+    def pack(self) -> bytes:
+        """Pack what the image shows now."""
+        _pack(self._image.values, self._fields, self._frames)
+        return self._frames.tobytes()
+
+    @property
+    def frames(self) -> bytes:
+        """What was packed last."""
+        return self._frames.tobytes()
 
 
 class AxisImage:
@@ -87,10 +133,10 @@ class AxisImage:
 
     def __init__(self, image: ProcessImage, axis: int) -> None:
         self.values = image.values
-        self._image = image
+        self._watch = image.watch
         self._axis = axis
         self._first = axis * WIDTH
-        self._statusword = len(image.events) * WIDTH + axis
+        self._statusword = image.watch.shape[1] * WIDTH + axis
 
     def slot(self, field: int) -> int:
         """Where in `values` a field of the `Reading`, or the `STATUSWORD`, stands."""
@@ -99,12 +145,12 @@ class AxisImage:
     @property
     def reading(self) -> Reading:
         """What was latched last."""
-        return Reading(*self.values[self._first : self._first + WIDTH])
+        return Reading(*self.values[self._first : self._first + WIDTH].tolist())
 
     @property
     def statusword(self) -> int:
         """Object 6041h."""
-        return self.values[self._statusword]
+        return int(self.values[self._statusword])
 
     @statusword.setter
     def statusword(self, word: int) -> None:
@@ -113,11 +159,11 @@ class AxisImage:
     @property
     def events(self) -> int:
         """`AxisEvent` bits that the drive knows of."""
-        return self._image.events[self._axis]
+        return int(self._watch[_KNOWN, self._axis])
 
     @events.setter
     def events(self, bits: int) -> None:
-        self._image.events[self._axis] = bits
+        self._watch[_KNOWN, self._axis] = bits
 
     def expect_anything(self) -> None:
         """Have news at every SYNC."""
@@ -129,4 +175,40 @@ class AxisImage:
 
     def expect_within(self, low: int, high: int) -> None:
         """Have news of events, and while the position is not within bounds [increments]."""
-        self._image.lowest[self._axis], self._image.highest[self._axis] = low, high
+        self._watch[_LOWEST, self._axis], self._watch[_HIGHEST, self._axis] = low, high
+
+
+_NO_FIELDS = np.zeros((0, _COLUMNS), dtype=np.int64)
+_NO_FRAMES = np.zeros(0, dtype=np.uint8)
+
+
+@compiled
+def _pack(values: Integers, fields: Integers, frames: NDArray[np.uint8]) -> None:
+    for row in range(fields.shape[0]):
+        value = min(max(values[fields[row, 0]], fields[row, 3]), fields[row, 4])
+        place = fields[row, 1]
+        for _ in range(fields[row, 2]):
+            frames[place] = value & 0xFF
+            value >>= 8
+            place += 1
+
+
+@compiled
+def _latch_and_pack(
+    readings: Integers,
+    values: Integers,
+    watch: Integers,
+    fields: Integers,
+    frames: NDArray[np.uint8],
+) -> bool:
+    """Copy readings, look for news, and pack: entering compiled code costs more than all of it."""
+    for slot in range(readings.shape[0]):
+        values[slot] = readings[slot]
+    news = False
+    for axis in range(watch.shape[1]):
+        first = axis * WIDTH
+        position = values[first + _POSITION]
+        news |= values[first + _EVENTS] != watch[_KNOWN, axis]
+        news |= position < watch[_LOWEST, axis] or position > watch[_HIGHEST, axis]
+    _pack(values, fields, frames)
+    return news

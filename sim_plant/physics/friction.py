@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from sim_plant.compiled import compiled, inlined
 from sim_plant.physics import state as st
-from sim_plant.physics.compiled import compiled, inlined
 from sim_plant.physics.trigonometry import arc_tangent
 
 if TYPE_CHECKING:

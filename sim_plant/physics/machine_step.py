@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim_plant.compiled import compiled
 from sim_plant.physics import friction, profile_generator, rigid_body, servo
 from sim_plant.physics import state as st
-from sim_plant.physics.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

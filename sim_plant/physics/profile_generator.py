@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from sim_plant.compiled import inlined
 from sim_plant.physics import state as st
-from sim_plant.physics.compiled import inlined
 
 if TYPE_CHECKING:
     import numpy as np

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_plant.physics.compiled import compiled, inlined
+from sim_plant.compiled import compiled, inlined
 from sim_plant.physics.trigonometry import sin_cos
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sim_plant.axis import AxisEvent
+from sim_plant.compiled import in_order, inlined
 from sim_plant.physics import state as st
-from sim_plant.physics.compiled import in_order, inlined
 from sim_plant.physics.trigonometry import sin_cos
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from sim_plant.physics.compiled import compiled, in_order
+from sim_plant.compiled import compiled, in_order
 
 _PARTS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
 """pi/2 as a sum, the first two with so few bits that their multiples are exact."""
