@@ -1,0 +1,71 @@
+"""What a check says of a drive: ok, a warning, or refused; with value, bound and remedy.
+
+A verdict is one line for the operator. Refused means that nothing is to be measured or moved with
+the drive as it is; a warning, that it serves, and what must be known or looked at.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+
+class Grade(enum.Enum):
+    """How a check ended."""
+
+    OK = "ok"
+    WARNING = "warning"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One line of a check.
+
+    Attributes
+    ----------
+    grade : Grade
+        How it ended.
+    place : str
+        The axis as messages name it, or "bus".
+    check : str
+        What was looked at.
+    found : str
+        The value, with its unit.
+    bound : str
+        What it must be; empty where there is nothing to compare with.
+    remedy : str
+        What to do; empty when nothing is.
+    """
+
+    grade: Grade
+    place: str
+    check: str
+    found: str
+    bound: str = ""
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        bound = f" ({self.bound})" if self.bound else ""
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"{self.place}: {self.check}: {self.found}{bound}{remedy}"
+
+
+def graded(
+    holds: bool,
+    otherwise: Grade,
+    place: str,
+    check: str,
+    found: str,
+    bound: str,
+    remedy: str,
+) -> Verdict:
+    """Return a verdict that is ok where `holds`, else graded and with the remedy."""
+    if holds:
+        return Verdict(Grade.OK, place, check, found, bound)
+    return Verdict(otherwise, place, check, found, bound, remedy)
+
+
+def unknown(place: str, check: str, remedy: str) -> Verdict:
+    """Return the warning that a drive does not tell something."""
+    return Verdict(Grade.WARNING, place, check, "the drive does not tell", remedy=remedy)
