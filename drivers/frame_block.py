@@ -1,0 +1,87 @@
+"""Frames by the block: what a bus hands over at once is looked at at once.
+
+A bus may offer all frames that answer a SYNC as one block of ``struct can_frame``, the kernel's own
+layout: identifier, length, three bytes of padding, eight of data. When every frame of the block is
+one that is expected, one struct takes all values out of it; building a message object for each
+frame would cost several times as much. Any other block is taken apart frame by frame.
+"""
+
+from __future__ import annotations
+
+import struct
+from operator import itemgetter
+from typing import TYPE_CHECKING, Protocol, cast
+
+import can
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+_FRAME = struct.Struct("=IB3x8s")
+_DATA_MAX = 8
+
+
+class BlockSource(Protocol):
+    """A bus that hands over frames by the block."""
+
+    def recv_block(self) -> bytes | None:
+        """Take the block that waits, None if frames wait that are no block, or nothing."""
+
+    def idle(self) -> bool:
+        """Tell whether nothing waits behind the block."""
+
+
+def block_source(bus: can.BusABC) -> BlockSource | None:
+    """Return the bus if it hands over frames by the block."""
+    return cast("BlockSource", bus) if hasattr(bus, "recv_block") else None
+
+
+def messages(block: bytes) -> Iterator[can.Message]:
+    """Take a block apart."""
+    for identifier, size, data in _FRAME.iter_unpack(block):
+        yield can.Message(arbitration_id=identifier, is_extended_id=False, data=data[:size])
+
+
+class FrameBlock:
+    """The block in which every expected frame comes once, in the order of identifiers.
+
+    Parameters
+    ----------
+    identifiers : sequence of int
+        Of the expected frames.
+    layouts : sequence of str
+        struct codes of each frame's data.
+    """
+
+    def __init__(self, identifiers: Sequence[int], layouts: Sequence[str]) -> None:
+        ranks = sorted(range(len(identifiers)), key=identifiers.__getitem__)
+        sizes = [struct.calcsize("<" + layout) for layout in layouts]
+        self._struct = struct.Struct(
+            "=" + "".join(f"IB3x{layouts[k]}{_DATA_MAX - sizes[k]}x" for k in ranks)
+        )
+        first, places = 0, {}
+        for k in ranks:
+            places[k] = first
+            first += 2 + len(layouts[k])
+        slots = range(len(identifiers))
+        self._heads = itemgetter(*(place for k in slots for place in (places[k], places[k] + 1)))
+        self._values = itemgetter(
+            *(places[k] + 2 + n for k in slots for n in range(len(layouts[k])))
+        )
+        self._expected = tuple(
+            part for pair in zip(identifiers, sizes, strict=True) for part in pair
+        )
+        self._data = [
+            slice(16 * ranks.index(k) + 8, 16 * ranks.index(k) + 8 + sizes[k]) for k in slots
+        ]
+
+    def unpack(self, block: bytes) -> tuple[int, ...] | None:
+        """Return the values of all frames in the order of `identifiers`; None if others came."""
+        if len(block) != self._struct.size:
+            return None
+        fields = self._struct.unpack(block)
+        return self._values(fields) if self._heads(fields) == self._expected else None
+
+    def data(self, block: bytes) -> list[bytes]:
+        """Return the data of each frame, in the order of `identifiers`."""
+        return [block[place] for place in self._data]
