@@ -1,0 +1,212 @@
+"""What an object dictionary offers for measuring, and what each gap in it means.
+
+The same review serves a data sheet that lies on the desk, a drive that a scan has found and a drive
+that is about to be used: `review` takes a `Dictionary`, whatever told it, and does no I/O. Each
+`Finding` says what is lacking and what follows. One that is `fatal` keeps the drive from being used
+at all; of what a live drive left unanswered nothing is concluded but that it must be looked up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers import objects
+from drivers.cia402 import Mode
+from drivers.probing.current_candidates import current_candidates
+from drivers.probing.mapping_review import Mapping, review_mapping
+from drivers.probing.needs import NEEDS, Need, Use
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from drivers.probing.current_candidates import CurrentCandidate
+    from drivers.probing.dictionary import Declared, Dictionary
+
+DRIVE_PROFILE = 402
+PROFILES = {
+    401: "I/O modules",
+    404: "measuring devices",
+    405: "programmable controllers",
+    406: "encoders",
+    408: "hydraulic valves",
+    410: "inclinometers",
+    418: "batteries",
+    419: "battery chargers",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that a drive lacks or does otherwise.
+
+    Attributes
+    ----------
+    about : str
+        Which object, such as "6084:00 (profile deceleration)".
+    problem : str
+        What is the matter with it.
+    consequence : str
+        What follows for our purpose.
+    fatal : bool
+        The drive cannot serve.
+    """
+
+    about: str
+    problem: str
+    consequence: str
+    fatal: bool
+
+    def __str__(self) -> str:
+        return f"{self.about} {self.problem}: {self.consequence}"
+
+
+@dataclass(frozen=True)
+class Review:
+    """What a drive offers.
+
+    Attributes
+    ----------
+    source : str
+        What was reviewed, for messages.
+    profile : int or None
+        Device profile (1000); 402 is a drive.
+    modes : tuple of Mode or None
+        That it supports (6502).
+    currents : tuple of CurrentCandidate
+        Objects that may show the motor current, the most suitable first.
+    current : CurrentCandidate or None
+        The one to be used.
+    mapping : Mapping
+        What can be said of its PDOs.
+    findings : tuple of Finding
+        The fatal ones first.
+    """
+
+    source: str
+    profile: int | None
+    modes: tuple[Mode, ...] | None
+    currents: tuple[CurrentCandidate, ...]
+    current: CurrentCandidate | None
+    mapping: Mapping
+    findings: tuple[Finding, ...]
+
+    @property
+    def serves(self) -> bool:
+        """Nothing that is known keeps the drive from being used."""
+        return not self.refusals
+
+    @property
+    def refusals(self) -> tuple[Finding, ...]:
+        """Why the drive cannot be used."""
+        return tuple(finding for finding in self.findings if finding.fatal)
+
+
+def review(dictionary: Dictionary) -> Review:
+    """Judge a dictionary.
+
+    Raises
+    ------
+    FileError
+        An object that we need is declared in a way that cannot be understood.
+    """
+    profile = _profile(dictionary)
+    modes = _modes(dictionary)
+    candidates = current_candidates(dictionary)
+    usable = [candidate for candidate in candidates if candidate.usable]
+    mapping, current, obstacles = review_mapping(dictionary, usable)
+    findings = [
+        *_wrong_device(profile),
+        *(finding for need in NEEDS for finding in _gaps(dictionary, need)),
+        *_wrong_mode(modes),
+        *_no_current(dictionary, candidates, usable),
+        *(Finding(about, problem, so, fatal) for about, problem, so, fatal in obstacles),
+    ]
+    findings.sort(key=lambda finding: not finding.fatal)
+    return Review(dictionary.source, profile, modes, candidates, current, mapping, tuple(findings))
+
+
+def _profile(dictionary: Dictionary) -> int | None:
+    declared = dictionary.entry(objects.DEVICE_TYPE)
+    if declared is None:
+        return None
+    number = declared.default if declared.value is None else declared.value
+    return None if number is None else number & 0xFFFF
+
+
+def _wrong_device(profile: int | None) -> Iterator[Finding]:
+    if profile not in {None, DRIVE_PROFILE}:
+        kind = PROFILES.get(profile or 0, "not drives")
+        yield Finding(
+            str(objects.DEVICE_TYPE),
+            f"says device profile {profile} ({kind})",
+            "it is no CiA 402 drive and is left alone",
+            fatal=True,
+        )
+
+
+def _modes(dictionary: Dictionary) -> tuple[Mode, ...] | None:
+    declared = dictionary.entry(objects.SUPPORTED_MODES)
+    if declared is None:
+        return None
+    bits = declared.default if declared.value is None else declared.value
+    if bits is None:
+        return None
+    return tuple(mode for mode in Mode if bits & mode.supported_bit)
+
+
+def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
+    if modes is not None and Mode.PROFILE_POSITION not in modes:
+        yield Finding(
+            str(objects.SUPPORTED_MODES),
+            "does not name profile position mode (bit 0)",
+            "the drive cannot make the motions of a measurement by itself",
+            fatal=True,
+        )
+
+
+def _gaps(dictionary: Dictionary, need: Need) -> Iterator[Finding]:
+    entry, about = need.entry, str(need.entry)
+    refused = dictionary.unanswered.get((entry.index, entry.subindex))
+    declared = dictionary.entry(entry)
+    if refused is not None:
+        yield Finding(about, refused, f"if it is missing, {need.without}", fatal=False)
+    elif declared is None:
+        yield Finding(about, "is missing", need.without, need.required)
+    else:
+        yield from _flaws(declared, need)
+
+
+def _flaws(declared: Declared, need: Need) -> Iterator[Finding]:
+    about, fatal = str(need.entry), need.required
+    if declared.bits is not None and declared.bits != 8 * need.entry.size:
+        problem = f"has {declared.bits} bits, {8 * need.entry.size} expected ({need.entry.type})"
+        yield Finding(about, problem, need.without, fatal=True)
+    if Use.WRITE in need.use and declared.writable is False:
+        yield Finding(about, f"cannot be written ({declared.access})", need.without, fatal)
+    elif Use.WRITE in need.use and declared.fixed is not None:
+        problem = f"takes no value but {declared.fixed}"
+        yield Finding(about, problem, need.without, fatal)
+    if Use.READ in need.use and declared.readable is False:
+        yield Finding(about, "cannot be read (wo)", need.without, fatal)
+    if declared.mappable is False and need.use & (Use.SEND | Use.RECEIVE):
+        problem = "cannot be mapped into a PDO"
+        yield Finding(about, problem, "it cannot travel with SYNC", fatal=True)
+
+
+def _no_current(
+    dictionary: Dictionary,
+    candidates: tuple[CurrentCandidate, ...],
+    usable: list[CurrentCandidate],
+) -> Iterator[Finding]:
+    if usable:
+        return
+    about = "motor current (6078, 6077 or a maker's object)"
+    for candidate in candidates:
+        yield Finding(candidate.place, candidate.why, "it is no source of torque", fatal=False)
+    if dictionary.live:
+        so = "look for a maker's object in its data sheet: `hil drives new --eds` does"
+        yield Finding(about, "was not found on the bus", so, fatal=False)
+    else:
+        so = "torques cannot be measured, which is all that this is about"
+        yield Finding(about, "is missing", so, fatal=True)

@@ -1,0 +1,159 @@
+"""Whether a drive's PDOs can carry what we need: status, position and current of one SYNC.
+
+Where a mapping may be written, all that counts is room. Where it is fixed, the drive serves only if
+its PDOs carry the right objects already, and then it is the fixed mapping that decides which
+current is used (`drivers.pdo_mapping` does the work itself).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from drivers.probing.current_candidates import CurrentCandidate
+    from drivers.probing.dictionary import Declared, Dictionary
+
+Obstacle = tuple[str, str, str, bool]
+"""About what, the problem, its consequence, whether it is fatal."""
+
+_STATE = ((0x6041, 0, 16), (0x6064, 0, 32))
+_COMMAND = ((0x607A, 0, 32), (0x6040, 0, 16))
+
+
+@dataclass(frozen=True, slots=True)
+class PdoOffer:
+    """One PDO of a drive.
+
+    Attributes
+    ----------
+    name : str
+        "TPDO 1" and so on.
+    writable : bool or None
+        Its mapping and its transmission may be changed; None where that is not known.
+    room : int or None
+        How many objects it can carry, as far as is known.
+    carries : tuple of (index, sub-index, bits)
+        Its mapping as it stands.
+    """
+
+    name: str
+    writable: bool | None
+    room: int | None
+    carries: tuple[tuple[int, int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """The PDOs that we would use; None where the drive does not have one."""
+
+    tpdo1: PdoOffer | None
+    tpdo2: PdoOffer | None
+    rpdo1: PdoOffer | None
+
+
+def review_mapping(
+    dictionary: Dictionary, usable: Sequence[CurrentCandidate]
+) -> tuple[Mapping, CurrentCandidate | None, tuple[Obstacle, ...]]:
+    """Find out what the PDOs can carry.
+
+    Returns
+    -------
+    Mapping
+        The PDOs.
+    CurrentCandidate or None
+        The first current object that fits, or where none does the first of all.
+    tuple of Obstacle
+        What keeps the PDOs from carrying what we need.
+    """
+    mapping = Mapping(
+        _offer(dictionary, "TPDO 1", 0x1800),
+        _offer(dictionary, "TPDO 2", 0x1801),
+        _offer(dictionary, "RPDO 1", 0x1400),
+    )
+    receiving = tuple(_obstacles(mapping.rpdo1, "RPDO 1", _COMMAND))
+    attempts = [(current, tuple(_sending(mapping, current))) for current in usable]
+    for current, obstacles in attempts:
+        if not any(fatal for *_, fatal in obstacles):
+            return mapping, current, (*receiving, *obstacles)
+    if not attempts:
+        return mapping, None, receiving
+    current, obstacles = attempts[0]
+    return mapping, current, (*receiving, *obstacles)
+
+
+def carried(word: int) -> tuple[int, int, int]:
+    """Return index, sub-index and bits of a mapping entry."""
+    return word >> 16, word >> 8 & 0xFF, word & 0xFF
+
+
+def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
+    cob = dictionary.find(communication, 1)
+    members = list(dictionary.members(communication + 0x200))
+    if cob is None or not members:
+        return None
+    slots = [member for member in members if member.subindex]
+    fixed = [cob.writable, *(member.writable for member in members)]
+    return PdoOffer(
+        name,
+        None if None in fixed else all(fixed),
+        _room(dictionary, members[0], len(slots)),
+        tuple(_contents(members[0], slots)),
+    )
+
+
+def _room(dictionary: Dictionary, count: Declared, slots: int) -> int | None:
+    if dictionary.live:
+        return None
+    highest = count.high if count.subindex == 0 and count.high else slots
+    return min(slots, highest) if slots else highest
+
+
+def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int, int, int]]:
+    number = count.default if count.value is None else count.value
+    for slot in slots[: len(slots) if number is None or count.subindex else number]:
+        word = slot.default if slot.value is None else slot.value
+        if word:
+            yield carried(word)
+
+
+def _sending(mapping: Mapping, current: CurrentCandidate) -> Iterator[Obstacle]:
+    declared = current.declared
+    carried_current = (declared.index, declared.subindex, declared.bits or 0)
+    if declared.bits == 16:
+        yield from _obstacles(mapping.tpdo1, "TPDO 1", (*_STATE, carried_current))
+    else:
+        yield from _obstacles(mapping.tpdo1, "TPDO 1", _STATE)
+        yield from _obstacles(mapping.tpdo2, "TPDO 2", (carried_current,))
+
+
+def _obstacles(
+    offer: PdoOffer | None, name: str, wanted: tuple[tuple[int, int, int], ...]
+) -> Iterator[Obstacle]:
+    what = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in wanted)
+    if offer is None:
+        yield name, "is missing", f"{what} cannot be exchanged", True
+        return
+    if offer.writable is False and offer.carries != wanted:
+        has = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in offer.carries) or "nothing"
+        yield (
+            name,
+            f"is fixed and carries {has}",
+            f"{what} is needed; map it with the maker's tool or use another drive",
+            True,
+        )
+    elif offer.room is not None and offer.room < len(wanted):
+        yield name, f"has room for {offer.room} objects only", f"{what} does not fit", True
+
+
+def mapped_objects(dictionary: Dictionary) -> frozenset[tuple[int, int]]:
+    """Return what any TPDO or RPDO carries as it stands: proof that it can be mapped."""
+    return frozenset(
+        carried(word)[:2]
+        for (index, subindex), member in dictionary.entries.items()
+        if subindex and (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00)
+        for word in (member.default, member.value)
+        if word
+    )
