@@ -102,6 +102,11 @@ class CanopenDriveBus:
         return self._axes
 
     @property
+    def servers(self) -> tuple[SdoServer, ...]:
+        """The drives' object dictionaries in joint order; known once entered."""
+        return tuple(self._servers)
+
+    @property
     def skipped_syncs(self) -> int:
         """SYNCs left out since the bus was entered, because we came too late for them."""
         return self._pacing.skipped
