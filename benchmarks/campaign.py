@@ -144,9 +144,9 @@ LAYERS = (
     ("run folder", RunFolder, "write"),
     ("driver", CanopenDriveBus, "sample"),
     ("driver", CanopenDriveBus, "move"),
-    ("reception of frames, bus and driver", Exchange, "_collect"),
+    ("reception of frames, bus and driver", Exchange, "_take_block"),
     ("sending of frames, bus", PlantBus, "send"),
-    ("drives", SlaveNetwork, "receive"),
+    ("drives", SlaveNetwork, "answer"),
     ("physics", Plant, "advance"),
     ("physics", Plant, "read"),
 )
