@@ -17,6 +17,7 @@ from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.drive_bus import BusUnavailable
+from drivers.pacing import clock_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,6 +46,7 @@ class PumpedNetwork(Network):
         super().__init__(bus)
         self.channel = bus
         self.synchronous = synchronous
+        self._clock = clock_of(bus)
         self.idle: Callable[[], None] = _nothing
         """Called before every reception while waiting, to keep our heartbeat going."""
 
@@ -110,12 +112,12 @@ class PumpedNetwork(Network):
         bool
             Whether `until` holds.
         """
-        ends = time.perf_counter() + timeout
+        ends = self._clock() + timeout
         while True:
             self.idle()
             if until is not None and until():
                 return True
-            left = max(0.0, ends - time.perf_counter())
+            left = max(0.0, ends - self._clock())
             frame = self.receive(0.0 if self.synchronous else min(left, 0.02))
             if frame is not None:
                 self.dispatch(frame)

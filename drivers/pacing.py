@@ -148,6 +148,12 @@ class WallClock:
         return max(0.0, self._window_ends - self._clock())
 
 
+def clock_of(bus: can.BusABC) -> Callable[[], float]:
+    """Return what tells a bus's time [s]: its own ``clock`` if it has one, as a replayed one."""
+    clock: Callable[[], float] = getattr(bus, "clock", time.perf_counter)
+    return clock
+
+
 def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Pacing:
     """Decide where SYNC's time comes from; the only place that does.
 
@@ -164,5 +170,5 @@ def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Paci
     """
     synchronous = getattr(bus, "lock_step", False) is True
     if requested == "lock-step" or (requested == "auto" and synchronous):
-        return LockStep(period, synchronous=synchronous)
-    return WallClock(period)
+        return LockStep(period, synchronous=synchronous, clock=clock_of(bus))
+    return WallClock(period, clock=clock_of(bus))
