@@ -1,0 +1,224 @@
+"""CAN between processes of one machine, for kernels that have no CAN: python-can's ``local``.
+
+``can.Bus("name", interface="local")``: every bus on a channel has a Unix datagram socket in the
+channel's folder, and a frame goes to all the others as the kernel's ``struct can_frame``. There is
+no server. Frames arrive whole, in the order in which they were sent, and none is lost: a full queue
+lets the sender wait, as a bus under load would, and it goes on receiving meanwhile, so that two
+who send to each other do not wait for ever. A peer whose process died is dropped at the next frame.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import struct
+import tempfile
+import time
+from collections import deque
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import can
+
+if TYPE_CHECKING:
+    from can.typechecking import CanFilters, Channel
+
+PATIENCE = 0.25
+"""How long a peer may leave its queue full before sending fails [s]."""
+
+SLICE = 0.001
+"""How often a waiting sender looks for frames that it must take out of others' way [s]."""
+
+_FRAME = struct.Struct("=IB3x8s")
+_EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_numbers = count()
+
+
+class LocalBus(can.BusABC):
+    """One member of a channel.
+
+    Parameters
+    ----------
+    channel : str
+        Any name that can be a file's; same name, same machine, same user: same bus.
+    can_filters : optional
+        As everywhere in python-can.
+    receive_own_messages : bool
+        Whether sent frames come back.
+
+    Raises
+    ------
+    can.CanInitializationError
+        The channel's name cannot be a file's, or its folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        channel: Channel = "local",
+        can_filters: CanFilters | None = None,
+        *,
+        receive_own_messages: bool = False,
+        **_: Any,
+    ) -> None:
+        self._folder = _folder(str(channel))
+        self._echo = receive_own_messages
+        self._inbox: deque[tuple[float, bytes]] = deque()
+        self._peers: dict[Path, socket.socket] = {}
+        self._seen = -1
+        self._address = self._folder / f"{os.getpid()}-{next(_numbers)}"
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._arrivals = select.poll()
+        self._arrivals.register(self._socket, select.POLLIN)
+        try:
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._socket.bind(str(self._address))
+        except OSError as error:
+            self._socket.close()
+            raise can.CanInitializationError(
+                f"{self._folder}: {error.strerror or error}; choose a short channel name"
+            ) from error
+        self._announce()
+        self.channel_info = f"local channel {channel}"
+        super().__init__(channel, can_filters)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame to every other member of the channel.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            How long a full queue is waited for instead of `PATIENCE` [s].
+
+        Raises
+        ------
+        can.CanOperationError
+            The bus is shut down, a peer does not read, or the frame is no classical CAN frame.
+        """
+        if msg.is_fd:
+            raise can.CanOperationError("no CAN FD on a local channel: send classical frames")
+        identifier = (
+            msg.arbitration_id
+            | (_EXTENDED if msg.is_extended_id else 0)
+            | (_REMOTE if msg.is_remote_frame else 0)
+            | (_ERROR if msg.is_error_frame else 0)
+        )
+        frame = _FRAME.pack(identifier, msg.dlc, bytes(msg.data))
+        self._look_around()
+        for address, peer in list(self._peers.items()):
+            self._pass(frame, address, peer, PATIENCE if timeout is None else timeout)
+        if self._echo:
+            self._inbox.append((time.time(), frame))
+
+    def shutdown(self) -> None:
+        """Leave the channel."""
+        super().shutdown()
+        if self._address.exists():
+            self._address.unlink()
+            self._announce()
+        self._socket.close()
+        for peer in self._peers.values():
+            peer.close()
+        self._peers.clear()
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if not self._inbox:
+            self._collect()
+        if not self._inbox and timeout != 0 and self._socket.fileno() >= 0:
+            self._arrivals.poll(None if timeout is None else max(0.0, timeout * 1e3))
+            self._collect(1)
+        if not self._inbox:
+            return None, False
+        instant, frame = self._inbox.popleft()
+        return self._message(instant, frame), False
+
+    def _collect(self, most: int = 1000) -> None:
+        """Take frames out of the socket's queue, which is short."""
+        try:
+            for _ in range(most):
+                self._inbox.append((time.time(), self._socket.recv(_FRAME.size)))
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise can.CanOperationError(f"{self.channel_info}: this bus is shut down") from error
+
+    def _message(self, instant: float, frame: bytes) -> can.Message:
+        identifier, size, data = _FRAME.unpack(frame)
+        remote = bool(identifier & _REMOTE)
+        return can.Message(
+            timestamp=instant,
+            arbitration_id=identifier & 0x1FFF_FFFF,
+            is_extended_id=bool(identifier & _EXTENDED),
+            is_remote_frame=remote,
+            is_error_frame=bool(identifier & _ERROR),
+            dlc=size,
+            data=None if remote else data[:size],
+            channel=self._folder.name,
+        )
+
+    def _pass(self, frame: bytes, address: Path, peer: socket.socket, patience: float) -> None:
+        try:
+            peer.send(frame)
+        except BlockingIOError:
+            self._wait(frame, address, peer, patience)
+        except (ConnectionError, FileNotFoundError):
+            self._drop(address)
+
+    def _wait(self, frame: bytes, address: Path, peer: socket.socket, patience: float) -> None:
+        ends = time.monotonic() + patience
+        while time.monotonic() < ends:
+            self._collect()
+            select.select([], [peer], [], SLICE)
+            try:
+                peer.send(frame)
+            except BlockingIOError:
+                continue
+            except (ConnectionError, FileNotFoundError):
+                self._drop(address)
+            return
+        raise can.CanOperationError(
+            f"{self.channel_info}: {address.name.partition('-')[0]} (process) does not read its"
+            f" frames; the queue was full for {patience:g} s"
+        )
+
+    def _announce(self) -> None:
+        """Stamp the folder with an instant of its own; its time stamps alone are too coarse."""
+        now = time.time_ns()
+        os.utime(self._folder, ns=(now, now))
+
+    def _look_around(self) -> None:
+        """Find out who is on the channel, if that has changed."""
+        try:
+            changed = self._folder.stat().st_mtime_ns
+        except OSError as error:
+            raise can.CanOperationError(f"{self._folder} is gone: {error.strerror}") from error
+        if changed == self._seen:
+            return
+        self._seen = changed
+        there = {path for path in self._folder.iterdir() if path != self._address}
+        for address in set(self._peers) - there:
+            self._peers.pop(address).close()
+        for address in there - set(self._peers):
+            self._connect(address)
+
+    def _connect(self, address: Path) -> None:
+        peer = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        peer.setblocking(False)
+        self._peers[address] = peer
+        try:
+            peer.connect(str(address))
+        except (ConnectionError, FileNotFoundError):
+            self._drop(address)
+
+    def _drop(self, address: Path) -> None:
+        self._peers.pop(address).close()
+        address.unlink(missing_ok=True)
+
+
+def _folder(channel: str) -> Path:
+    if not channel or channel != Path(channel).name:
+        raise can.CanInitializationError(f"channel {channel!r}: must be a name such as bench")
+    base = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
+    return Path(base) / f"can-local-{os.getuid()}" / channel
