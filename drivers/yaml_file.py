@@ -4,16 +4,22 @@ Every file that a user writes (robot, plan, drives, plant) is a pydantic model d
 `FileModel`. pydantic says which field is wrong and why; the YAML node tree says on which line that
 field stands. Together they make one message a problem, such as ``robot.yaml:15:
 joints.2.velocity_limit: -1.2 must be greater than 0``.
+
+A file that a command has drafted marks what only the user knows: ``gear_ratio: !state "motor angle
+over joint angle"``. Such a file is refused until every marked value is stated.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 class FileError(Exception):
@@ -27,6 +33,9 @@ class FileModel(BaseModel):
 
 
 M = TypeVar("M", bound=BaseModel)
+
+UNSTATED = "!state"
+"""Tag of a value that the user must state; its text says what to state."""
 
 
 def load_yaml(path: Path | str, model: type[M]) -> M:
@@ -51,6 +60,7 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
         _refuse_duplicate_keys(root, source)
+        _refuse_unstated(root, source)
         data = yaml.safe_load(text)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
@@ -122,3 +132,28 @@ def _refuse_duplicate_keys(node: yaml.Node | None, source: str) -> None:
     elif isinstance(node, yaml.SequenceNode):
         for value in node.value:
             _refuse_duplicate_keys(value, source)
+
+
+def _refuse_unstated(root: yaml.Node | None, source: str) -> None:
+    unstated = list(_unstated(root, ()))
+    if unstated:
+        raise FileError(
+            "\n".join(
+                f"{source}:{node.start_mark.line + 1}: {'.'.join(place)}: not stated yet: replace "
+                f"{UNSTATED} and its text by {node.value if isinstance(node.value, str) else '...'}"
+                for place, node in unstated
+            )
+        )
+
+
+def _unstated(
+    node: yaml.Node | None, place: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], yaml.Node]]:
+    if node is not None and node.tag == UNSTATED:
+        yield place, node
+    elif isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            yield from _unstated(value, (*place, str(key.value)))
+    elif isinstance(node, yaml.SequenceNode):
+        for number, value in enumerate(node.value):
+            yield from _unstated(value, (*place, str(number)))

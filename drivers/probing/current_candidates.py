@@ -76,9 +76,10 @@ def current_candidates(dictionary: Dictionary) -> tuple[CurrentCandidate, ...]:
 
 
 def _named(dictionary: Dictionary) -> Iterator[Declared]:
-    for (index, _), declared in sorted(dictionary.entries.items()):
-        maker = index in MAKERS_OBJECTS and declared.readable is not False
-        if (index in {CURRENT, TORQUE} and not declared.subindex) or (
+    for (index, subindex), declared in sorted(dictionary.entries.items()):
+        counts_members = not subindex and (index, 1) in dictionary.entries
+        maker = index in MAKERS_OBJECTS and declared.readable is not False and not counts_members
+        if (index in {CURRENT, TORQUE} and not subindex) or (
             maker and _speaks_of_current(declared)
         ):
             yield declared

@@ -111,12 +111,13 @@ def review(dictionary: Dictionary) -> Review:
         An object that we need is declared in a way that cannot be understood.
     """
     profile = _profile(dictionary)
+    if profile not in {None, DRIVE_PROFILE}:
+        return _no_drive(dictionary.source, profile)
     modes = _modes(dictionary)
     candidates = current_candidates(dictionary)
     usable = [candidate for candidate in candidates if candidate.usable]
     mapping, current, obstacles = review_mapping(dictionary, usable)
     findings = [
-        *_wrong_device(profile),
         *(finding for need in NEEDS for finding in _gaps(dictionary, need)),
         *_wrong_mode(modes),
         *_no_current(dictionary, candidates, usable),
@@ -130,19 +131,19 @@ def _profile(dictionary: Dictionary) -> int | None:
     declared = dictionary.entry(objects.DEVICE_TYPE)
     if declared is None:
         return None
-    number = declared.default if declared.value is None else declared.value
+    # 0 as a default says that the maker's tool left it open.
+    number = declared.default or None if declared.value is None else declared.value
     return None if number is None else number & 0xFFFF
 
 
-def _wrong_device(profile: int | None) -> Iterator[Finding]:
-    if profile not in {None, DRIVE_PROFILE}:
-        kind = PROFILES.get(profile or 0, "not drives")
-        yield Finding(
-            str(objects.DEVICE_TYPE),
-            f"says device profile {profile} ({kind})",
-            "it is no CiA 402 drive and is left alone",
-            fatal=True,
-        )
+def _no_drive(source: str, profile: int | None) -> Review:
+    finding = Finding(
+        str(objects.DEVICE_TYPE),
+        f"says device profile {profile} ({PROFILES.get(profile or 0, 'no drive')})",
+        "it is no CiA 402 drive and is left alone",
+        fatal=True,
+    )
+    return Review(source, profile, None, (), None, Mapping(None, None, None), (finding,))
 
 
 def _modes(dictionary: Dictionary) -> tuple[Mode, ...] | None:
@@ -184,14 +185,25 @@ def _flaws(declared: Declared, need: Need) -> Iterator[Finding]:
         yield Finding(about, problem, need.without, fatal=True)
     if Use.WRITE in need.use and declared.writable is False:
         yield Finding(about, f"cannot be written ({declared.access})", need.without, fatal)
-    elif Use.WRITE in need.use and declared.fixed is not None:
-        problem = f"takes no value but {declared.fixed}"
+    elif Use.WRITE in need.use and not _takes(declared, need.value):
+        span = f"{declared.low} to {declared.high}"
+        problem = f"takes no value but {span if declared.fixed is None else declared.fixed}"
         yield Finding(about, problem, need.without, fatal)
     if Use.READ in need.use and declared.readable is False:
         yield Finding(about, "cannot be read (wo)", need.without, fatal)
     if declared.mappable is False and need.use & (Use.SEND | Use.RECEIVE):
         problem = "cannot be mapped into a PDO"
         yield Finding(about, problem, "it cannot travel with SYNC", fatal=True)
+
+
+def _takes(declared: Declared, value: int | None) -> bool:
+    if declared.fixed is not None:
+        return declared.fixed == value
+    if value is None:
+        return True
+    low = value if declared.low is None else declared.low
+    high = value if declared.high is None else declared.high
+    return low <= value <= high
 
 
 def _no_current(

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from collections.abc import Mapping as MappingOf
 
     from drivers.probing.current_candidates import CurrentCandidate
-    from drivers.probing.dictionary import Declared, Dictionary
+    from drivers.probing.dictionary import Declared, Dictionary, Key
 
 Obstacle = tuple[str, str, str, bool]
 """About what, the problem, its consequence, whether it is fatal."""
@@ -34,7 +35,9 @@ class PdoOffer:
     writable : bool or None
         Its mapping and its transmission may be changed; None where that is not known.
     room : int or None
-        How many objects it can carry, as far as is known.
+        How many objects it can carry, where its count (sub-index 0) says so.
+    declared : int
+        How many sub-indices are declared for them.
     carries : tuple of (index, sub-index, bits)
         Its mapping as it stands.
     """
@@ -42,6 +45,7 @@ class PdoOffer:
     name: str
     writable: bool | None
     room: int | None
+    declared: int
     carries: tuple[tuple[int, int, int], ...]
 
 
@@ -99,16 +103,10 @@ def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | 
     return PdoOffer(
         name,
         None if None in fixed else all(fixed),
-        _room(dictionary, members[0], len(slots)),
+        members[0].high if members[0].subindex == 0 else None,
+        len(slots),
         tuple(_contents(members[0], slots)),
     )
-
-
-def _room(dictionary: Dictionary, count: Declared, slots: int) -> int | None:
-    if dictionary.live:
-        return None
-    highest = count.high if count.subindex == 0 and count.high else slots
-    return min(slots, highest) if slots else highest
 
 
 def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int, int, int]]:
@@ -145,14 +143,17 @@ def _obstacles(
             True,
         )
     elif offer.room is not None and offer.room < len(wanted):
-        yield name, f"has room for {offer.room} objects only", f"{what} does not fit", True
+        yield name, f"takes {offer.room} objects at most", f"{what} does not fit", True
+    elif offer.declared < len(wanted):
+        so = f"{what} is needed; whether it fits shows when the drive is set up"
+        yield name, f"declares room for {offer.declared} objects", so, False
 
 
-def mapped_objects(dictionary: Dictionary) -> frozenset[tuple[int, int]]:
+def mapped_objects(entries: MappingOf[Key, Declared]) -> frozenset[Key]:
     """Return what any TPDO or RPDO carries as it stands: proof that it can be mapped."""
     return frozenset(
         carried(word)[:2]
-        for (index, subindex), member in dictionary.entries.items()
+        for (index, subindex), member in entries.items()
         if subindex and (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00)
         for word in (member.default, member.value)
         if word

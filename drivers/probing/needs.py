@@ -37,20 +37,23 @@ class Need(NamedTuple):
         What follows where it is missing.
     required : bool
         A drive without it is refused.
+    value : int, optional
+        What we write, where that is always the same.
     """
 
     entry: Entry
     use: Use
     without: str
     required: bool
+    value: int | None = None
 
 
 def _required(entry: Entry, use: Use, without: str) -> Need:
     return Need(entry, use, without, required=True)
 
 
-def _optional(entry: Entry, use: Use, without: str) -> Need:
-    return Need(entry, use, without, required=False)
+def _optional(entry: Entry, use: Use, without: str, value: int | None = None) -> Need:
+    return Need(entry, use, without, required=False, value=value)
 
 
 READ, WRITE = Use.READ, Use.WRITE
@@ -69,8 +72,10 @@ NEEDS = (
     _required(objects.PROFILE_ACCELERATION, WRITE, "the acceleration of a motion cannot be set"),
     _required(objects.SOFTWARE_LIMIT_MIN, WRITE, NO_RANGE),
     _required(objects.SOFTWARE_LIMIT_MAX, WRITE, NO_RANGE),
-    _required(
-        objects.CONSUMER_HEARTBEAT, WRITE, "the drive would not notice that our process is gone"
+    _optional(
+        objects.CONSUMER_HEARTBEAT,
+        READ | WRITE,
+        "the axis goes on when our process dies; something else must stop it",
     ),
     _required(objects.PRODUCER_HEARTBEAT, WRITE, "we would not notice that the drive is gone"),
     _optional(
@@ -80,9 +85,10 @@ NEEDS = (
         objects.ABORT_CONNECTION_OPTION,
         READ | WRITE,
         "what it does when our heartbeat is lost is the maker's: look it up before the first run",
+        3,
     ),
     _optional(objects.QUICK_STOP_OPTION, READ | WRITE, "its own quick stop is used: look it up"),
-    _optional(objects.HALT_OPTION, READ | WRITE, "its own halt is used"),
+    _optional(objects.HALT_OPTION, READ | WRITE, "its own halt is used", 1),
     _optional(objects.QUICK_STOP_DECELERATION, READ | WRITE, "its own ramp of quick stop is used"),
     _optional(
         objects.PROFILE_DECELERATION,
@@ -106,7 +112,9 @@ NEEDS = (
     _optional(
         objects.POSITION_WINDOW_TIME, READ | WRITE, "its own window decides on target reached"
     ),
-    _optional(objects.PROFILE_TYPE, READ | WRITE, "that profiles are trapezoids is taken on trust"),
+    _optional(
+        objects.PROFILE_TYPE, READ | WRITE, "that profiles are trapezoids is taken on trust", 0
+    ),
     _optional(objects.CYCLE_PERIOD, READ | WRITE, "it does not know the period of SYNC"),
     _optional(
         objects.RATED_CURRENT, READ, "rated_current of the drives file cannot be compared with it"
