@@ -55,6 +55,7 @@ class CanopenNode:
         rewired: Callable[[], None],
     ) -> None:
         self.node_id = node_id
+        self._connected = True
         self._emit = emit
         self._rewired = rewired
         self.dictionary = ObjectDictionary(node_id)
@@ -82,6 +83,11 @@ class CanopenNode:
         self._send_state()
         self.nmt.enter(NmtState.PRE_OPERATIONAL)
 
+    def connect(self, connected: bool) -> None:
+        """Put the node on the bus, or cut it off: then it hears nothing, and works on."""
+        self._connected = connected
+        self._rewired()
+
     @property
     def sync_identifier(self) -> int:
         """Identifier of the SYNC that this node follows."""
@@ -89,6 +95,8 @@ class CanopenNode:
 
     def routes(self) -> list[tuple[int, Callable[[bytes], None]]]:
         """Return who takes which identifier in the present state."""
+        if not self._connected:
+            return []
         routes: list[tuple[int, Callable[[bytes], None]]] = [(0, self.nmt.receive)]
         for node in self._consumer.watched:
             hear = functools.partial(self._hear, node)
@@ -137,7 +145,7 @@ class CanopenNode:
 
     @property
     def _operational(self) -> bool:
-        return self.nmt.state is NmtState.OPERATIONAL
+        return self._connected and self.nmt.state is NmtState.OPERATIONAL
 
     def _nmt_changed(self, state: NmtState) -> None:
         self.emergencies.enabled = state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)

@@ -23,8 +23,12 @@ _HISTORY = 8
 
 
 class ErrorCode(enum.IntEnum):
-    """Error codes of CiA 301 and CiA 402 that our drives raise; PDO_VALUE: protocol error."""
+    """Error codes of CiA 301 and CiA 402 that our drives raise by themselves.
 
+    PDO_VALUE is a protocol error. Faults that somebody wants may have any code.
+    """
+
+    UNDER_VOLTAGE = 0x3220
     COMMUNICATION = 0x8100
     HEARTBEAT_LOST = 0x8130
     PDO_VALUE = 0x8200
@@ -34,8 +38,20 @@ class ErrorCode(enum.IntEnum):
     POSITION_LIMIT = 0x8612
 
 
-_REGISTER_BITS = {0x81: 0x11, 0x82: 0x11, 0x86: 0x21}
-"""Error register by the code's high byte: generic with communication (4) or profile (5)."""
+_GENERIC = 0x01
+_REGISTER_BITS = {
+    0x2: 0x02,
+    0x3: 0x04,
+    0x4: 0x08,
+    0x81: 0x10,
+    0x82: 0x10,
+    0x84: 0x20,
+    0x85: 0x20,
+    0x86: 0x20,
+    0xFF: 0x80,
+}
+"""Error register by the code's first digit or two: current (1), voltage (2), temperature (3),
+communication (4), drive profile (5), maker (7); beside the generic bit."""
 
 
 class Emergencies:
@@ -60,19 +76,19 @@ class Emergencies:
         """Codes of the errors that are present."""
         return frozenset(self._active)
 
-    def raise_error(self, code: ErrorCode) -> None:
+    def raise_error(self, code: int) -> None:
         """Report an error, unless it is present already."""
         if code not in self._active:
             self._active.add(code)
             self.report(code)
 
-    def report(self, code: ErrorCode) -> None:
+    def report(self, code: int) -> None:
         """Report something that has happened and is over."""
-        self._history = [int(code), *self._history][:_HISTORY]
+        self._history = [code, *self._history][:_HISTORY]
         self._dictionary.set(0x603F, 0, code)
         self._send(code, self._register() | _bits(code))
 
-    def clear(self, code: ErrorCode) -> None:
+    def clear(self, code: int) -> None:
         """Take an error back; the last one to go is told to the bus."""
         if code in self._active:
             self._active.remove(code)
@@ -83,7 +99,7 @@ class Emergencies:
     def clear_all(self) -> None:
         """Take all errors back."""
         for code in sorted(self._active):
-            self.clear(ErrorCode(code))
+            self.clear(code)
 
     def reset(self) -> None:
         """Forget everything, as at power-on."""
@@ -118,4 +134,4 @@ class Emergencies:
 
 
 def _bits(code: int) -> int:
-    return _REGISTER_BITS[code >> 8]
+    return _GENERIC | _REGISTER_BITS.get(code >> 12, 0) | _REGISTER_BITS.get(code >> 8, 0)

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
 
-_ALWAYS_SET = Status.VOLTAGE_ENABLED | Status.REMOTE
 _OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
 _STAYS_STOPPED = 4
 """Quick stop options above this one stay in QUICK STOP ACTIVE; less 4 they are the ramp."""
@@ -73,6 +72,7 @@ class Cia402Node(CanopenNode):
         self._image = image
         self._controlword = 0
         self._next_state: State | None = None
+        self._voltage: int = Status.VOLTAGE_ENABLED
         self._motion = Motion(self.dictionary, axis, settings, image)
         self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
         self._position = ProfilePosition(
@@ -101,10 +101,33 @@ class Cia402Node(CanopenNode):
     def _take_events(self, events: int) -> None:
         self._motion.events = events
         if events & AxisEvent.FOLLOWING_ERROR and self.state in POWERED:
-            self._fail(ErrorCode.FOLLOWING_ERROR)
+            self.fail(ErrorCode.FOLLOWING_ERROR)
         self._leave_at_rest()
         if self._follows_set_points:
             self._position.progress()
+
+    # What may happen to a drive
+
+    def fail(self, code: int) -> None:
+        """Fall into a fault with error `code`, by way of the fault reaction (605Eh)."""
+        self.emergencies.raise_error(code)
+        if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            return
+        self.state = State.FAULT_REACTION_ACTIVE
+        self._slow_down(Ramp(self.dictionary.get(0x605E)), State.FAULT)
+        self._refresh()
+
+    def lose_voltage(self) -> None:
+        """Fall into a fault at once: without a DC link there is nothing to slow down with."""
+        self._voltage = 0
+        self.emergencies.raise_error(ErrorCode.UNDER_VOLTAGE)
+        self._enter(State.FAULT)
+        self._refresh()
+
+    def regain_voltage(self) -> None:
+        """Have a DC link again; the fault waits to be reset."""
+        self._voltage = Status.VOLTAGE_ENABLED
+        self._refresh()
 
     # Commands
 
@@ -112,7 +135,8 @@ class Cia402Node(CanopenNode):
         risen = controlword & ~self._controlword
         self._controlword = controlword
         if self.state is State.FAULT:
-            if risen & Control.FAULT_RESET and self._consumer.all_present:
+            healthy = self._consumer.all_present and self._voltage
+            if risen & Control.FAULT_RESET and healthy:
                 self.emergencies.clear_all()
                 self._enter(State.SWITCH_ON_DISABLED)
         elif self.state is not State.FAULT_REACTION_ACTIVE:
@@ -184,15 +208,8 @@ class Cia402Node(CanopenNode):
         if self._next_state is not None and self._motion.at_rest:
             self._enter(self._next_state)
 
-    def _fail(self, code: ErrorCode) -> None:
-        self.emergencies.raise_error(code)
-        if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            return
-        self.state = State.FAULT_REACTION_ACTIVE
-        self._slow_down(Ramp(self.dictionary.get(0x605E)), State.FAULT)
-
     def _refresh(self) -> None:
-        status = self.state | _ALWAYS_SET
+        status = self.state | self._voltage | Status.REMOTE
         events = self._motion.events
         if self.state in POWERED:
             if self._follows_set_points:
@@ -212,7 +229,7 @@ class Cia402Node(CanopenNode):
             return
         option = self.dictionary.get(0x6007)
         if option == 1:
-            self._fail(code)
+            self.fail(code)
         elif option in (2, 3) and self.state is not State.FAULT_REACTION_ACTIVE:
             self._command(Command.DISABLE_VOLTAGE if option == 2 else Command.QUICK_STOP)
         self._refresh()
