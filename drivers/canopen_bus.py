@@ -28,6 +28,7 @@ from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
 from drivers.supervision import Supervision
+from drivers.trips import Trips
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -126,6 +127,7 @@ class CanopenDriveBus:
             self._power.walk(State.SWITCHED_ON, self._cycle)
             self._power.walk(State.OPERATION_ENABLED, self._cycle)
             self._pacing.skipped = 0
+            self._trips.arm(self._pacing.now(), self._exchange.positions)
         except BaseException as error:
             self._leave(error)
             raise
@@ -151,6 +153,9 @@ class CanopenDriveBus:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         for axis, move in moves.items():
             check_move(move, self._drives.axes[axis], self._scales[axis], axis + 1)
+        for axis, move in moves.items():
+            moving = axis in self._motions.active
+            self._trips.expect(axis, self._exchange.positions[axis], move.target, moving=moving)
         self._motions.start(moves)
 
     def sample(self) -> Sample:
@@ -166,6 +171,9 @@ class CanopenDriveBus:
             failed = motions.advance(time, words, exchange.positions, exchange.flags)
             if failed:
                 self._fail(failed)
+        tripped = self._trips.look(time, exchange)
+        if tripped:
+            self._fail(tripped)
         return self._readout.sample(time, exchange, not motions.active)
 
     def halt(self) -> None:
@@ -199,6 +207,7 @@ class CanopenDriveBus:
         self._commissioned: list[SdoServer] = []
         self._running = False
         self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
+        self._trips = Trips(drives.axes, self._period)
         self._words: tuple[int, ...] = ()
 
     def _admit(self) -> None:

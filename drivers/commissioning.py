@@ -69,7 +69,7 @@ def commission(
     _write_reactions(server, drives)
     _set_up_sync(server, period)
     set_up_pdos(server, axis)
-    _set_up_heartbeats(server, drives)
+    _set_up_heartbeats(server, axis, drives)
     return identity
 
 
@@ -158,12 +158,20 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
     acceleration = scale.acceleration_to_counts(limits.acceleration)
     per_count = abs(scale.position)
     only_ours = "this limit is kept by the driver alone"
+    per_mille = scale.torque_limit_to_counts(limits.torque)
+    for either in (
+        {
+            objects.MAX_PROFILE_VELOCITY: scale.velocity_to_counts(limits.velocity),
+            objects.MAX_MOTOR_SPEED: math.ceil(speed),
+        },
+        {objects.MAX_ACCELERATION: acceleration},
+        {objects.MAX_DECELERATION: acceleration},
+        {objects.MAX_TORQUE: per_mille},
+    ):
+        server.set_any(either, only_ours)
     for entry, value, consequence in (
-        (objects.MAX_PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity), only_ours),
-        (objects.MAX_MOTOR_SPEED, math.ceil(speed), only_ours),
         (objects.PROFILE_DECELERATION, acceleration, "6083 must hold for decelerating too"),
         (objects.QUICK_STOP_DECELERATION, acceleration, "the drive's own quick stop ramp is used"),
-        (objects.MAX_TORQUE, scale.torque_limit_to_counts(limits.torque), only_ours),
         (
             objects.FOLLOWING_ERROR_WINDOW,
             round(axis.following_error_window / per_count),
@@ -175,6 +183,8 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
         (objects.PROFILE_TYPE, 0, "trapezoidal profiles are taken on trust"),
     ):
         server.set_if_present(entry, value, consequence)
+    if objects.MAX_TORQUE in server.missing and server.find(objects.MAX_CURRENT) is not None:
+        server.set(objects.MAX_CURRENT, per_mille)
     server.set(objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity))
     server.set(objects.PROFILE_ACCELERATION, acceleration)
 
@@ -205,7 +215,23 @@ def _set_up_sync(server: SdoServer, period: float) -> None:
     )
 
 
-def _set_up_heartbeats(server: SdoServer, drives: DrivesFile) -> None:
+def _set_up_heartbeats(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> None:
     server.set(objects.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
     watch = drives.master_node << 16 | round(1000 * drives.heartbeat_timeout)
-    server.set(objects.CONSUMER_HEARTBEAT, watch)
+    if axis.allow_no_heartbeat is None or server.find(objects.CONSUMER_HEARTBEAT) is not None:
+        _watch_us(server, watch)
+    else:
+        server.notes.append(
+            f"{server.label}: no object {objects.CONSUMER_HEARTBEAT}: if this process dies, the "
+            f"axis goes on to its target; allowed because: {axis.allow_no_heartbeat}"
+        )
+
+
+def _watch_us(server: SdoServer, watch: int) -> None:
+    try:
+        server.set(objects.CONSUMER_HEARTBEAT, watch)
+    except DriveRefused as error:
+        raise DriveRefused(
+            f"{error}; without it the axis goes on when this process dies: state "
+            "allow_no_heartbeat with the reason in the drives file if something else stops it"
+        ) from error

@@ -15,6 +15,7 @@ What can go wrong is a `DriveError`::
      +-- LimitExceeded       a set-point outside the axis's limits: nothing was commanded
      +-- DriveFault          a drive reports a fault (EMCY, statusword)
      +-- MoveFailed          a set-point not acknowledged or not reached in time
+     +-- Tripped             an axis too far off, too fast or too strong: we stopped all
 """
 
 from __future__ import annotations
@@ -55,6 +56,10 @@ class DriveFault(DriveError):
 
 class MoveFailed(DriveError):
     """A set-point that was not acknowledged or not reached in time."""
+
+
+class Tripped(DriveError):
+    """An axis too far off its way, too fast or too strong for too long: we stopped all axes."""
 
 
 class SampleFlag(enum.IntFlag):
@@ -170,7 +175,7 @@ class DriveBus(Protocol):
 
         Raises
         ------
-        NodeSilent, DriveFault, MoveFailed
+        NodeSilent, DriveFault, MoveFailed, Tripped
             After the axes have been commanded to stop.
         """
 

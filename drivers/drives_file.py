@@ -61,13 +61,20 @@ class Identity(FileModel):
 
 
 class CurrentObject(FileModel):
-    """Where the drive shows its motor current or torque, and in what."""
+    """Where the drive shows its motor current or torque, and in what.
+
+    Attributes
+    ----------
+    sign : int
+        -1 where it counts against the drive's position; `hil check` finds out.
+    """
 
     index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
     subindex: Annotated[int, Field(ge=0, le=0xFF)] = 0
     type: Literal["i16", "i32"]
     basis: Basis
     amplitude: Literal["rms", "peak"] | None = None
+    sign: Literal[-1, 1] = 1
 
 
 class AxisLimits(FileModel):
@@ -86,6 +93,45 @@ class AxisLimits(FileModel):
                 f"q_min = {self.q_min:g} must be below q_max = {self.q_max:g}; exchange them"
             )
         return self
+
+
+class Trip(FileModel):
+    """When the driver stops all axes by itself, whatever the drive does.
+
+    Attributes
+    ----------
+    torque, torque_time : float
+        Torque that may not last longer than this [N m or N, s]; by default 95 % of the torque
+        limit, which only an axis needs that is blocked.
+    velocity : float
+        Speed that the encoder may not show [rad/s or m/s]; by default 130 % of the limit.
+    """
+
+    torque: Positive | None = None
+    torque_time: Annotated[float, Field(gt=0, le=60)] = 0.5
+    velocity: Positive | None = None
+
+
+class Homing(FileModel):
+    """How the drive itself looks for its reference (mode 6), for `hil home`.
+
+    Attributes
+    ----------
+    method : int
+        6098: 37 takes the present position, others look for a switch or an index pulse.
+    position : float
+        Joint coordinate of the home position [rad or m].
+    velocity, creep : float
+        Towards the switch and away from it [rad/s or m/s].
+    acceleration : float
+        [rad/s^2 or m/s^2].
+    """
+
+    method: Annotated[int, Field(ge=-128, le=37)]
+    position: float
+    velocity: Positive
+    creep: Positive
+    acceleration: Positive
 
 
 class AxisDrive(FileModel):
@@ -107,6 +153,13 @@ class AxisDrive(FileModel):
         Largest following error [rad or m] and how long it may last [s].
     position_window, position_window_time : float
         How near to its target [rad or m], and for how long [s], an axis counts as there.
+    homing : Homing, optional
+        How its reference is found, for drives that do it themselves.
+    trip : Trip
+        When the driver stops all axes by itself.
+    allow_no_heartbeat : str, optional
+        What else stops the axis when our process dies, for a drive that cannot watch our heartbeat
+        (no 1016); without this reason such a drive is refused.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -129,6 +182,9 @@ class AxisDrive(FileModel):
     following_error_time: Annotated[float, Field(gt=0, le=65.535)]
     position_window: Positive
     position_window_time: Annotated[float, Field(gt=0, le=65.535)]
+    homing: Homing | None = None
+    trip: Trip = Trip()
+    allow_no_heartbeat: Annotated[str, Field(min_length=10)] | None = None
 
     @model_validator(mode="after")
     def _current_explained(self) -> Self:

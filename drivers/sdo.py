@@ -16,6 +16,8 @@ from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.network import PumpedSdoClient
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from drivers.network import PumpedNetwork
 
 SDO_TIMEOUT = 0.5
@@ -188,6 +190,16 @@ class SdoServer:
             self.notes.append(f"{self.label}: no object {entry}: {consequence}")
         else:
             self.set(entry, value)
+
+    def set_any(self, values: Mapping[Entry, int], consequence: str) -> None:
+        """Do as `set` with each of several objects that is present; note it where none is."""
+        present = {entry: value for entry, value in values.items() if self.find(entry) is not None}
+        self.missing.update(entry for entry in values if entry not in present)
+        for entry, value in present.items():
+            self.set(entry, value)
+        if not present:
+            names = " nor ".join(map(str, values))
+            self.notes.append(f"{self.label}: no object {names}: {consequence}")
 
     def _explained(self, error: SdoError, entry: Entry, what: str) -> DriveRefused | NodeSilent:
         if isinstance(error, SdoAbortedError):

@@ -433,11 +433,11 @@ def test_a_late_tpdo_is_flagged_and_dropped(can_bus: Any, drive_bus: CanopenDriv
     with drive_bus:
         can_bus.outgoing = outgoing
         first = drive_bus.sample()
-        can_bus.drives[1].position = can_bus.drives[1].target = 4096.0
+        can_bus.drives[1].position = can_bus.drives[1].target = 512.0
         second = drive_bus.sample()
         assert first.flags[0] == SampleFlag.MISSING
         assert second.flags[0] == SampleFlag.LATE
-        assert second.q[0] == pytest.approx(2 * math.pi / 100)
+        assert second.q[0] == pytest.approx(2 * math.pi / 800)
 
 
 def test_a_foreign_frame_under_a_tpdos_identifier_is_not_taken_for_one(
@@ -492,10 +492,10 @@ def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
         can_bus.outgoing = outgoing
         assert wall_bus.sample().flags[1] == SampleFlag.MISSING
         can_bus.inbox.extend(held)
-        can_bus.drives[2].position = can_bus.drives[2].target = 500.0 - 4096
+        can_bus.drives[2].position = can_bus.drives[2].target = 500.0 - 512
         sample = wall_bus.sample()
         assert sample.flags == (0, SampleFlag.LATE, 0)
-        assert sample.q[1] == pytest.approx(2 * math.pi / 100)
+        assert sample.q[1] == pytest.approx(2 * math.pi / 800)
         assert wall_bus.sample().flags == (0, 0, 0)
 
 
