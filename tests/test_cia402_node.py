@@ -342,6 +342,21 @@ def test_a_set_point_before_operation_is_enabled_moves_nothing(desk: Desk) -> No
     assert not any(call[0] == "move" for call in axis(desk).calls)
 
 
+@pytest.mark.parametrize("before", [SHUTDOWN, SWITCH_ON])
+def test_a_set_point_in_the_word_that_enables_operation_moves_nothing(
+    desk: Desk, before: int
+) -> None:
+    for controlword in (SHUTDOWN, before, ENABLE | NEW | IMMEDIATE, ENABLE | NEW):
+        desk.write(0x607A, 100_000)
+        control(desk, controlword)
+    desk.sync(20)
+    assert axis(desk).velocity == 0
+    control(desk, ENABLE)
+    set_point(desk, 100_000)
+    desk.sync(20)
+    assert axis(desk).velocity > 0
+
+
 def test_a_set_point_of_zero_length_is_reached(desk: Desk) -> None:
     desk.enable()
     desk.sync(5)

@@ -24,8 +24,10 @@ from sim_plant.drive.cia402_states import (
     command_of,
 )
 from sim_plant.drive.drive_objects import declare, present
+from sim_plant.drive.lagging_bit import LaggingBit
+from sim_plant.drive.mode import ModeOfOperation
 from sim_plant.drive.motion import Motion, Ramp
-from sim_plant.drive.profile_position import ProfilePosition
+from sim_plant.drive.profile_position import ProfilePosition, StatusLags
 from sim_plant.drive.target_window import TargetWindow
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from sim_plant.canopen.timers import Timers
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
+    from sim_plant.personality import Personality
 
 _OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
 _STAYS_STOPPED = 4
@@ -67,19 +70,22 @@ class Cia402Node(CanopenNode):
         emit: Callable[[int, bytes], None],
         rewired: Callable[[], None],
     ) -> None:
-        super().__init__(settings.node_id, timers, emit, rewired)
+        personality = settings.personality
+        super().__init__(settings.node_id, timers, emit, rewired, personality)
         self.state = State.NOT_READY
         self._image = image
+        self._timers = timers
         self._controlword = 0
         self._next_state: State | None = None
         self._voltage: int = Status.VOLTAGE_ENABLED
         self._motion = Motion(self.dictionary, axis, settings, image)
         self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
         self._position = ProfilePosition(
-            self.dictionary, self._motion, self._window, self.emergencies
+            self.dictionary, self._motion, self._window, self.emergencies, self._lags(personality)
         )
+        self._mode = ModeOfOperation(self.dictionary, timers, personality)
         declare(self.dictionary, settings)
-        present(self.dictionary, image)
+        present(self.dictionary, image, settings)
         self._connect_objects()
         self._reset_profile()
 
@@ -173,7 +179,7 @@ class Cia402Node(CanopenNode):
             return
         self._next_state = None
         self.state = State.OPERATION_ENABLED
-        self._position.start(self._image.reading.demand, self._controlword & ~Control.NEW_SET_POINT)
+        self._position.start(self._image.reading.demand, self._controlword)
 
     # States
 
@@ -192,7 +198,7 @@ class Cia402Node(CanopenNode):
             self._motion.apply_following_window()
             self._motion.enable()
             position = self._image.reading.position
-            self._position.start(position, self._controlword & ~Control.NEW_SET_POINT)
+            self._position.start(position, self._controlword)
 
     def _slow_down(self, ramp: Ramp, then: State | None) -> None:
         """Stop, and go to state `then` when at rest."""
@@ -213,7 +219,7 @@ class Cia402Node(CanopenNode):
         events = self._motion.events
         if self.state in POWERED:
             if self._follows_set_points:
-                status |= self._position.status
+                status |= self._position.show()
             elif self._motion.at_rest:
                 status |= Status.TARGET_REACHED
             if events & AxisEvent.SATURATED:
@@ -244,6 +250,15 @@ class Cia402Node(CanopenNode):
         self._motion.apply_torque_limit()
         self._motion.apply_following_window()
         self._refresh()
+
+    def _lags(self, personality: Personality) -> StatusLags:
+        timers, node, late = self._timers, self.node_id, personality.acknowledge_lag
+        return StatusLags(
+            LaggingBit(
+                timers, (node, "reached"), 0.0, personality.target_reached_lag, self._refresh
+            ),
+            LaggingBit(timers, (node, "acknowledge"), late, late, self._refresh),
+        )
 
     def _connect_objects(self) -> None:
         dictionary, motion = self.dictionary, self._motion
