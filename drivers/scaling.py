@@ -2,11 +2,12 @@
 
 A drive speaks in encoder increments of its motor, in per mille of a rated value or in
 milliamperes; we speak SI on the joint side. With motor increments c, increments per motor
-revolution R, gear ratio N (motor angle over joint coordinate), direction s = +-1 and zero c0::
+revolution R, gear ratio N (motor angle over joint coordinate), direction s = +-1, zero c0 and
+sign of the current's count against the drive's position sc = +-1::
 
     q   = s (c - c0) 2 pi / (R N)                                                  [rad or m]
-    tau = s N kt a i        i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
-    tau = s N T per mille / 1000                       per mille of rated torque T
+    tau = s sc N kt a i     i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
+    tau = s sc N T per mille / 1000                    per mille of rated torque T
 
 where a turns the amplitude of the current's readback (rms or peak) into that of the torque
 constant kt. For a prismatic axis N is in rad of the motor per m.
@@ -73,7 +74,7 @@ class AxisScale:
         return cls(
             position=axis.sign * increment,
             zero=axis.zero,
-            torque=axis.sign * axis.gear_ratio * _motor_torque_per_count(axis),
+            torque=axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque_per_count(axis),
             velocity=velocities[axis.velocity_unit],
             acceleration=accelerations[axis.acceleration_unit],
             torque_limit=per_mille,

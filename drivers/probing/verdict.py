@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from drivers.drive_bus import DriveError
 
 
 class Grade(enum.Enum):
@@ -69,3 +73,8 @@ def graded(
 def unknown(place: str, check: str, remedy: str) -> Verdict:
     """Return the warning that a drive does not tell something."""
     return Verdict(Grade.WARNING, place, check, "the drive does not tell", remedy=remedy)
+
+
+def refused(place: str, check: str, error: DriveError) -> Verdict:
+    """Return what an error says as a refusal."""
+    return Verdict(Grade.REFUSED, place, check, str(error).removeprefix(f"{place}: "))

@@ -1,0 +1,101 @@
+"""How much of the bus a cycle takes, and how often the drives can be asked.
+
+The worst case of a classical CAN frame with n data bytes and stuffing is
+47 + 8n + floor((33 + 8n) / 4) bits. A cycle is SYNC and every TPDO that answers it. The rate is
+bounded by that load and, on the wall clock, by how long the slowest answer takes.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from drivers.pacing import WINDOW
+from drivers.pdo_mapping import transmitted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.drives_file import DrivesFile
+
+MAX_LOAD = 0.7
+"""Share of the bus beyond which identifiers of low priority starve."""
+
+_SYNC = 0x80
+
+
+def frame_bits(n_bytes: int) -> int:
+    """Length of a data frame with the worst stuffing [bits]."""
+    return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
+
+
+def cycle_time(drives: DrivesFile) -> float:
+    """How long SYNC and all its answers occupy the bus [s]."""
+    sizes = [pdo.size for axis in drives.axes for pdo in transmitted(axis)]
+    return (frame_bits(0) + sum(map(frame_bits, sizes))) / drives.bitrate
+
+
+def achievable_rate(drives: DrivesFile, answer: float = 0.0) -> float:
+    """Return the highest rate of SYNC [1/s].
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        Axes and bit rate.
+    answer : float
+        How long the slowest answer to a SYNC takes [s].
+    """
+    return 1 / max(cycle_time(drives) / MAX_LOAD, answer / WINDOW)
+
+
+class StopwatchBus(can.BusABC):
+    """A bus that notes how long the answers to each SYNC take.
+
+    Parameters
+    ----------
+    inner : can.BusABC
+        The bus that it stands for; shutting this one down leaves that one open.
+    drives : DrivesFile
+        Whose TPDOs are answers.
+    clock : callable
+        [s].
+
+    Attributes
+    ----------
+    answers : list of float
+        From each SYNC to the last TPDO that followed it [s].
+    """
+
+    def __init__(
+        self,
+        inner: can.BusABC,
+        drives: DrivesFile,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.answers: list[float] = []
+        self.lock_step = getattr(inner, "lock_step", False)
+        self.channel_info = inner.channel_info
+        self._inner = inner
+        self._clock = clock
+        self._expected = {pdo.cob_id for axis in drives.axes for pdo in transmitted(axis)}
+        self._sent: float | None = None
+        super().__init__("stopwatch")
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame."""
+        if msg.arbitration_id == _SYNC:
+            self._sent = self._clock()
+            self.answers.append(0.0)
+        self._inner.send(msg, timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive a frame; an answer to SYNC is noted."""
+        frame = self._inner.recv(timeout)
+        if frame is not None and self._sent is not None and frame.arbitration_id in self._expected:
+            self.answers[-1] = self._clock() - self._sent
+        return frame
+
+    def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
+        return self._inner.recv(timeout), True

@@ -1,0 +1,128 @@
+"""The limits that a drive keeps of its own against those of the drives file.
+
+The driver writes the file's limits to the drives when it powers them on. Whoever set up a drive
+with narrower ones had a reason, so a file that would widen them is refused; limits that are wider
+or off become those of the file. All is compared joint side, and only read here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers import objects
+from drivers.drives_file import Basis
+from drivers.probing import probed_objects as probed
+from drivers.probing.verdict import Grade, Verdict, graded
+from drivers.scaling import AxisScale
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from drivers.drives_file import AxisDrive
+    from drivers.sdo import Entry, SdoServer
+
+SLACK = 1e-3
+"""A drive's limit may be narrower by this share: counts are rounded."""
+OFF = 0xFFFFFFFF
+
+
+class _Limit(NamedTuple):
+    entry: Entry
+    key: str
+    stated: float
+    per_count: float
+    unit: str
+    narrower: Grade
+
+
+def check_limits(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+    """Compare position, velocity, torque and following error limits with the file.
+
+    Parameters
+    ----------
+    server : SdoServer
+        The drive's object dictionary; only read.
+    axis : AxisDrive
+        What the drives file states.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
+    yield _range(server, axis)
+    for limit in _limits(axis):
+        found = server.find(limit.entry)
+        if found is not None:
+            yield _judge(server.label, limit, found)
+
+
+def _range(server: SdoServer, axis: AxisDrive) -> Verdict:
+    check, limits = "software limits (607D)", axis.limits
+    ends = [server.find(e) for e in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)]
+    stated = f"file: [{limits.q_min:.4g}, {limits.q_max:.4g}]"
+    low, high = ends
+    if low is None or high is None:
+        return Verdict(
+            Grade.REFUSED, server.label, check, "missing", stated, "use a drive that has them"
+        )
+    if low >= high:
+        return Verdict(Grade.OK, server.label, check, "off in the drive", f"{stated} is written")
+    scale = AxisScale.of(axis)
+    q_low, q_high = sorted(scale.position_from_counts(float(end)) for end in (low, high))
+    slack = SLACK * (limits.q_max - limits.q_min)
+    return graded(
+        q_low <= limits.q_min + slack and q_high >= limits.q_max - slack,
+        Grade.REFUSED,
+        server.label,
+        check,
+        f"[{q_low:.4g}, {q_high:.4g}] {_unit(axis)}",
+        stated,
+        "the drive allows less than the file: narrow q_min and q_max, correct sign, zero and gear, "
+        "or widen the drive's limits",
+    )
+
+
+def _limits(axis: AxisDrive) -> Iterator[_Limit]:
+    scale, limits, unit = AxisScale.of(axis), axis.limits, _unit(axis)
+    rpm = 2 * math.pi / 60 / axis.gear_ratio
+    torque, force = scale.torque_limit, "N m" if unit == "rad" else "N"
+    yield _Limit(
+        objects.MAX_PROFILE_VELOCITY, "limits.velocity", limits.velocity, scale.velocity,
+        f"{unit}/s", Grade.REFUSED,
+    )  # fmt: skip
+    yield _Limit(
+        objects.MAX_MOTOR_SPEED, "limits.velocity", limits.velocity, rpm, f"{unit}/s", Grade.REFUSED
+    )
+    yield _Limit(objects.MAX_TORQUE, "limits.torque", limits.torque, torque, force, Grade.REFUSED)
+    if axis.current.basis is Basis.RATED_CURRENT:
+        per_mille = abs(scale.torque)
+        yield _Limit(
+            probed.MAX_CURRENT, "limits.torque", limits.torque, per_mille, force, Grade.WARNING
+        )
+    yield _Limit(
+        objects.FOLLOWING_ERROR_WINDOW, "following_error_window", axis.following_error_window,
+        abs(scale.position), unit, Grade.WARNING,
+    )  # fmt: skip
+
+
+def _judge(place: str, limit: _Limit, found: int) -> Verdict:
+    check = f"{limit.entry.name} ({limit.entry.index:04X})"
+    stated = f"file: {limit.stated:.4g} {limit.unit}"
+    if found in {0, OFF}:
+        return Verdict(Grade.OK, place, check, "not set in the drive", f"{stated} is written")
+    value = found * limit.per_count
+    return graded(
+        value + limit.per_count >= limit.stated * (1 - SLACK),
+        limit.narrower,
+        place,
+        check,
+        f"{value:.4g} {limit.unit}",
+        stated,
+        f"the drive allows less than the file: lower {limit.key}, or widen the drive's limit",
+    )
+
+
+def _unit(axis: AxisDrive) -> str:
+    return "rad" if axis.joint == "revolute" else "m"

@@ -1,0 +1,135 @@
+"""`hil check`: whether the drives file tells the truth about the drives on the bus.
+
+It goes from harmless to less so. First the drives are asked by SDO, unpowered, and nothing is
+written. If that refuses any, it ends there. Then, with the operator's consent, all are configured
+and powered as for a run and hold their position; then each axis in turn goes a few degrees there
+and back, slowly and watched (`powered_check`). At the end all are switched off and must stay where
+they are, which is what brakes are for. Verdicts come as they are found.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers import objects
+from drivers.commissioning import check_identity
+from drivers.drive_bus import DriveError
+from drivers.probing.bus_load import MAX_LOAD, cycle_time
+from drivers.probing.limits_check import check_limits
+from drivers.probing.operator import StoppedByOperator
+from drivers.probing.powered_check import REST_TIME, check_powered, shown_way
+from drivers.probing.scaling_check import check_scaling
+from drivers.probing.standing import StandingDrives
+from drivers.probing.verdict import Grade, Verdict, graded, refused
+from drivers.scaling import AxisScale
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator, Sequence
+
+    import can
+
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.pacing import PacingName
+    from drivers.probing.operator import Operator
+    from drivers.probing.powered_check import SmallMoves
+    from drivers.sdo import SdoServer
+
+
+def check(
+    bus: can.BusABC,
+    drives: DrivesFile,
+    moves: SmallMoves,
+    operator: Operator,
+    pacing: PacingName = "auto",
+) -> Generator[Verdict, None, None]:
+    """Check every axis of a drives file on a live bus.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus.
+    drives : DrivesFile
+        The axes to check, in joint order.
+    moves : SmallMoves
+        How far and how fast.
+    operator : Operator
+        Who agrees to motion, can stop it, and is asked which way it went.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.pacing.choose_pacing`.
+
+    Yields
+    ------
+    Verdict
+        As they are found. However the iteration ends, all axes are stopped and switched off.
+    """
+    standing = StandingDrives(bus, drives, pacing)
+    stop = False
+    for server, axis in zip(standing.servers, drives.axes, strict=True):
+        for verdict in _ask(server, axis):
+            stop |= verdict.grade is Grade.REFUSED
+            yield verdict
+    yield _load(drives)
+    if stop:
+        yield Verdict(
+            Grade.REFUSED,
+            "all axes",
+            "motion",
+            "not tried, nothing was powered on",
+            remedy="mend what is refused above, or check the other axes alone with --axis",
+        )
+        return
+    if not operator.agrees(_intent(drives, moves)):
+        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    yield from check_powered(bus, drives, moves, operator, pacing)
+    yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
+
+
+def _ask(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+    """What can be asked without power; the first error ends it, for it would only repeat."""
+    try:
+        yield Verdict(Grade.OK, server.label, "identity (1018)", check_identity(server, axis))
+        yield from check_scaling(server, axis)
+        yield from check_limits(server, axis)
+    except DriveError as error:
+        yield refused(server.label, "answers", error)
+
+
+def _brakes(standing: StandingDrives, axes: Sequence[AxisDrive]) -> Iterator[Verdict]:
+    try:
+        before = [server.get(objects.POSITION) for server in standing.servers]
+        standing.wait(REST_TIME)
+        after = [server.get(objects.POSITION) for server in standing.servers]
+    except DriveError as error:
+        yield refused("all axes", "brakes", error)
+        return
+    for server, axis, *ends in zip(standing.servers, axes, before, after, strict=True):
+        sagged = abs(ends[1] - ends[0]) * abs(AxisScale.of(axis).position)
+        unit = "rad" if axis.joint == "revolute" else "m"
+        yield graded(
+            sagged <= axis.position_window,
+            Grade.REFUSED,
+            server.label,
+            "holding without power (brake)",
+            f"moved {sagged:.2g} {unit} in {REST_TIME:g} s",
+            f"at most {axis.position_window:g} {unit}",
+            "the axis sinks when it is switched off: check the brake before anything else",
+        )
+
+
+def _load(drives: DrivesFile) -> Verdict:
+    load = cycle_time(drives) / drives.sync_period
+    return graded(
+        load <= MAX_LOAD,
+        Grade.REFUSED,
+        "bus",
+        "load",
+        f"{load:.1%} at {1 / drives.sync_period:.4g} Hz and {drives.bitrate // 1000} kbit/s",
+        f"at most {MAX_LOAD:.0%}",
+        f"lengthen sync_period to {cycle_time(drives) / MAX_LOAD:.4g} s",
+    )
+
+
+def _intent(drives: DrivesFile, moves: SmallMoves) -> str:
+    """What the operator is asked to agree to."""
+    ways = ", ".join(f"{axis.name} {shown_way(axis, moves.of(axis)[0])}" for axis in drives.axes)
+    return f"Power on, and move one after the other there and back: {ways}?"

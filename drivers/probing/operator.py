@@ -1,0 +1,72 @@
+"""Who supervises a motion: confirms it, can stop it at any time, and is asked what only eyes tell.
+
+The logic of probing sees this protocol; terminal and keyboard stand behind it. Keys are polled
+between two SYNCs, for powered axes want to be served while somebody thinks.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from drivers.drive_bus import DriveError
+
+if TYPE_CHECKING:
+    from drivers.drive_bus import DriveBus, Sample
+
+STOP_KEYS = frozenset(" q\x1b")
+"""Space, q and Esc stop a motion."""
+
+
+class StoppedByOperator(DriveError):
+    """The operator pressed a key to stop, or did not agree to a motion."""
+
+
+class Operator(Protocol):
+    """The person in front of the robot."""
+
+    @property
+    def present(self) -> bool:
+        """Whether keys can come at all."""
+
+    def agrees(self, intent: str) -> bool:
+        """Ask before anything is powered; may wait for as long as it takes."""
+
+    def tell(self, text: str) -> None:
+        """Show a line."""
+
+    def pressed(self) -> str:
+        """Return the keys pressed since the last call, without waiting."""
+
+
+def supervised_sample(bus: DriveBus, operator: Operator) -> Sample:
+    """Return the next sample; whoever presses a stop key ends it all.
+
+    Raises
+    ------
+    StoppedByOperator
+        A stop key was pressed; leaving `bus` stops the axes.
+    DriveError
+        As `DriveBus.sample`.
+    """
+    if STOP_KEYS.intersection(operator.pressed()):
+        raise StoppedByOperator("stopped by the operator; the axes are stopped and switched off")
+    return bus.sample()
+
+
+def answer(bus: DriveBus, operator: Operator, question: str, choices: str) -> str:
+    """Ask for one of `choices` (keys) while the axes go on being served.
+
+    Raises
+    ------
+    StoppedByOperator
+        A stop key was pressed instead.
+    """
+    operator.tell(question)
+    while True:
+        keys = operator.pressed()
+        if STOP_KEYS.intersection(keys):
+            raise StoppedByOperator("stopped by the operator; the axes are stopped and off")
+        chosen = [key for key in keys.lower() if key in choices]
+        if chosen:
+            return chosen[0]
+        bus.sample()

@@ -1,0 +1,183 @@
+"""One axis moved a little, watched at every SYNC, and what was seen of it.
+
+A drive whose velocity unit is another than the file's may run a hundred times too fast. So nothing
+is trusted while it moves: an axis that leaves the stretch between start and target, or that is
+twice as fast as commanded, is given up at once, which stops it. Beside position and torque at every
+SYNC the drive's own following error (60F4) is read now and then by SDO.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.drive_bus import Move, MoveFailed
+from drivers.probing import probed_objects as probed
+from drivers.probing.operator import supervised_sample
+from drivers.scaling import AxisScale
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from drivers.canopen_bus import CanopenDriveBus
+    from drivers.drives_file import AxisDrive
+    from drivers.probing.operator import Operator
+    from drivers.sdo import SdoServer
+
+SPEED_TIME = 0.04
+"""Speed is taken from positions this far apart [s]."""
+TOO_FAST = 2.0
+"""Times the commanded velocity at which a move is given up."""
+POLLED = 0.1
+"""Time between two readings of the following error [s]."""
+RAMP = 0.25
+"""Time that a small move takes to speed up [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """One small move as it was seen.
+
+    Attributes
+    ----------
+    move : Move
+        What was commanded.
+    time, q, tau : ndarray, shape (n,)
+        Of each SYNC [s], [rad], [N m]; NaN where the TPDO is missing.
+    following_error : float
+        The largest that the drive showed [rad]; NaN where it does not tell.
+    """
+
+    move: Move
+    time: NDArray[np.float64]
+    q: NDArray[np.float64]
+    tau: NDArray[np.float64]
+    following_error: float
+
+    @property
+    def cruising(self) -> NDArray[np.bool_]:
+        """Which samples lie in the middle part of the way, at constant velocity; shape (n,)."""
+        way = self.move.velocity**2 / self.move.acceleration / 2
+        low, high = sorted((float(self.q[0]), self.move.target))
+        margin = min(1.2 * way, 0.4 * (high - low))
+        inside: NDArray[np.bool_] = (self.q > low + margin) & (self.q < high - margin)
+        return inside
+
+
+def small_move(axis: AxisDrive, target: float, velocity: float) -> Move:
+    """Return a slow move: with the ramps of `RAMP`, within what limits and the drive's units allow.
+
+    Parameters
+    ----------
+    axis : AxisDrive
+        Whose limits hold.
+    target, velocity : float
+        [rad], [rad/s].
+    """
+    scale, limits = AxisScale.of(axis), axis.limits
+    velocity = min(max(velocity, scale.velocity), limits.velocity)
+    acceleration = min(max(velocity / RAMP, scale.acceleration), limits.acceleration)
+    return Move(target, velocity, acceleration)
+
+
+def travel(
+    bus: CanopenDriveBus, number: int, drive: AxisDrive, move: Move, operator: Operator
+) -> Stroke:
+    """Move one axis under supervision and return what was seen.
+
+    Parameters
+    ----------
+    bus : CanopenDriveBus
+        Entered.
+    number : int
+        The axis on `bus`, from 0.
+    drive : AxisDrive
+        What the drives file states of it.
+    move : Move
+        What to do.
+    operator : Operator
+        Who may stop it.
+
+    Raises
+    ------
+    MoveFailed
+        The axis runs away; leaving `bus` stops it.
+    StoppedByOperator, DriveError
+        As `supervised_sample`.
+    """
+    server = bus.servers[number]
+    begin = supervised_sample(bus, operator)
+    watch = _Watch(server.label, drive, begin.q[number], move, bus.period)
+    rows = [(begin.time, begin.q[number], begin.tau[number])]
+    following = _FollowingError(server, drive)
+    bus.move({number: move})
+    while True:
+        sample = supervised_sample(bus, operator)
+        rows.append((sample.time, sample.q[number], sample.tau[number]))
+        watch.look(sample.q[number])
+        if sample.reached:
+            break
+        following.poll(sample.time)
+    time, q, tau = np.array(rows).T
+    return Stroke(move, time, q, tau, following.largest)
+
+
+class _Watch:
+    """Gives up a move that is not the one commanded."""
+
+    def __init__(
+        self, label: str, drive: AxisDrive, start: float, move: Move, period: float
+    ) -> None:
+        self._label = label
+        self._span = max(1, round(SPEED_TIME / period))
+        self._period = period
+        self._unit = "rad" if drive.joint == "revolute" else "m"
+        slack = drive.following_error_window + drive.position_window
+        self._low = min(start, move.target) - slack
+        self._high = max(start, move.target) + slack
+        step = 2 * abs(AxisScale.of(drive).position)
+        self._way = TOO_FAST * move.velocity * self._span * period + step
+        self._move = move
+        self._seen = [start]
+
+    def look(self, q: float) -> None:
+        """Take a position, NaN where it is missing."""
+        if math.isnan(q):
+            q = self._seen[-1]
+        if not self._low <= q <= self._high:
+            raise MoveFailed(
+                f"{self._label}: at q = {q:.4g} {self._unit} beyond the way to "
+                f"{self._move.target:.4g} {self._unit}; check that 6064 and 607A count the same"
+            )
+        self._seen.append(q)
+        span = min(self._span, len(self._seen) - 1)
+        way = abs(q - self._seen[-1 - span])
+        if way > self._way:
+            speed = way / (span * self._period)
+            raise MoveFailed(
+                f"{self._label}: {speed:.3g} {self._unit}/s, {self._move.velocity:.3g} "
+                f"{self._unit}/s was commanded; check velocity_unit, acceleration_unit and "
+                "gear_ratio"
+            )
+
+
+class _FollowingError:
+    """Reads object 60F4 every now and then."""
+
+    def __init__(self, server: SdoServer, drive: AxisDrive) -> None:
+        self.largest = math.nan
+        self._server = server
+        self._per_count = abs(AxisScale.of(drive).position)
+        self._next = -math.inf
+
+    def poll(self, time: float) -> None:
+        """Read it if it is time; a drive that lacks it is not asked again."""
+        if time < self._next:
+            return
+        counts = self._server.find(probed.FOLLOWING_ERROR)
+        self._next = math.inf if counts is None else time + POLLED
+        if counts is not None:
+            self.largest = max(abs(counts) * self._per_count, np.nan_to_num(self.largest))

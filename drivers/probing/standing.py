@@ -1,0 +1,54 @@
+"""Drives that are not powered: their dictionaries, and time passing meanwhile.
+
+Before anything is switched on the drives are asked what they are, and after they were switched off
+it is watched whether their brakes hold. Neither needs process data or heartbeats: `StandingDrives`
+has an SDO client for each drive, and lets time pass by SYNC where SYNC is the plant's clock.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.exchange import SYNC
+from drivers.network import PumpedNetwork
+from drivers.pacing import choose_pacing
+from drivers.sdo import SdoServer
+
+if TYPE_CHECKING:
+    import can
+
+    from drivers.drives_file import DrivesFile
+    from drivers.pacing import PacingName
+
+
+class StandingDrives:
+    """The drives of a file, as they are before or after a session of `CanopenDriveBus`.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus on which nobody else receives from this object.
+    drives : DrivesFile
+        The axes in joint order.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.pacing.choose_pacing`.
+
+    Attributes
+    ----------
+    servers : tuple of SdoServer
+        The drives' object dictionaries in joint order.
+    """
+
+    def __init__(self, bus: can.BusABC, drives: DrivesFile, pacing: PacingName = "auto") -> None:
+        self._pacing = choose_pacing(bus, pacing, drives.sync_period)
+        self._network = PumpedNetwork(bus, synchronous=self._pacing.synchronous)
+        self.servers = tuple(SdoServer(self._network, axis.node, axis.name) for axis in drives.axes)
+
+    def wait(self, duration: float) -> None:
+        """Let time pass [s]."""
+        ends = self._pacing.now() + duration
+        while self._pacing.now() < ends:
+            self._network.pump(self._pacing.due())
+            self._network.send_frame(SYNC)
+            self._pacing.sent()
+            self._network.pump(0.0)
