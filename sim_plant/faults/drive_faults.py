@@ -1,0 +1,166 @@
+"""Faults of a drive: of its firmware, its supply, its sensors and its motor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.nmt import NmtCommand
+from sim_plant.faults.injection import NodeInjection
+
+if TYPE_CHECKING:
+    from sim_plant.canopen.canopen_node import CanopenNode
+    from sim_plant.slave_network import Frame
+
+_NODE = 0x7F
+
+
+class Warned(NodeInjection):
+    """The drive sends an emergency and works on."""
+
+    def begin(self) -> None:
+        """Send it."""
+        self.node.emergencies.report(self.fault.code or 0)
+
+
+class Failed(NodeInjection):
+    """The drive falls into a fault."""
+
+    def begin(self) -> None:
+        """Fall."""
+        self.node.fail(self.fault.code or 0)
+
+
+class Reset(NodeInjection):
+    """The node restarts, as its watchdog has it."""
+
+    def begin(self) -> None:
+        """Restart."""
+        _restart(self.node)
+
+
+class NodeBusOff(NodeInjection):
+    """The node is cut off the bus and works on."""
+
+    def begin(self) -> None:
+        """Leave the bus."""
+        self.node.connect(False)
+
+    def end(self) -> list[Frame]:
+        """Come back."""
+        self.node.connect(True)
+        return []
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Drop what comes from this node."""
+        return [frame for frame in frames if frame[1] & _NODE != self.node.node_id]
+
+
+class VoltageLost(NodeInjection):
+    """The DC link is gone, the controller lives."""
+
+    def begin(self) -> None:
+        """Lose it."""
+        self.node.lose_voltage()
+
+    def end(self) -> list[Frame]:
+        """Have it again."""
+        self.node.regain_voltage()
+        return []
+
+
+class SupplyLost(NodeBusOff):
+    """The node is dead."""
+
+    def begin(self) -> None:
+        """Die."""
+        super().begin()
+        self.node.lose_voltage()
+
+    def end(self) -> list[Frame]:
+        """Boot."""
+        super().end()
+        self.node.regain_voltage()
+        _restart(self.node)
+        return []
+
+
+class EncoderJump(NodeInjection):
+    """The encoder shows another angle than before."""
+
+    def begin(self) -> None:
+        """Jump."""
+        self.machine.jump(self.axis, round(self.fault.size or 0))
+
+    def end(self) -> list[Frame]:
+        """Jump back."""
+        self.machine.jump(self.axis, -round(self.fault.size or 0))
+        return []
+
+
+class CurrentOffset(NodeInjection):
+    """The current sensor shows too much."""
+
+    def begin(self) -> None:
+        """Show too much."""
+        self.machine.offsets[self.axis] = round(self.fault.size or 0)
+
+    def end(self) -> list[Frame]:
+        """Show what is."""
+        del self.machine.offsets[self.axis]
+        return []
+
+
+class CurrentClipped(NodeInjection):
+    """The current sensor has a small range."""
+
+    def begin(self) -> None:
+        """Clip."""
+        self.machine.clips[self.axis] = round(self.fault.size or 0)
+
+    def end(self) -> list[Frame]:
+        """Show what is."""
+        del self.machine.clips[self.axis]
+        return []
+
+
+class CurrentStuck(NodeInjection):
+    """The current sensor shows one value."""
+
+    def begin(self) -> None:
+        """Stick."""
+        self.machine.freeze_current(self.axis)
+
+    def end(self) -> list[Frame]:
+        """Show what is."""
+        del self.machine.frozen[self.axis]
+        return []
+
+
+class BrakeClosed(NodeInjection):
+    """The brake closes on an energised axis."""
+
+    def begin(self) -> None:
+        """Close."""
+        self.machine.press_brake(self.axis, 1)
+
+    def end(self) -> list[Frame]:
+        """Open."""
+        self.machine.press_brake(self.axis, -1)
+        return []
+
+
+class AxisWeak(NodeInjection):
+    """The motor has little strength left."""
+
+    def begin(self) -> None:
+        """Weaken."""
+        self.machine.axes[self.axis].weaken(round(self.fault.size or 0))
+
+    def end(self) -> list[Frame]:
+        """Recover."""
+        self.machine.axes[self.axis].weaken(None)
+        return []
+
+
+def _restart(node: CanopenNode) -> None:
+    node.nmt.receive(bytes([NmtCommand.RESET_NODE, node.node_id]))

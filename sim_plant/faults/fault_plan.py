@@ -1,0 +1,172 @@
+"""What shall go wrong, where, when and for how long, as data.
+
+A fault plan is a list of faults, in YAML or built in Python::
+
+    faults:
+      - {what: tpdo-lost, axis: 2, at: {set_point: 3, after: 0.2}, lasts: {syncs: 1}}
+      - {what: fault, axis: 1, code: 0x2310, at: {time: 12.5}}
+
+The plant sees frames, so "at a measurement" means at one of its strokes: `When.set_point` counts
+the set-points that an axis is given.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, model_validator
+
+from drivers.yaml_file import FileError, FileModel, load_yaml
+
+if TYPE_CHECKING:
+    from typing import Self
+
+NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class What(StrEnum):
+    """Kinds of faults."""
+
+    TPDO_LOST = "tpdo-lost"
+    """The drive's process data do not arrive."""
+    TPDO_DOUBLED = "tpdo-doubled"
+    TPDO_LATE = "tpdo-late"
+    """They arrive only when the drives get the next frame, whichever that is."""
+    SDO_SILENT = "sdo-silent"
+    SDO_ABORTED = "sdo-aborted"
+    """Every request is refused with `code`."""
+    WARNING = "warning"
+    """EMCY `code`, and the drive works on."""
+    FAULT = "fault"
+    """EMCY `code`, fault reaction, FAULT."""
+    NODE_RESET = "node-reset"
+    HEARTBEAT_LOST = "heartbeat-lost"
+    """The drive's."""
+    MASTER_HEARTBEAT_LOST = "master-heartbeat-lost"
+    """Ours, for all drives."""
+    BUS_OFF = "bus-off"
+    """The drive's controller leaves the bus; the drive works on."""
+    ADAPTER_BUS_OFF = "adapter-bus-off"
+    """Our controller leaves the bus: it takes no frame any more."""
+    CABLE_CUT = "cable-cut"
+    """No frame passes between us and any drive."""
+    VOLTAGE_LOST = "voltage-lost"
+    """The DC link: EMCY 3220, FAULT, brake, while the drive's controller lives."""
+    SUPPLY_LOST = "supply-lost"
+    """All of the drive is dead, its brake closed; it boots when the supply returns."""
+    ENCODER_JUMP = "encoder-jump"
+    """By `size` increments. The control loop follows what the encoder shows."""
+    CURRENT_OFFSET = "current-offset"
+    """By `size` per mille of rated."""
+    CURRENT_CLIPPED = "current-clipped"
+    """At +- `size` per mille of rated."""
+    CURRENT_STUCK = "current-stuck"
+    """At its value."""
+    BRAKE_CLOSED = "brake-closed"
+    """On an axis that is energised."""
+    AXIS_WEAK = "axis-weak"
+    """No more than `size` per mille of rated torque: the axis does not follow."""
+
+
+_WITHOUT_AXIS = {What.MASTER_HEARTBEAT_LOST, What.ADAPTER_BUS_OFF, What.CABLE_CUT}
+_WITH_CODE = {What.SDO_ABORTED, What.WARNING, What.FAULT}
+_WITH_SIZE = {What.ENCODER_JUMP, What.CURRENT_OFFSET, What.CURRENT_CLIPPED, What.AXIS_WEAK}
+
+
+class When(FileModel):
+    """The moment at which a fault begins: one of the first four keys, and a delay."""
+
+    time: NotNegative | None = None
+    """Since power-on [s]."""
+    sync: Count | None = None
+    """Number of the SYNC, from 1."""
+    frame: Count | None = None
+    """Number of the frame that reaches the drives, from 1."""
+    set_point: Count | None = None
+    """Number of the set-point of the fault's axis (of any, if it has none), from 1."""
+    after: NotNegative = 0.0
+    """Delay [s]."""
+
+    @model_validator(mode="after")
+    def _one_moment(self) -> Self:
+        keys = ("time", "sync", "frame", "set_point")
+        given = [key for key in keys if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"must have one of {', '.join(keys)}, not {' and '.join(given) or 'none'}"
+            )
+        return self
+
+
+class Span(FileModel):
+    """How long a fault lasts: one of both."""
+
+    time: Positive | None = None
+    """[s]."""
+    syncs: Count | None = None
+
+    @model_validator(mode="after")
+    def _one_length(self) -> Self:
+        if (self.time is None) == (self.syncs is None):
+            raise ValueError("must have either time or syncs")
+        return self
+
+
+class Fault(FileModel):
+    """One thing that goes wrong."""
+
+    what: What
+    axis: Count | None = None
+    """From 1."""
+    at: When
+    lasts: Span | None = None
+    """For good, unless stated."""
+    code: Annotated[int, Field(ge=1, le=0xFFFF_FFFF)] | None = None
+    size: float | None = None
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> Self:
+        for key, needed in (
+            ("axis", self.what not in _WITHOUT_AXIS),
+            ("code", self.what in _WITH_CODE),
+            ("size", self.what in _WITH_SIZE),
+        ):
+            if (getattr(self, key) is not None) != needed:
+                raise ValueError(f"{self.what} {'needs' if needed else 'takes no'} {key}")
+        if self.code and self.what is not What.SDO_ABORTED and self.code > 0xFFFF:
+            raise ValueError(f"code {self.code:X}h of {self.what} must be at most FFFFh")
+        return self
+
+
+class FaultPlan(FileModel):
+    """All that goes wrong."""
+
+    faults: tuple[Fault, ...]
+
+    def check_axes(self, n_axes: int, source: str = "fault plan") -> None:
+        """Refuse a fault of an axis that the machine does not have.
+
+        Raises
+        ------
+        FileError
+        """
+        for number, fault in enumerate(self.faults):
+            if fault.axis is not None and fault.axis > n_axes:
+                raise FileError(
+                    f"{source}: faults.{number}.axis: {fault.axis} must be at most {n_axes}"
+                )
+
+
+def load_fault_plan(path: Path | str) -> FaultPlan:
+    """Read a fault plan.
+
+    Raises
+    ------
+    FileError
+        It cannot be read or does not fit, with the line.
+    """
+    return load_yaml(Path(path), FaultPlan)

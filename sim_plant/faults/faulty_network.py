@@ -1,0 +1,176 @@
+"""The plant's drives with faults by plan: the same interface as `SlaveNetwork`, in front of one.
+
+Every frame is counted, faults whose moment has come begin, those whose time is up end. Faults that
+are present see each frame on its way to the drives, in the order of the plan, and all that the
+drives send on its way back.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.drive.cia402_states import Control
+from sim_plant.faults import drive_faults, frame_faults
+from sim_plant.faults.fault_plan import What
+from sim_plant.faults.machine_faults import FaultyMachine
+from sim_plant.faults.moment import Progress, Watch
+from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
+
+if TYPE_CHECKING:
+    from sim_plant.drive.cia402_node import Cia402Node
+    from sim_plant.faults.fault_plan import Fault, FaultPlan
+    from sim_plant.faults.injection import Injection
+    from sim_plant.plant import Plant
+    from sim_plant.slave_network import Clock, Frame
+
+_INJECTIONS: dict[What, type[Injection]] = {
+    What.TPDO_LOST: frame_faults.TpdoLost,
+    What.TPDO_DOUBLED: frame_faults.TpdoDoubled,
+    What.TPDO_LATE: frame_faults.TpdoLate,
+    What.SDO_SILENT: frame_faults.SdoSilent,
+    What.SDO_ABORTED: frame_faults.SdoAborted,
+    What.HEARTBEAT_LOST: frame_faults.HeartbeatLost,
+    What.MASTER_HEARTBEAT_LOST: frame_faults.MasterHeartbeatLost,
+    What.CABLE_CUT: frame_faults.CableCut,
+    What.ADAPTER_BUS_OFF: frame_faults.AdapterBusOff,
+    What.WARNING: drive_faults.Warned,
+    What.FAULT: drive_faults.Failed,
+    What.NODE_RESET: drive_faults.Reset,
+    What.BUS_OFF: drive_faults.NodeBusOff,
+    What.VOLTAGE_LOST: drive_faults.VoltageLost,
+    What.SUPPLY_LOST: drive_faults.SupplyLost,
+    What.ENCODER_JUMP: drive_faults.EncoderJump,
+    What.CURRENT_OFFSET: drive_faults.CurrentOffset,
+    What.CURRENT_CLIPPED: drive_faults.CurrentClipped,
+    What.CURRENT_STUCK: drive_faults.CurrentStuck,
+    What.BRAKE_CLOSED: drive_faults.BrakeClosed,
+    What.AXIS_WEAK: drive_faults.AxisWeak,
+}
+
+
+class FaultyNetwork:
+    """A plant's drives, with what goes wrong.
+
+    Parameters
+    ----------
+    plant : Plant
+        What the drives turn.
+    clock : {"sync", "wall"}
+        See `sim_plant.slave_network`.
+    plan : FaultPlan
+        May be empty; more can be added by `add`.
+
+    Attributes
+    ----------
+    machine : FaultyMachine
+    nodes : tuple of Cia402Node
+    progress : Progress
+        What has been counted.
+
+    Raises
+    ------
+    FileError
+        A fault of an axis that the plant does not have.
+    """
+
+    def __init__(self, plant: Plant, clock: Clock, plan: FaultPlan) -> None:
+        plan.check_axes(len(plant.axes))
+        self.machine = FaultyMachine(plant)
+        self.progress = Progress()
+        self._clock = clock
+        self._network = SlaveNetwork(self.machine, clock)
+        self._waiting: list[tuple[Watch, Injection]] = []
+        self._present: list[tuple[Watch, Injection]] = []
+        self._controlwords = [0] * len(self.nodes)
+        for axis, node in enumerate(self.nodes):
+            self._count_set_points(axis, node)
+        for fault in plan.faults:
+            self.add(fault)
+
+    @property
+    def time(self) -> float:
+        """Time since power-on [s]."""
+        return self._network.time
+
+    @property
+    def nodes(self) -> tuple[Cia402Node, ...]:
+        """The drives in joint order."""
+        return self._network.nodes
+
+    def add(self, fault: Fault) -> None:
+        """Let one more thing go wrong."""
+        injection = _INJECTIONS[fault.what](fault, self._network, self.machine)
+        self._waiting.append((Watch(fault), injection))
+
+    def power_on(self) -> list[Frame]:
+        """Boot all drives."""
+        return self._network.power_on()
+
+    def receive(self, identifier: int, data: bytes) -> list[Frame]:
+        """Take a data frame with 11-bit identifier; return what the drives send.
+
+        Raises
+        ------
+        BusOff
+            The frame is not sent, and those to come neither.
+        """
+        sync = identifier == self.nodes[0].sync_identifier
+        self.progress.frames += 1
+        self.progress.syncs += sync
+        held = self._update()
+        for _, injection in self._present:
+            answer = injection.incoming(identifier, data)
+            if answer is not None:
+                break
+        else:
+            return held + self._passed_on(self._network.receive(identifier, data))
+        if sync and self._clock == "sync":  # time passes although the drives do not hear of it
+            self._network.elapse(self._cycle)
+        return held + answer
+
+    answer = receive
+
+    def receive_remote(self, identifier: int) -> list[Frame]:
+        """Take a remote frame; return what the drives send."""
+        self.progress.frames += 1
+        held = self._update()
+        return held + self._passed_on(self._network.receive_remote(identifier))
+
+    def elapse(self, duration: float) -> list[Frame]:
+        """Let time pass without SYNC [s]; return what the drives send meanwhile."""
+        held = self._update()
+        return held + self._passed_on(self._network.elapse(duration))
+
+    @property
+    def _cycle(self) -> float:
+        return max(n.dictionary.get(0x1006) for n in self.nodes) * 1e-6 or CYCLE_DEFAULT
+
+    def _update(self) -> list[Frame]:
+        """Let faults begin and end; return frames that those which end have held back."""
+        self.progress.time = self._network.time
+        held: list[Frame] = []
+        for watched in tuple(self._present):
+            if not watched[0].present(self.progress):
+                self._present.remove(watched)
+                held += watched[1].end()
+        for watched in tuple(self._waiting):
+            if watched[0].present(self.progress):
+                self._waiting.remove(watched)
+                self._present.append(watched)
+                watched[1].begin()
+        return held
+
+    def _passed_on(self, frames: list[Frame]) -> list[Frame]:
+        for _, injection in self._present:
+            frames = injection.outgoing(frames)
+        return frames
+
+    def _count_set_points(self, axis: int, node: Cia402Node) -> None:
+        def count(_subindex: int, word: int) -> None:
+            risen = word & ~self._controlwords[axis]
+            self._controlwords[axis] = word
+            if risen & Control.NEW_SET_POINT:
+                given = self.progress.set_points
+                given[axis + 1] = given.get(axis + 1, 0) + 1
+
+        node.dictionary.react(0x6040, count)

@@ -1,0 +1,114 @@
+"""Faults of the wire: what is lost, doubled, late, refused or cut off between master and drives."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import can
+
+from sim_plant.canopen.heartbeat import HEARTBEAT
+from sim_plant.faults.injection import Injection, NodeInjection
+
+if TYPE_CHECKING:
+    from sim_plant.slave_network import Frame
+
+_NODE = 0x7F
+_ABORT = struct.Struct("<B3sI")
+
+
+class BusOff(can.CanOperationError):
+    """Our controller has left the bus."""
+
+
+class TpdoLost(NodeInjection):
+    """Process data do not arrive."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Drop them."""
+        return [frame for frame in frames if frame[1] not in self.tpdos]
+
+
+class TpdoDoubled(NodeInjection):
+    """Process data arrive twice."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Double them."""
+        return [copy for frame in frames for copy in [frame] * (1 + (frame[1] in self.tpdos))]
+
+
+class TpdoLate(NodeInjection):
+    """Process data arrive when the drives get the next frame, whichever that is."""
+
+    def begin(self) -> None:
+        """Hold none yet."""
+        self._held: list[Frame] = []
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Hold what is new, let go what was held."""
+        late, self._held = self._held, [frame for frame in frames if frame[1] in self.tpdos]
+        return late + [frame for frame in frames if frame[1] not in self.tpdos]
+
+    def end(self) -> list[Frame]:
+        """Let go what is held."""
+        return self._held
+
+
+class SdoSilent(NodeInjection):
+    """No request is answered."""
+
+    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+        """Swallow requests."""
+        del data
+        return [] if identifier == 0x600 + self.node.node_id else None
+
+
+class SdoAborted(NodeInjection):
+    """Every request is refused."""
+
+    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+        """Answer with the abort code."""
+        if identifier != 0x600 + self.node.node_id or len(data) != 8:
+            return None
+        answer = _ABORT.pack(0x80, data[1:4], self.fault.code or 0)
+        return [(self.network.time, 0x580 + self.node.node_id, answer)]
+
+
+class HeartbeatLost(NodeInjection):
+    """The node's heartbeat does not arrive."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Drop it."""
+        return [frame for frame in frames if frame[1] != HEARTBEAT + self.node.node_id]
+
+
+class MasterHeartbeatLost(Injection):
+    """No heartbeat but the drives' own gets through."""
+
+    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+        """Swallow heartbeats."""
+        del data
+        return [] if HEARTBEAT < identifier <= HEARTBEAT + _NODE else None
+
+
+class CableCut(Injection):
+    """No frame passes in either direction."""
+
+    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+        """Swallow everything."""
+        del identifier, data
+        return []
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Swallow everything."""
+        del frames
+        return []
+
+
+class AdapterBusOff(CableCut):
+    """Our controller takes no frame."""
+
+    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+        """Refuse it."""
+        del data
+        raise BusOff(f"bus-off: frame {identifier:03X} was not sent")

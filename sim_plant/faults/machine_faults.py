@@ -1,0 +1,155 @@
+"""A machine whose sensors lie, whose brake closes or whose motor has no strength.
+
+What a faulty sensor shows is changed on its way from the machine to the firmware. An encoder that
+jumps is more: the control loop sees the jump too and drives the axis to where the encoder says
+that it should be, so the demand is shifted against the true angle.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.axis import Reading
+from sim_plant.physics import friction
+from sim_plant.physics import state as st
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_plant.axis import Axis
+    from sim_plant.drive_settings import DriveSettings
+    from sim_plant.plant import Plant
+
+_WIDTH = len(Reading._fields)
+_POSITION, _DEMAND = Reading._fields.index("position"), Reading._fields.index("demand")
+_CURRENTS = (Reading._fields.index("torque"), Reading._fields.index("current"))
+
+
+class FaultyAxis:
+    """One servo behind an encoder that may have jumped; see `sim_plant.axis.Axis`."""
+
+    def __init__(self, axis: Axis) -> None:
+        self._axis = axis
+        self._limit = 0
+        self.jump = 0
+        """By how much the encoder shows too much [increments]."""
+        self.strength: int | None = None
+        """What is left of the torque [per mille of rated]; None for all."""
+
+    def enable(self) -> None:
+        """Energise."""
+        self._axis.enable()
+
+    def disable(self) -> None:
+        """Remove the torque."""
+        self._axis.disable()
+
+    def move(
+        self, target: float, velocity: float, acceleration: float, deceleration: float
+    ) -> None:
+        """Start towards what the encoder shows as `target`."""
+        self._axis.move(target - self.jump, velocity, acceleration, deceleration)
+
+    def stop(self, deceleration: float) -> None:
+        """Come to rest."""
+        self._axis.stop(deceleration)
+
+    def hold(self) -> None:
+        """Freeze the demand."""
+        self._axis.hold()
+
+    def set_torque_limit(self, per_mille: int) -> None:
+        """Limit the torque command, to what is left if that is less."""
+        self._limit = per_mille
+        self._axis.set_torque_limit(min(per_mille, self._strength))
+
+    def weaken(self, strength: int | None) -> None:
+        """Have no more than `strength`."""
+        self.strength = strength
+        self._axis.set_torque_limit(min(self._limit, self._strength))
+
+    def set_following_window(self, window: float, timeout: float) -> None:
+        """Set the following error window."""
+        self._axis.set_following_window(window, timeout)
+
+    @property
+    def _strength(self) -> int:
+        return self._limit if self.strength is None else self.strength
+
+
+class FaultyMachine:
+    """A plant between whose sensors and drives something may be wrong; a `sim_plant.axis.Machine`.
+
+    Attributes
+    ----------
+    offsets, clips, frozen : dict
+        By axis from 0: current sensor's offset, its range, the values at which it is stuck.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self.axes = tuple(FaultyAxis(axis) for axis in plant.axes)
+        self.offsets: dict[int, int] = {}
+        self.clips: dict[int, int] = {}
+        self.frozen: dict[int, tuple[int, int]] = {}
+        self._shown = plant.read().copy()
+
+    @property
+    def time(self) -> float:
+        """Time of the machine [s]."""
+        return self._plant.time
+
+    @property
+    def drives(self) -> Sequence[DriveSettings]:
+        """One for each axis."""
+        return self._plant.drives
+
+    @property
+    def on_event(self) -> Callable[[int, int], None]:
+        """Called with axis index and events when these change."""
+        return self._plant.on_event
+
+    @on_event.setter
+    def on_event(self, handler: Callable[[int, int], None]) -> None:
+        self._plant.on_event = handler
+
+    def advance(self, duration: float) -> None:
+        """Let the physics run for `duration` [s]."""
+        self._plant.advance(duration)
+
+    def read(self) -> NDArray[np.int64]:
+        """Latch what encoders and current sensors show, which may be wrong."""
+        self._shown[:] = self._plant.read()
+        for i, axis in enumerate(self.axes):
+            self._shown[i * _WIDTH + _POSITION] += axis.jump
+            self._shown[i * _WIDTH + _DEMAND] += axis.jump
+        for place in _CURRENTS:
+            for i, offset in self.offsets.items():
+                self._shown[i * _WIDTH + place] += offset
+            for i, clip in self.clips.items():
+                shown = self._shown[i * _WIDTH + place]
+                self._shown[i * _WIDTH + place] = min(max(shown, -clip), clip)
+        for i, values in self.frozen.items():
+            for place, value in zip(_CURRENTS, values, strict=True):
+                self._shown[i * _WIDTH + place] = value
+        return self._shown
+
+    def freeze_current(self, axis: int) -> None:
+        """Let the current sensor of one axis show for good what it shows now."""
+        values = [int(self._shown[axis * _WIDTH + place]) for place in _CURRENTS]
+        self.frozen[axis] = (values[0], values[1])
+
+    def jump(self, axis: int, increments: int) -> None:
+        """Let an encoder jump, and the loop behind it take that for a following error."""
+        self.axes[axis].jump += increments
+        angle = increments / self._plant.const[axis, st.COUNTS_PER_RAD]
+        self._plant.profile[axis, [st.P0, st.TARGET, st.DEMAND]] -= angle
+
+    def press_brake(self, axis: int, times: int) -> None:
+        """Add the brake's friction to that of an axis so many times; -1 takes it away."""
+        const = self._plant.const
+        const[axis, st.F_COULOMB] += times * const[axis, st.BRAKE]
+        friction.refresh(const, self._plant.state, axis)
