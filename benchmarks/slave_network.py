@@ -14,6 +14,7 @@ from unittest import mock
 
 import can
 import canopen
+import numpy as np
 
 from sim_plant import plant_channel
 from sim_plant.axis import AxisEvent, Reading
@@ -30,7 +31,7 @@ SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 def idle_machine() -> SimpleNamespace:
     """A machine whose axes stand still at no cost."""
     reading = Reading(1, 2, 3, 4, 5, 6, int(AxisEvent.DONE | AxisEvent.STANDSTILL))
-    readings = list(reading) * N_AXES
+    readings = np.array(list(reading) * N_AXES)
     drives = [
         DriveSettings(
             f"axis {n}", n, 1, 2, 3, n, 5000, 3000, 3000, 4096, (1, 1), (0, 0), 6000, 9999

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from drivers.drives_file import AxisDrive
+    from drivers.frame_block import BlockSource
     from drivers.network import PumpedNetwork
     from drivers.pacing import Pacing
 
@@ -100,7 +101,7 @@ class Exchange:
             self._network.pump(pacing.due())
         self._network.send_frame(SYNC)
         instant = pacing.sent()
-        values = self._take_block() if self._blocks else None
+        values = self._take_block(self._blocks) if self._blocks else None
         if values is None:
             values = self._unpack(b"".join(self._collected(pacing)))
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
@@ -115,12 +116,14 @@ class Exchange:
         self._pacing.sent()
         self._network.pump(0.0)
 
-    def _take_block(self) -> tuple[int, ...] | None:
+    def _take_block(self, source: BlockSource) -> tuple[int, ...] | None:
         """Return the values of a regular block with nothing behind it; else keep its frames."""
-        source = self._blocks
-        block = source.recv_block() if source else None
-        if source is None or block is None:
-            return None
+        while (block := source.recv_block()) is None:
+            frame = self._receive(0.0)
+            if frame is None or frame.arbitration_id in self._slots:
+                self._unread = iter(() if frame is None else (frame,))
+                return None
+            self._network.dispatch(frame)
         values = self._block.unpack(block)
         if values is None or self._owed or not source.idle():
             self._unread = messages(block)

@@ -85,10 +85,10 @@ class SetPoint:
 
     def step(self, statusword: int, position: int) -> int | None:
         """Take one statusword (6041) and position (6064); return a controlword to send, if any."""
-        still = self.rest.update(position)
         if self.phase is not Phase.TRAVELLING:
             return self._shake_hands(statusword & _ACKNOWLEDGE)
-        if still and statusword & _REACHED and abs(position - self.target) <= self.window:
+        arrived = abs(position - self.target) <= self.window and self.rest.update(position)
+        if arrived and statusword & _REACHED:
             self.phase = Phase.REACHED
         return None
 

@@ -89,11 +89,11 @@ class PlantChannel:
             if message.is_remote_frame:
                 self._deliver(network.receive_remote(message.arbitration_id))
             else:
-                answer = network.answer(message.arbitration_id, bytes(message.data))
-                if isinstance(answer, bytes):
-                    self._deliver_block(answer)
-                else:
-                    self._deliver(answer)
+                frames, block = network.answer(message.arbitration_id, bytes(message.data))
+                if frames:
+                    self._deliver(frames)
+                if block:
+                    self._deliver_block(block)
         finally:
             lock.release()
 

@@ -105,16 +105,17 @@ class SlaveNetwork:
 
     def receive(self, identifier: int, data: bytes) -> list[Frame]:
         """Take a data frame with 11-bit identifier; return what the drives send."""
-        answer = self.answer(identifier, data)
-        return self._frames_of(answer) if isinstance(answer, bytes) else answer
+        frames, block = self.answer(identifier, data)
+        return frames + self._frames_of(block)
 
-    def answer(self, identifier: int, data: bytes) -> list[Frame] | bytes:
+    def answer(self, identifier: int, data: bytes) -> tuple[list[Frame], bytes]:
         """Do as `receive`, but quicker where SYNC is answered by what every SYNC is answered by.
 
         Returns
         -------
-        list of Frame, or bytes
-            Bytes are frames of the present instant, as ``struct can_frame`` one after the other.
+        frames : list of Frame
+        block : bytes
+            Frames of the present instant that follow, as consecutive ``struct can_frame``.
         """
         if self._stale:
             self._wire()
@@ -123,7 +124,7 @@ class SlaveNetwork:
             return self._sync(synced)
         for handle in self._routes.get(identifier, ()):
             handle(data)
-        return self._take()
+        return self._take(), b""
 
     def receive_remote(self, identifier: int) -> list[Frame]:
         """Take a remote frame; return what the drives send."""
@@ -141,7 +142,7 @@ class SlaveNetwork:
         self._latch()
         return self._take()
 
-    def _sync(self, synced: _Synced) -> list[Frame] | bytes:
+    def _sync(self, synced: _Synced) -> tuple[list[Frame], bytes]:
         if self._clock == "sync":
             self._advance(self._cycle)
         actions, reports, block = synced
@@ -149,8 +150,9 @@ class SlaveNetwork:
             self._latch()
         elif block.latch(self._machine.read()):
             self._attend()
-        elif not (actions or self._event_actions or self._past or self._present):
-            return block.frames
+        elif not (actions or self._event_actions or self._present):
+            past, self._past = self._past, []
+            return past, block.frames
         for act in actions:
             act()
         if block is None:
@@ -158,7 +160,7 @@ class SlaveNetwork:
             self._present += [(now, report.identifier, report.data()) for report in reports]
         else:
             self._present += self._frames_of(block.pack())
-        return self._take()
+        return self._take(), b""
 
     def _frames_of(self, block: bytes) -> list[Frame]:
         now = self._timers.now
