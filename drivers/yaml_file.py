@@ -139,8 +139,9 @@ def _refuse_unstated(root: yaml.Node | None, source: str) -> None:
     if unstated:
         raise FileError(
             "\n".join(
-                f"{source}:{node.start_mark.line + 1}: {'.'.join(place)}: not stated yet: replace "
-                f"{UNSTATED} and its text by {node.value if isinstance(node.value, str) else '...'}"
+                f"{source}:{node.start_mark.line + 1}: {'.'.join(place)}: must be stated: "
+                f"{node.value if isinstance(node, yaml.ScalarNode) else 'a value'}; "
+                f"put it in the place of {UNSTATED} and its text"
                 for place, node in unstated
             )
         )

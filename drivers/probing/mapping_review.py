@@ -36,8 +36,8 @@ class PdoOffer:
         Its mapping and its transmission may be changed; None where that is not known.
     room : int or None
         How many objects it can carry, where its count (sub-index 0) says so.
-    declared : int
-        How many sub-indices are declared for them.
+    declared : int or None
+        How many sub-indices a data sheet declares for them.
     carries : tuple of (index, sub-index, bits)
         Its mapping as it stands.
     """
@@ -45,7 +45,7 @@ class PdoOffer:
     name: str
     writable: bool | None
     room: int | None
-    declared: int
+    declared: int | None
     carries: tuple[tuple[int, int, int], ...]
 
 
@@ -94,8 +94,11 @@ def carried(word: int) -> tuple[int, int, int]:
 
 
 def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
+    mapping = communication + 0x200
+    if {(communication, 1), (mapping, 0)} & dictionary.unanswered.keys():
+        return PdoOffer(name, None, None, None, ())
     cob = dictionary.find(communication, 1)
-    members = list(dictionary.members(communication + 0x200))
+    members = list(dictionary.members(mapping))
     if cob is None or not members:
         return None
     slots = [member for member in members if member.subindex]
@@ -104,7 +107,7 @@ def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | 
         name,
         None if None in fixed else all(fixed),
         members[0].high if members[0].subindex == 0 else None,
-        len(slots),
+        None if dictionary.live else len(slots),
         tuple(_contents(members[0], slots)),
     )
 
@@ -144,7 +147,7 @@ def _obstacles(
         )
     elif offer.room is not None and offer.room < len(wanted):
         yield name, f"takes {offer.room} objects at most", f"{what} does not fit", True
-    elif offer.declared < len(wanted):
+    elif offer.declared is not None and offer.declared < len(wanted):
         so = f"{what} is needed; whether it fits shows when the drive is set up"
         yield name, f"declares room for {offer.declared} objects", so, False
 
