@@ -2,8 +2,9 @@
 
 Time passes only in `bus.sample()`, and every time-out counts in the bus's time. A travel moves all
 axes at once, each with its own trapezoid, so the robot stays inside the box in joint space that
-start and target span; a box inside the limits is all that has to be checked. Strokes follow each
-other as soon as the bus says that the axis stands still at its target.
+start and target span; a box inside the limits is all that has to be checked, and in a guarded
+workspace the path within it. Strokes follow each other as soon as the bus says that the axis
+stands still at its target.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import LimitExceeded, Move, MoveFailed
 from hil.measuring.recording import IDLE, Recorder
+from hil.planning.guarded_paths import refuse_travel
 from hil.planning.measurement import PARTNER_TURN, REST, SETTLED, Coupling
 from hil.planning.timetable import travel_time
+from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
+    from hil.planning.workspace import Workspace
 
 OVERDUE = 1.5
 """A move may take this many times its expected duration, plus `GRACE`."""
@@ -51,8 +55,24 @@ def locate(bus: DriveBus) -> Sample:
     )
 
 
-def travel(bus: DriveBus, robot: Robot, target: Sequence[float], fraction: float) -> Sample:
+def travel(
+    bus: DriveBus,
+    robot: Robot,
+    target: Sequence[float],
+    fraction: float,
+    workspace: Workspace | None = None,
+    slow: float = 1.0,
+) -> Sample:
     """Move all axes at once to `target` [rad] and wait until they stand still.
+
+    Parameters
+    ----------
+    fraction : float
+        Share of the velocity and acceleration limits.
+    workspace : Workspace, optional
+        What the arm must keep clear of.
+    slow : float
+        Pace at which the same path is passed; 0.5 takes twice as long.
 
     Returns
     -------
@@ -62,22 +82,23 @@ def travel(bus: DriveBus, robot: Robot, target: Sequence[float], fraction: float
     Raises
     ------
     LimitExceeded
-        The path leaves the robot's limits; nothing was commanded.
+        The path leaves the robot's limits or the workspace; nothing was commanded.
     MoveFailed
         Not at rest at the target in time.
     """
     here = locate(bus)
-    _check_box(robot, here.q, target)
+    _check_box(narrowed(robot, workspace), here.q, target)
+    refuse_travel(robot, workspace, here.q, target, fraction)
     moves = {
         index: Move(
             float(target[index]),
-            fraction * float(robot.velocity_limit[index]),
-            fraction * float(robot.acceleration_limit[index]),
+            slow * fraction * float(robot.velocity_limit[index]),
+            slow**2 * fraction * float(robot.acceleration_limit[index]),
         )
         for index in range(robot.n_joints)
     }
     bus.move(moves)
-    expected = travel_time(robot, here.q, target, fraction)
+    expected = travel_time(robot, here.q, target, fraction) / slow
     return _until_reached(bus, _ignore, here.time, expected, "travel")
 
 

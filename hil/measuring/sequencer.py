@@ -73,7 +73,7 @@ def measure(plan: Plan, robot: Robot, bus: DriveBus, done: Collection[str] = ())
         clock.restart(locate(bus).time)
     gave_up = []
     for measurement in pending:
-        arrived = travel(bus, robot, measurement.start, plan.travel)
+        arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
         yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
         for event in _attempts(plan, bus, measurement, clock):
             if isinstance(event, GaveUp):
@@ -138,7 +138,7 @@ def _warm_up(
     begin = locate(bus).time
     for measurement in cycle(plan.measurements):
         for target in (measurement.start, measurement.end):
-            now = travel(bus, robot, target, warm_up.fraction).time
+            now = travel(bus, robot, target, warm_up.fraction, plan.workspace).time
             done = now - begin
             if done >= warm_up.duration:
                 return

@@ -66,7 +66,7 @@ class Robot:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the content (not of its layout), in hexadecimal."""
-        content = json.dumps(self.file.model_dump(mode="json"), sort_keys=True)
+        content = json.dumps(self.file.model_dump(mode="json", exclude_none=True), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()
 
     @cached_property

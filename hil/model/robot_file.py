@@ -134,6 +134,32 @@ class Drive(FileModel):
         return value
 
 
+Point = tuple[float, float, float]
+
+
+class Capsule(FileModel):
+    """Shape of a link: all points within `radius` of the segment between `ends` [m].
+
+    The ends are in the link's own frame; both may be the same point.
+    """
+
+    ends: tuple[Point, Point]
+    radius: float
+
+    @field_validator("ends")
+    @classmethod
+    def _check_ends(cls, value: tuple[Point, Point]) -> tuple[Point, Point]:
+        farthest = max(abs(x) for end in value for x in end)
+        if farthest > 20:
+            raise ValueError(f"{farthest:g} m must be within +-20 m: it looks like millimetres")
+        return value
+
+    @field_validator("radius")
+    @classmethod
+    def _check_radius(cls, value: float) -> float:
+        return _positive(value, "m", 5.0, "it looks like millimetres")
+
+
 class Joint(FileModel):
     """One joint, the link that it carries, its limits and its drive train.
 
@@ -147,6 +173,8 @@ class Joint(FileModel):
         Range of the joint [rad or m].
     velocity_limit, acceleration_limit, torque_limit : float
         Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
+    capsule : Capsule, optional
+        The link's shape, for keeping it out of forbidden boxes (`hil.model.capsules`).
     """
 
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -158,6 +186,7 @@ class Joint(FileModel):
     acceleration_limit: float
     torque_limit: float
     drive: Drive
+    capsule: Capsule | None = None
 
     @field_validator("parameters")
     @classmethod

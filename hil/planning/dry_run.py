@@ -1,7 +1,8 @@
 """What a plan will cost and give: a fold over it, without a bus and without motion.
 
 Three questions are answered. Does every configuration, stroke and profile keep inside the robot's
-limits, and is each stroke long enough for what it is to show (`Problem`)? How long will it take and
+limits and the arm out of forbidden boxes, and is each stroke long enough for what it is to show
+(`Problem`)? How long will it take and
 how much of the bus will it use? What can be identified from it (`hil.planning.identifiability`)?
 """
 
@@ -12,6 +13,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.planning.guarded_paths import obstacles
 from hil.planning.identifiability import Identifiability, identifiability
 from hil.planning.measurement import (
     MARGIN,
@@ -22,6 +24,7 @@ from hil.planning.measurement import (
     Inertia,
 )
 from hil.planning.timetable import timetable
+from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -87,11 +90,17 @@ class DryRun:
 def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
     """Fold over `plan`, which was made for `robot`; `bitrate` of the bus in bit/s."""
     load = bus_load(robot.n_joints, plan.sample_period, bitrate)
+    guarded = narrowed(robot, plan.workspace)
     measurements = [
         problem
         for number, measurement in enumerate(plan.measurements)
-        for problem in _check(number, measurement, robot)
+        for problem in _check(number, measurement, guarded)
     ]
+    if not measurements:
+        measurements = [
+            Problem(("measurements", obstacle.number, "q"), obstacle.message)
+            for obstacle in obstacles(plan, robot)
+        ]
     return DryRun(
         counts=dict(Counter(m.kind for m in plan.measurements)),
         durations=_durations(plan, robot),

@@ -25,6 +25,7 @@ from hil.planning.measurement import (
     Positive,
     rounded,
 )
+from hil.planning.workspace import Workspace, refuse_unfit
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -71,6 +72,8 @@ class Plan(FileModel):
         Share of the velocity and acceleration limits used between configurations.
     attempts : int
         How often a measurement is tried before its best recording is kept with its findings.
+    workspace : Workspace, optional
+        What the arm must keep clear of, checked along every path.
     """
 
     format: Literal[1] = 1
@@ -79,6 +82,7 @@ class Plan(FileModel):
     travel: Fraction = 0.3
     attempts: int = Field(default=3, ge=1, le=20)
     warm_up: WarmUp | None = None
+    workspace: Workspace | None = None
     measurements: tuple[Measurement, ...] = Field(min_length=1)
 
     @field_validator("measurements")
@@ -138,6 +142,8 @@ def refuse_other_robot(plan: Plan, robot: Robot, source: str) -> None:
                 f"{source}: measurements.{number}.q: {len(measurement.q)} values must be"
                 f" {robot.n_joints}, one for each joint of {robot.name}"
             )
+    if plan.workspace is not None:
+        refuse_unfit(plan.workspace, robot, f"{source}: workspace")
 
 
 def dump_plan(plan: Plan) -> str:

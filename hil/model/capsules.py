@@ -1,0 +1,130 @@
+"""Link geometry for keeping the arm out of things: one capsule a link.
+
+A capsule is a segment in the link's frame with a radius about it. A robot file may state it; where
+it does not, the segment leads from the link's own origin to that of the next joint, the last link
+is a ball about its origin, and the radius is `DEFAULT_RADIUS`. That follows the frames, not the
+castings: measure the links of a real robot, tools and cables included.
+
+`reach` bounds how far a link moves when joints do. By turning joint j alone, no point of a link's
+segment moves farther than its distance from that joint's axis times the angle, and the distance is
+at most the sum of the lengths in between; turning the joints one after the other gives the sum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.frames import link_pose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+DEFAULT_RADIUS = 0.1
+"""Radius of links whose capsule the robot file does not state [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Capsules:
+    """Capsules of all links.
+
+    Attributes
+    ----------
+    ends : array (n_links, 2, 3)
+        Ends of the segments, each in its link's frame [m].
+    radii : array (n_links,)
+        [m].
+    stated : tuple of bool
+        Which of them the robot file states.
+    reach : array (n_links, n_joints)
+        Greatest way of the segment's points per change of each joint [m/rad; 1 if prismatic].
+    """
+
+    ends: Array
+    radii: Array
+    stated: tuple[bool, ...]
+    reach: Array
+
+
+@lru_cache(maxsize=32)
+def capsules(robot: Robot) -> Capsules:
+    """Capsules of `robot`, as its file states them or by default."""
+    stated = [joint.capsule for joint in robot.file.joints]
+    links = range(robot.n_joints)
+    ends = np.array([_default(robot, i) if c is None else c.ends for i, c in enumerate(stated)])
+    reach = np.array([[_reach(robot, ends[i], i, j) for j in links] for i in links])
+    return Capsules(
+        ends=ends,
+        radii=np.array([DEFAULT_RADIUS if c is None else c.radius for c in stated]),
+        stated=tuple(c is not None for c in stated),
+        reach=reach,
+    )
+
+
+def segments(robot: Robot, q: Array) -> Array:
+    """Ends of all links' segments in the base frame, shape (n, n_links, 2, 3) [m].
+
+    Parameters
+    ----------
+    q : array (n, n_joints)
+        Configurations [rad or m].
+    """
+    ends = capsules(robot).ends
+    rotation, origin = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
+    placed = np.empty((len(q), robot.n_joints, 2, 3))
+    for link in range(robot.n_joints):
+        pose = link_pose(robot, link)
+        turn, shift = _motion(robot, link, q[:, link])
+        shift = pose[:3, 3] + shift @ pose[:3, :3].T
+        origin = origin + np.einsum("nij,nj->ni", rotation, shift)
+        rotation = rotation @ pose[:3, :3] @ turn
+        placed[:, link] = origin[:, None] + ends[link] @ rotation.swapaxes(-1, -2)
+    return placed
+
+
+def _motion(robot: Robot, joint: int, q: Array) -> tuple[Array, Array]:
+    """Rotations (n, 3, 3) and shifts (n, 3) of one joint in its own frame."""
+    turns = np.tile(np.eye(3), (len(q), 1, 1))
+    shifts = np.zeros((len(q), 3))
+    if robot.revolute[joint]:
+        angle = q + robot.theta[joint]
+        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angle)
+        turns[:, 1, 0] = np.sin(angle)
+        turns[:, 0, 1] = -turns[:, 1, 0]
+    else:
+        shifts[:, 2] = q
+    return turns, shifts
+
+
+def _default(robot: Robot, link: int) -> Array:
+    if link + 1 == robot.n_joints:
+        return np.zeros((2, 3))
+    return np.array([[0.0, 0.0, 0.0], link_pose(robot, link + 1)[:3, 3]])
+
+
+def _reach(robot: Robot, ends: Array, link: int, joint: int) -> float:
+    if joint > link:
+        return 0.0
+    if not robot.revolute[joint]:
+        return 1.0
+    if joint == link:
+        return float(np.hypot(ends[:, 0], ends[:, 1]).max())
+    between = sum(float(np.hypot(*_offset(robot, k))) for k in range(joint + 2, link + 1))
+    along, beside = _offset(robot, joint + 1)
+    first = float(np.hypot(along, beside * np.sin(robot.alpha[joint + 1])))
+    return first + between + float(np.linalg.norm(ends, axis=1).max())
+
+
+def _offset(robot: Robot, joint: int) -> tuple[float, float]:
+    """Greatest shifts about x and z between two frames [m]."""
+    r = float(robot.r[joint])
+    if robot.revolute[joint]:
+        return float(robot.d[joint]), r
+    return float(robot.d[joint]), max(abs(r + robot.q_min[joint]), abs(r + robot.q_max[joint]))

@@ -1,0 +1,184 @@
+"""Whether an arm that moves keeps clear of boxes: links as capsules, all configurations between.
+
+A sweep is a set of configurations: all angles that a stroke passes, all instants of a travel. It is
+cut into cells. A cell spans a small box of joint angles; the arm is placed in its middle, and no
+point of a link is farther from there, anywhere in the cell, than the sum of the joints' half spans
+times their reach (`hil.model.capsules`). So a cell is clear for certain where the distance of a
+link's segment from a box exceeds radius, margin and that bound; otherwise it is halved. Cells that
+are down to `RESOLUTION` and still not clear count as hits: what passes is safe, what fails may miss
+by a centimetre. Cells that cannot beat the deepest hit found so far are left out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from hil.model.capsules import capsules, segments
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+    Owners = NDArray[np.intp]
+
+RESOLUTION = 0.01
+"""Way of a link within a cell below which it is not halved any more [m]."""
+
+_CHUNK = 4096
+"""Cells at a time, to bound the memory."""
+
+
+class Sweep(Protocol):
+    """Sets of configurations, each named by its number (owner).
+
+    Attributes
+    ----------
+    low, high : array (n_owners, n_parameters)
+        Ranges of the parameters that a set is passed by.
+    slack : float
+        How far a parameter may be off.
+    """
+
+    low: Array
+    high: Array
+    slack: float
+
+    def at(self, owner: Owners, parameters: Array) -> Array:
+        """Configurations (n, n_joints); each joint monotonic in one parameter."""
+
+
+class Hit(NamedTuple):
+    """The deepest intrusion of a sweep.
+
+    Attributes
+    ----------
+    link, box : int
+        From 0.
+    depth : float
+        How far the capsule and the margin about it reach into the box, at most [m].
+    q : array (n_joints,)
+        Where [rad or m].
+    """
+
+    link: int
+    box: int
+    depth: float
+    q: Array
+
+
+def find_hits(robot: Robot, workspace: Workspace, sweep: Sweep) -> dict[int, Hit]:
+    """Deepest intrusion of each owner of `sweep` that is not clear of all boxes."""
+    found: dict[int, Hit] = {}
+    if not workspace.boxes:
+        return found
+    best = np.zeros(len(sweep.low))
+    cells = [(np.arange(len(sweep.low)), sweep.low, sweep.high)]
+    while cells:
+        owner, low, high = cells.pop()
+        if len(owner) > _CHUNK:
+            cells += [(owner[s], low[s], high[s]) for s in (slice(_CHUNK), slice(_CHUNK, None))]
+            continue
+        undecided = _judge(robot, workspace, sweep, (owner, low, high), best, found)
+        if undecided.any():
+            cells.append(_halved(robot, owner[undecided], low[undecided], high[undecided]))
+    return found
+
+
+def box_distance(first: Array, last: Array, low: Sequence[float], high: Sequence[float]) -> Array:
+    """Distance of segments from a box, 0 where they enter it [m].
+
+    Along a segment the squared distance is convex and quadratic between the faces' planes, so its
+    slope is linear there: the least distance is where the slope changes its sign.
+
+    Parameters
+    ----------
+    first, last : array (..., 3)
+        Ends of the segments.
+    low, high : sequence (3,)
+        Corners of the box.
+    """
+    way = last - first
+    safe = np.where(way == 0.0, 1.0, way)
+    planes = np.concatenate([(low - first) / safe, (high - first) / safe], axis=-1)
+    ends = np.broadcast_to([0.0, 1.0], (*planes.shape[:-1], 2))
+    s = np.sort(np.concatenate([np.clip(planes, 0.0, 1.0), ends], axis=-1), axis=-1)
+    points = first[..., None, :] + s[..., None] * way[..., None, :]
+    slope = ((points - np.clip(points, low, high)) * way[..., None, :]).sum(axis=-1)
+    rising = slope >= 0.0
+    after = np.where(rising.any(axis=-1), rising.argmax(axis=-1), s.shape[-1] - 1)[..., None]
+    before = np.maximum(after - 1, 0)
+    (s0, s1), (f0, f1) = (
+        [np.take_along_axis(values, index, axis=-1) for index in (before, after)]
+        for values in (s, slope)
+    )
+    share = np.clip(-f0 / np.where(f1 > f0, f1 - f0, 1.0), 0.0, 1.0)
+    nearest = first + np.where(f1 > f0, s0 + share * (s1 - s0), s1) * way
+    return np.asarray(np.linalg.norm(nearest - np.clip(nearest, low, high), axis=-1))
+
+
+def _judge(
+    robot: Robot,
+    workspace: Workspace,
+    sweep: Sweep,
+    cells: tuple[Owners, Array, Array],
+    best: Array,
+    found: dict[int, Hit],
+) -> NDArray[np.bool_]:
+    """Note hits in `best` and `found`; tell which cells must be halved."""
+    owner, low, high = cells
+    middle, half = _spans(sweep.at(owner, low - sweep.slack), sweep.at(owner, high + sweep.slack))
+    reach = capsules(robot).reach
+    bound = half @ reach.T
+    small = (_spans(sweep.at(owner, low), sweep.at(owner, high))[1] @ reach.T).max(1) < RESOLUTION
+    depth = _depths(robot, workspace, middle)
+    sure = depth + np.where(small[:, None], bound, 0.0)[..., None]
+    flat = sure.reshape(len(owner), -1)
+    deepest = flat.argmax(axis=1)
+    for cell in np.flatnonzero(flat.max(axis=1) > best[owner]).tolist():
+        value = float(flat[cell, deepest[cell]])
+        if value > best[owner[cell]]:
+            link, box = divmod(int(deepest[cell]), len(workspace.boxes))
+            best[owner[cell]] = value
+            found[int(owner[cell])] = Hit(link, box, value, middle[cell])
+    possible = (depth + bound[..., None]).reshape(len(owner), -1).max(axis=1)
+    undecided: NDArray[np.bool_] = (possible > best[owner]) & ~small
+    return undecided
+
+
+def _spans(first: Array, last: Array) -> tuple[Array, Array]:
+    return (first + last) / 2, np.abs(last - first) / 2
+
+
+def _depths(robot: Robot, workspace: Workspace, q: Array) -> Array:
+    """How far links and margin reach into boxes, shape (n, n_links, n_boxes) [m]."""
+    placed = segments(robot, q)
+    keep = capsules(robot).radii + workspace.margin
+    depths = np.empty((len(q), robot.n_joints, len(workspace.boxes)))
+    for number, box in enumerate(workspace.boxes):
+        away = box_distance(placed[:, :, 0], placed[:, :, 1], box.low, box.high)
+        depths[:, :, number] = keep - away
+        depths[:, [link - 1 for link in box.ignore_links], number] = -np.inf
+    return depths
+
+
+def _halved(robot: Robot, owner: Owners, low: Array, high: Array) -> tuple[Owners, Array, Array]:
+    """Cut each cell across the parameter that moves the arm most."""
+    span = high - low
+    if low.shape[1] == robot.n_joints:
+        span = span * capsules(robot).reach.max(axis=0)
+    widest, rows = span.argmax(axis=1), np.arange(len(owner))
+    middle = (low[rows, widest] + high[rows, widest]) / 2
+    lower, upper = high.copy(), low.copy()
+    lower[rows, widest] = upper[rows, widest] = middle
+    return (
+        np.concatenate([owner, owner]),
+        np.concatenate([low, upper]),
+        np.concatenate([lower, high]),
+    )

@@ -1,0 +1,201 @@
+"""Every path of a plan against the forbidden boxes: measurements, and the travels between them.
+
+A measurement sweeps all that its strokes can reach: the way of its axis, with a partner the whole
+rectangle of both. A travel moves all axes at once, each with a trapezoid of its own duration; the
+axes count as up to `SKEW` apart in time, since each drive begins when it has taken its set-point.
+Where the robot stands before the first travel is known on the spot only, so the sequencer asks
+about every travel again before it commands it (`refuse_travel`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.drive_bus import LimitExceeded
+from hil.model.capsules import capsules
+from hil.planning.clearance import find_hits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.clearance import Hit
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+    Owners = NDArray[np.intp]
+
+SKEW = 0.02
+"""Axes that are sent at once may be this far apart in time [s]."""
+
+
+class Strokes:
+    """Boxes in joint space, each spanned by two configurations (n, n_joints) [rad or m]."""
+
+    slack = 0.0
+
+    def __init__(self, start: Array, end: Array) -> None:
+        self.low = np.minimum(start, end)
+        self.high = np.maximum(start, end)
+
+    def at(self, owner: Owners, parameters: Array) -> Array:
+        """Return the parameters, which are the joints' coordinates."""
+        del owner
+        return parameters
+
+
+class Travels:
+    """Trapezoids of all axes at once, passed by time.
+
+    Parameters
+    ----------
+    start, end : array (n, n_joints)
+        Where each travel begins and ends [rad or m].
+    velocity, acceleration : array (n_joints,)
+        Of its axes [rad/s, rad/s^2].
+    """
+
+    slack = SKEW
+
+    def __init__(self, start: Array, end: Array, velocity: Array, acceleration: Array) -> None:
+        self._start = start
+        self._way = end - start
+        self._acceleration = acceleration
+        distance = np.abs(self._way)
+        self._peak = np.minimum(velocity, np.sqrt(distance * acceleration))
+        self._ramp = self._peak / acceleration
+        cruise = np.divide(distance, self._peak, out=np.zeros_like(distance), where=distance > 0)
+        self._duration = cruise + self._ramp
+        self.high = self._duration.max(axis=1, keepdims=True)
+        self.low = np.zeros_like(self.high)
+
+    def at(self, owner: Owners, parameters: Array) -> Array:
+        """Configurations at times (n, 1) since the set-points [s]."""
+        duration, ramp = self._duration[owner], self._ramp[owner]
+        t = np.clip(parameters, 0.0, duration)
+        rising, falling = np.minimum(t, ramp), np.maximum(t - duration + ramp, 0.0)
+        way = self._acceleration * (rising**2 - falling**2) / 2 + self._peak[owner] * (t - rising)
+        return np.asarray(self._start[owner] + np.sign(self._way[owner]) * way)
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A path of a plan that is not clear.
+
+    Attributes
+    ----------
+    number : int
+        Of the measurement in the plan, from 0.
+    message : str
+        Measurement, link, box, depth and remedy.
+    """
+
+    number: int
+    message: str
+
+
+def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
+    """Tell all paths of `plan` that come too near to a box of its workspace."""
+    workspace, measurements = plan.workspace, plan.measurements
+    if workspace is None:
+        return
+    start, end = _ends(measurements)
+    for number, hit in sorted(find_hits(robot, workspace, Strokes(start, end)).items()):
+        yield Obstacle(number, f"{measurements[number].id}: {_described(hit, robot, workspace)}")
+    yield from _on_travels(start[:-1], start[1:], plan.travel, plan, robot)
+    if plan.warm_up:
+        fraction = plan.warm_up.fraction
+        yield from _on_travels(start, end, fraction, plan, robot, "warm-up at", 0)
+        yield from _on_travels(
+            end, np.roll(start, -1, 0), fraction, plan, robot, "warm-up after", 0
+        )
+
+
+def refuse_travel(
+    robot: Robot,
+    workspace: Workspace | None,
+    start: Sequence[float],
+    end: Sequence[float],
+    fraction: float,
+) -> None:
+    """Refuse a travel from where the robot stands that comes too near to a box.
+
+    Raises
+    ------
+    LimitExceeded
+        Which link, which box; nothing was commanded.
+    """
+    if workspace is None:
+        return
+    sweep = _travels(np.array([start]), np.array([end]), fraction, robot)
+    for hit in find_hits(robot, workspace, sweep).values():
+        where = ", ".join(f"{q:.3g}" for q in start)
+        raise LimitExceeded(
+            f"travel from ({where}): {_described(hit, robot, workspace)}; bring the robot nearer"
+            " to its next configuration with hil jog"
+        )
+
+
+def are_clear(robot: Robot, workspace: Workspace, start: Array, end: Array) -> NDArray[np.bool_]:
+    """Whether strokes between configurations (n, n_joints) keep clear of all boxes, shape (n,)."""
+    clear = np.ones(len(start), dtype=bool)
+    clear[list(find_hits(robot, workspace, Strokes(start, end)))] = False
+    return clear
+
+
+def travels_are_clear(
+    robot: Robot, workspace: Workspace, start: Array, end: Array, fraction: float
+) -> NDArray[np.bool_]:
+    """Whether travels between configurations (n, n_joints) keep clear of all boxes, shape (n,)."""
+    clear = np.ones(len(start), dtype=bool)
+    clear[list(find_hits(robot, workspace, _travels(start, end, fraction, robot)))] = False
+    return clear
+
+
+def _ends(measurements: Sequence[Measurement]) -> tuple[Array, Array]:
+    return np.array([m.start for m in measurements]), np.array([m.end for m in measurements])
+
+
+def _travels(start: Array, end: Array, fraction: float, robot: Robot) -> Travels:
+    return Travels(start, end, fraction * robot.velocity_limit, fraction * robot.acceleration_limit)
+
+
+def _on_travels(
+    start: Array,
+    end: Array,
+    fraction: float,
+    plan: Plan,
+    robot: Robot,
+    what: str = "travel to",
+    offset: int = 1,
+) -> Iterator[Obstacle]:
+    assert plan.workspace is not None  # noqa: S101 - `obstacles` has asked
+    hits = find_hits(robot, plan.workspace, _travels(start, end, fraction, robot))
+    for owner, hit in sorted(hits.items()):
+        number = owner + offset
+        place = f"{what} {plan.measurements[number].id}"
+        yield Obstacle(number, f"{place}: {_described(hit, robot, plan.workspace)}")
+
+
+def _described(hit: Hit, robot: Robot, workspace: Workspace) -> str:
+    shapes, box = capsules(robot), workspace.boxes[hit.box]
+    into = hit.depth - workspace.margin
+    if into >= shapes.radii[hit.link]:
+        far = f"runs right into {box.name}"
+    elif into > 0:
+        far = f"reaches {into:.3f} m into {box.name}"
+    else:
+        far = f"comes within {-into:.3f} m of {box.name}, margin {workspace.margin:g} m,"
+    assumed = "" if shapes.stated[hit.link] else " (its capsule is assumed, none is stated)"
+    where = ", ".join(f"{q:.3g}" for q in hit.q)
+    return (
+        f"link {hit.link + 1} {far} at q = ({where}){assumed}; plan again with --workspace, choose"
+        " another configuration or order, or correct box or capsule"
+    )

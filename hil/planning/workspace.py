@@ -1,0 +1,140 @@
+"""The guarded workspace: where the arm may be, beyond what its joints' limits say.
+
+A workspace belongs to the place where a robot stands, so it is a file of its own. It may narrow
+joint ranges, and it lists boxes that no link may enter: table, fence, controller cabinet, operator.
+A plan made with a workspace carries it, so that it is checked again wherever the plan is used.
+
+The boxes stand in the robot's base frame, in which the robot file gives gravity; their edges are
+parallel to its axes. A turned obstacle takes several boxes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field, field_validator, model_validator
+
+from drivers.yaml_file import FileError, FileModel, load_yaml
+from hil.model.robot_file import Point
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+    from typing import Self
+
+    from hil.model.robot import Robot
+
+MARGIN = 0.05
+"""Distance that links keep from boxes unless the workspace states another [m]."""
+
+
+class Box(FileModel):
+    """A box that no link may enter, from corner `low` to corner `high` [m].
+
+    Attributes
+    ----------
+    ignore_links : tuple of int
+        Links (from 1) that are not checked against it, such as a column that stands in the floor.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    low: Point
+    high: Point
+    ignore_links: tuple[Annotated[int, Field(ge=1)], ...] = ()
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        for axis, low, high in zip("xyz", self.low, self.high, strict=True):
+            if not low < high:
+                raise ValueError(f"low {axis} = {low:g} m must be below high {axis} = {high:g} m")
+        return self
+
+
+class Workspace(FileModel):
+    """Joint ranges and forbidden boxes.
+
+    Attributes
+    ----------
+    margin : float
+        Distance that every link keeps from every box [m].
+    ranges : dict
+        Joint (from 1) to its lower and upper end [rad or m], within the robot's own range.
+    """
+
+    margin: Annotated[float, Field(ge=0, le=1)] = MARGIN
+    ranges: dict[int, tuple[float, float]] = Field(default_factory=dict)
+    boxes: tuple[Box, ...] = ()
+
+    @field_validator("ranges")
+    @classmethod
+    def _ranges_ordered(
+        cls, value: dict[int, tuple[float, float]]
+    ) -> dict[int, tuple[float, float]]:
+        for joint, (low, high) in value.items():
+            if not low < high:
+                raise ValueError(f"joint {joint}: {low:g} must be below {high:g}; exchange them")
+        return value
+
+    @field_validator("boxes")
+    @classmethod
+    def _names_differ(cls, value: tuple[Box, ...]) -> tuple[Box, ...]:
+        names = [box.name for box in value]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"{name} stands twice; give each box a name of its own")
+        return value
+
+
+def load_workspace(path: Path | str, robot: Robot) -> Workspace:
+    """Read a workspace file for `robot`.
+
+    Raises
+    ------
+    FileError
+        It is no workspace, or not one for this robot.
+    """
+    workspace = load_yaml(path, Workspace)
+    refuse_unfit(workspace, robot, str(path))
+    return workspace
+
+
+def refuse_unfit(workspace: Workspace, robot: Robot, source: str) -> None:
+    """Refuse a workspace that speaks of joints or ranges that `robot` does not have.
+
+    Raises
+    ------
+    FileError
+        One line for each problem.
+    """
+    problems = list(_unfit(workspace, robot))
+    if problems:
+        raise FileError("\n".join(f"{source}: {problem}" for problem in problems))
+
+
+def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:
+    """Return `robot` with the workspace's joint ranges, for checks only: its digest differs."""
+    if workspace is None or not workspace.ranges:
+        return robot
+    joints = list(robot.file.joints)
+    for joint, (low, high) in workspace.ranges.items():
+        update = {"q_min": low, "q_max": high}
+        joints[joint - 1] = joints[joint - 1].model_copy(update=update)
+    return replace(robot, file=robot.file.model_copy(update={"joints": tuple(joints)}))
+
+
+def _unfit(workspace: Workspace, robot: Robot) -> Iterator[str]:
+    for joint, (low, high) in workspace.ranges.items():
+        if not 1 <= joint <= robot.n_joints:
+            yield f"ranges.{joint}: {robot.name} has joints 1 to {robot.n_joints}"
+            continue
+        least, most = float(robot.q_min[joint - 1]), float(robot.q_max[joint - 1])
+        if low < least or high > most:
+            yield (
+                f"ranges.{joint}: {low:g} ... {high:g} must lie within the range of the robot"
+                f" file, {least:g} ... {most:g}; a workspace narrows, it never widens"
+            )
+    for number, box in enumerate(workspace.boxes):
+        for link in box.ignore_links:
+            if link > robot.n_joints:
+                yield f"boxes.{number}.ignore_links: {robot.name} has links 1 to {robot.n_joints}"
