@@ -79,15 +79,20 @@ def main() -> None:
         while bus.recv(0):
             pass
 
-        def cycle() -> None:
+        def one_by_one() -> None:
             bus.send(SYNC)
             for _ in range(N_AXES):
                 assert bus.recv(0) is not None
 
+        def block() -> None:
+            bus.send(SYNC)
+            assert bus.recv_block() is not None  # type: ignore[attr-defined]
+
         network = bus._plant._network  # type: ignore[attr-defined]
-        slaves = best(lambda: network.receive(0x80, b""))
+        slaves = best(lambda: network.answer(0x80, b""))
         print(f"six drives, frames in to frames out: {slaves:.1f} us/SYNC")
-        print(f"with PlantBus.send and six recv:     {best(cycle):.1f} us/SYNC")
+        print(f"with PlantBus.send and recv_block:   {best(block):.1f} us/SYNC")
+        print(f"with PlantBus.send and six recv:     {best(one_by_one):.1f} us/SYNC")
 
 
 if __name__ == "__main__":
