@@ -16,6 +16,8 @@ from drivers.cia402 import Mode
 from drivers.drive_bus import DriveRefused
 from drivers.pdo_mapping import current_entry, set_up_pdos
 from drivers.scaling import AxisScale
+from drivers.sdo import Aborted
+from drivers.statements import compare_statements
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,6 +29,8 @@ DRIVE_PROFILE = 402
 SYNC_COB_ID = 0x80
 SLOW_DOWN_RAMP = 1
 QUICK_STOP_REACTION = 3
+STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
+"""Quick stop options that slow down, instead of letting the axis coast (0)."""
 MODE_TIME = 3.0
 """A mode display may lag by seconds [s]."""
 
@@ -63,8 +67,8 @@ def commission(
     """
     identity = check_identity(server, axis)
     _take_profile_position(server, wait)
-    _compare_ratings(server, axis)
-    server.get(current_entry(axis))
+    compare_statements(server, axis)
+    _require_current(server, axis)
     _write_limits(server, axis)
     _write_reactions(server, drives)
     _set_up_sync(server, period)
@@ -116,35 +120,14 @@ def _take_profile_position(
         )
 
 
-def _compare_ratings(server: SdoServer, axis: AxisDrive) -> None:
-    for entry, value, key, unit in (
-        (objects.RATED_CURRENT, axis.rated_current, "rated_current", "A"),
-        (objects.RATED_TORQUE, axis.rated_torque, "rated_torque", "N m"),
-    ):
-        present = server.find(entry)
-        if present is None:
-            server.notes.append(f"{server.label}: no object {entry}: {key} is taken on trust")
-        elif abs(present - 1000 * value) > 1:
-            raise DriveRefused(
-                f"{server.label}: {entry} is {present / 1000:g} {unit}, the drives file states "
-                f"{key}: {value:g}; correct whichever is wrong, torques scale with it"
-            )
-    _compare_encoder(server, axis)
-
-
-def _compare_encoder(server: SdoServer, axis: AxisDrive) -> None:
-    increments = server.find(objects.ENCODER_INCREMENTS)
-    revolutions = server.find(objects.ENCODER_REVOLUTIONS)
-    if increments is None or not revolutions:
-        server.notes.append(
-            f"{server.label}: no encoder resolution (608F): increments_per_revolution on trust"
-        )
-    elif increments != axis.increments_per_revolution * revolutions:
+def _require_current(server: SdoServer, axis: AxisDrive) -> None:
+    try:
+        server.get(current_entry(axis))
+    except Aborted as error:
         raise DriveRefused(
-            f"{server.label}: encoder resolution (608F) is {increments}/{revolutions}, the drives "
-            f"file states increments_per_revolution: {axis.increments_per_revolution}; "
-            "correct whichever is wrong"
-        )
+            f"{error}; torques cannot be measured without it: name the object that shows the "
+            "drive's current or torque as current in the drives file"
+        ) from error
 
 
 def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
@@ -177,12 +160,15 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
             round(axis.following_error_window / per_count),
             _UNWATCHED,
         ),
-        (objects.FOLLOWING_ERROR_TIME, round(1000 * axis.following_error_time), _UNWATCHED),
-        (objects.POSITION_WINDOW, round(axis.position_window / per_count), _OWN_WINDOW),
-        (objects.POSITION_WINDOW_TIME, round(1000 * axis.position_window_time), _OWN_WINDOW),
         (objects.PROFILE_TYPE, 0, "trapezoidal profiles are taken on trust"),
     ):
         server.set_if_present(entry, value, consequence)
+    for entry, value, consequence in (
+        (objects.FOLLOWING_ERROR_TIME, round(1000 * axis.following_error_time), _UNWATCHED),
+        (objects.POSITION_WINDOW, round(axis.position_window / per_count), _OWN_WINDOW),
+        (objects.POSITION_WINDOW_TIME, round(1000 * axis.position_window_time), _OWN_WINDOW),
+    ):
+        server.set_if_present(entry, value, consequence, also=_ANY)
     if objects.MAX_TORQUE in server.missing and server.find(objects.MAX_CURRENT) is not None:
         server.set(objects.MAX_CURRENT, per_mille)
     server.set(objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity))
@@ -191,19 +177,26 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
 
 _UNWATCHED = "the drive's own following error supervision is used"
 _OWN_WINDOW = "the drive's own window decides on target reached"
+_ANY = range(1 << 32)
 
 
 def _write_reactions(server: SdoServer, drives: DrivesFile) -> None:
-    for entry, value, consequence in (
-        (objects.QUICK_STOP_OPTION, drives.quick_stop_option, "the drive's own quick stop is used"),
-        (objects.HALT_OPTION, SLOW_DOWN_RAMP, "the drive's own halt is used"),
+    for entry, value, also, consequence in (
+        (
+            objects.QUICK_STOP_OPTION,
+            drives.quick_stop_option,
+            STOPPING_OPTIONS,
+            "the drive's own quick stop is used",
+        ),
+        (objects.HALT_OPTION, SLOW_DOWN_RAMP, (2, 3, 4), "the drive's own halt is used"),
         (
             objects.ABORT_CONNECTION_OPTION,
             QUICK_STOP_REACTION,
+            (1, 2),
             "its reaction to the loss of our heartbeat is the maker's: look it up",
         ),
     ):
-        server.set_if_present(entry, value, consequence)
+        server.set_if_present(entry, value, consequence, also)
 
 
 def _set_up_sync(server: SdoServer, period: float) -> None:

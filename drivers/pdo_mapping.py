@@ -1,19 +1,20 @@
 """PDO set-up by explicit SDO, each step read back.
 
 A mapping may be changed only while its PDO is off: off (bit 31 of the COB-ID), transmission type,
-count 0, entries, count n, on. Some drives have fixed PDOs; these are taken as they are if they
-already say what we need, and the drive is refused otherwise. Status, position and current must be
-latched at one SYNC (transmission type 1). Where they do not fit into one frame (a current of 32
-bits), the current goes into TPDO 2 of the same SYNC.
+count 0, entries, count n, on. Some drives have fixed PDOs, in part or as a whole; what is fixed is
+taken as it is if it already says what we need, and the drive is refused otherwise. An RPDO may also
+act on SYNC: set-points and stops then take effect with the next one. Status, position and current
+must be latched at one SYNC (transmission type 1). Where they do not fit into one frame (a current
+of 32 bits), the current goes into TPDO 2 of the same SYNC.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from drivers import objects
 from drivers.drive_bus import DriveRefused
-from drivers.sdo import READ_ONLY, Aborted, Entry
+from drivers.sdo import FIXED_CODES, Aborted, Entry
 
 if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive
@@ -23,6 +24,8 @@ OFF = 1 << 31
 NO_REMOTE = 1 << 30
 ON_SYNC = 1
 ON_EVENT = 255
+RPDO_TYPES = (254, 0, 1)
+"""On event by the maker's rule, or with the next SYNC."""
 PDOS = 4
 
 
@@ -39,6 +42,8 @@ class Pdo(NamedTuple):
         CAN identifier.
     transmission : int
         1 = at every SYNC, 255 = on event.
+    also : tuple of int
+        Transmission types that will do where ours cannot be had.
     entries : tuple of Entry
         What it carries, in order.
     """
@@ -48,6 +53,7 @@ class Pdo(NamedTuple):
     mapping: int
     cob_id: int
     transmission: int
+    also: tuple[int, ...]
     entries: tuple[Entry, ...]
 
     @property
@@ -74,7 +80,7 @@ def transmitted(axis: AxisDrive) -> tuple[Pdo, ...]:
 def received(axis: AxisDrive) -> Pdo:
     """Return the RPDO that carries the target, then the controlword that makes it valid."""
     entries = (objects.TARGET_POSITION, objects.CONTROLWORD)
-    return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, entries)
+    return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, RPDO_TYPES, entries)
 
 
 def set_up_pdos(server: SdoServer, axis: AxisDrive) -> None:
@@ -94,40 +100,63 @@ def set_up_pdos(server: SdoServer, axis: AxisDrive) -> None:
 
 def _tpdo(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:
     cob_id = 0x80 + 0x100 * number + node
-    return Pdo(f"TPDO {number}", 0x17FF + number, 0x19FF + number, cob_id, ON_SYNC, entries)
+    return Pdo(f"TPDO {number}", 0x17FF + number, 0x19FF + number, cob_id, ON_SYNC, (), entries)
 
 
 def _set_up(server: SdoServer, pdo: Pdo) -> None:
     cob = Entry(pdo.communication, 1, "u32", f"COB-ID of {pdo.name}")
     # Drives differ in whether bit 30 can be changed, so it stays as it is.
     identifier = server.get(cob) & NO_REMOTE | pdo.cob_id
-    content = [
-        (Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}"), pdo.transmission),
-        *_entries(pdo),
-        (_count(pdo), len(pdo.entries)),
-    ]
-    try:
-        server.set(cob, identifier | OFF)
-        server.set(*content[0])
-        server.set(_count(pdo), 0)
-        for entry, value in content[1:]:
-            server.set(entry, value)
-    except Aborted as error:
-        if error.code != READ_ONLY:
-            raise
-        _check_fixed(server, content)
+    off = _took(server, cob, identifier | OFF)
+    _set_transmission(server, pdo)
+    _set_mapping(server, pdo, off=off)
     if server.get(cob) != identifier:
         server.set(cob, identifier)
 
 
-def _check_fixed(server: SdoServer, wanted: list[tuple[Entry, int]]) -> None:
-    for entry, value in wanted:
+def _took(server: SdoServer, entry: Entry, value: int) -> bool:
+    """Set an object unless it is fixed; tell whether it could be."""
+    try:
+        server.set(entry, value)
+    except Aborted as error:
+        if error.code not in FIXED_CODES:
+            raise
+        return False
+    return True
+
+
+def _set_transmission(server: SdoServer, pdo: Pdo) -> None:
+    kind = Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}")
+    if _took(server, kind, pdo.transmission) or server.get(kind) in (pdo.transmission, *pdo.also):
+        return
+    _refuse_fixed(server, kind, f"{server.get(kind)}", f"{pdo.transmission}")
+
+
+def _set_mapping(server: SdoServer, pdo: Pdo, *, off: bool) -> None:
+    try:
+        server.set(_count(pdo), 0)
+        for entry, value in _entries(pdo):
+            server.set(entry, value)
+        server.set(_count(pdo), len(pdo.entries))
+    except Aborted as error:
+        if error.code not in FIXED_CODES and off:
+            raise
+        _check_fixed(server, pdo)
+
+
+def _check_fixed(server: SdoServer, pdo: Pdo) -> None:
+    content = [*_entries(pdo), (_count(pdo), len(pdo.entries))]
+    for entry, value in content:
         present = server.get(entry)
         if present != value:
-            raise DriveRefused(
-                f"{server.label}: object {entry} is fixed at {present:X}h, {value:X}h is needed; "
-                "map it with the maker's commissioning tool or use another drive"
-            )
+            _refuse_fixed(server, entry, f"{present:X}h", f"{value:X}h")
+
+
+def _refuse_fixed(server: SdoServer, entry: Entry, present: str, wanted: str) -> NoReturn:
+    raise DriveRefused(
+        f"{server.label}: object {entry} is fixed at {present}, {wanted} is needed; "
+        "map it with the maker's commissioning tool or use another drive"
+    )
 
 
 def _switch_off(server: SdoServer, cob: Entry) -> None:

@@ -16,7 +16,7 @@ from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.network import PumpedSdoClient
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Container, Mapping
 
     from drivers.network import PumpedNetwork
 
@@ -27,6 +27,8 @@ READ_ONLY = 0x06010002
 _MISSING = frozenset({0x06020000, 0x06090011})
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
 _RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
+FIXED_CODES = _RANGE_CODES | {READ_ONLY}
+"""A drive keeps its value: the object is read-only, or ours is outside its range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +102,7 @@ class SdoServer:
     label : str
         How messages name the drive.
     missing : set of Entry
-        Optional objects that the drive lacks.
+        Optional objects that the drive lacks, or keeps as they are.
     notes : list of str
         What that means, in words.
     """
@@ -183,13 +185,24 @@ class SdoServer:
                 "drive limits or ignores it: choose a value that it takes, or unlock the parameter"
             )
 
-    def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
-        """Do as `set`; where the object is missing, note what follows from that."""
+    def set_if_present(
+        self, entry: Entry, value: int, consequence: str, also: Container[int] = ()
+    ) -> None:
+        """Do as `set`; where the object is missing, note what follows from that.
+
+        So too where the drive does not take the value and keeps one that is in `also`.
+        """
         if self.find(entry) is None:
-            self.missing.add(entry)
-            self.notes.append(f"{self.label}: no object {entry}: {consequence}")
-        else:
+            self._do_without(entry, "no object", consequence)
+            return
+        try:
             self.set(entry, value)
+        except Aborted as error:
+            kept = self.get(entry)
+            if error.code not in FIXED_CODES or not (kept == value or kept in also):
+                raise
+            if kept != value:
+                self._do_without(entry, f"{kept} instead of {value} in object", consequence)
 
     def set_any(self, values: Mapping[Entry, int], consequence: str) -> None:
         """Do as `set` with each of several objects that is present; note it where none is."""
@@ -200,6 +213,10 @@ class SdoServer:
         if not present:
             names = " nor ".join(map(str, values))
             self.notes.append(f"{self.label}: no object {names}: {consequence}")
+
+    def _do_without(self, entry: Entry, what: str, consequence: str) -> None:
+        self.missing.add(entry)
+        self.notes.append(f"{self.label}: {what} {entry}: {consequence}")
 
     def _explained(self, error: SdoError, entry: Entry, what: str) -> DriveRefused | NodeSilent:
         if isinstance(error, SdoAbortedError):

@@ -1,4 +1,4 @@
-"""What makes one drive of the plant different from the next: identity, ratings, limits.
+"""What makes one drive of the plant different from the next: identity, ratings, limits, character.
 
 Everything else of a drive's object dictionary is the same for all and stands in the EDS. Units are
 the drive's own, as the objects state them; joint side and SI end before this point.
@@ -7,6 +7,8 @@ the drive's own, as the objects state them; joint side and SI end before this po
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from sim_plant.personality import PLAIN, Personality
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,8 @@ class DriveSettings:
         6080h [rev/min].
     max_acceleration : int
         60C5h and 60C6h [increments/s^2].
+    personality : Personality
+        In what the drive deviates from its kind.
     """
 
     name: str
@@ -54,6 +58,7 @@ class DriveSettings:
     software_limits: tuple[int, int]
     max_motor_speed: int
     max_acceleration: int
+    personality: Personality = PLAIN
 
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 127:

@@ -94,6 +94,8 @@ class Drive(FileModel):
     """The axis moves within +- this [deg]."""
     load_inertia: Positive
     """Arm inertia that the velocity loop was tuned for [kg m^2]."""
+    personality: str | None = None
+    """In what the drive deviates: a packaged personality, or the path of a file."""
 
 
 class Loops(FileModel):

@@ -18,6 +18,7 @@ from sim_plant.canopen.nmt import NmtSlave, NmtState
 from sim_plant.canopen.object_dictionary import ObjectDictionary
 from sim_plant.canopen.pdo import Rpdo, Tpdo
 from sim_plant.canopen.sdo_server import SdoServer
+from sim_plant.personality import PLAIN, Personality
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,6 +46,8 @@ class CanopenNode:
     rewired : callable
         Told when any of `routes`, `remote_routes`, `sync_actions`, `sync_reports`, `event_actions`
         has changed.
+    personality : Personality
+        Which objects the dictionary shows, and when RPDOs act.
     """
 
     def __init__(
@@ -53,12 +56,14 @@ class CanopenNode:
         timers: Timers,
         emit: Callable[[int, bytes], None],
         rewired: Callable[[], None],
+        personality: Personality = PLAIN,
     ) -> None:
         self.node_id = node_id
         self._connected = True
+        self._rpdo_at_once = personality.rpdo_at_once
         self._emit = emit
         self._rewired = rewired
-        self.dictionary = ObjectDictionary(node_id)
+        self.dictionary = ObjectDictionary(node_id, personality)
         self.emergencies = Emergencies(self.dictionary, emit)
         self.nmt = NmtSlave(node_id, self._nmt_changed, self._reset)
         self._sdo = SdoServer(self.dictionary, functools.partial(emit, 0x580 + node_id))
@@ -104,7 +109,7 @@ class CanopenNode:
         if self.nmt.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             routes.append((0x600 + self.node_id, self._sdo.receive))
         if self._operational:
-            routes += [(rpdo.identifier, rpdo.receive) for rpdo in self._rpdos if rpdo.enabled]
+            routes += [(r.identifier, self._taker(r)) for r in self._rpdos if r.enabled]
         return routes
 
     def remote_routes(self) -> list[tuple[int, Callable[[], None]]]:
@@ -146,6 +151,16 @@ class CanopenNode:
     @property
     def _operational(self) -> bool:
         return self._connected and self.nmt.state is NmtState.OPERATIONAL
+
+    def _taker(self, rpdo: Rpdo) -> Callable[[bytes], None]:
+        if not (self._rpdo_at_once and rpdo.on_sync):
+            return rpdo.receive
+
+        def take(data: bytes) -> None:
+            rpdo.receive(data)
+            rpdo.act_on_sync()
+
+        return take
 
     def _nmt_changed(self, state: NmtState) -> None:
         self.emergencies.enabled = state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)

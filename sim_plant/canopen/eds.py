@@ -1,8 +1,9 @@
-"""The drive's electronic data sheet, read once, as the entries that make its object dictionary."""
+"""A drive's electronic data sheet, read once, as the entries that make its object dictionary."""
 
 from __future__ import annotations
 
 import functools
+import io
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import canopen
 from canopen.objectdictionary import ODVariable, datatypes
+
+from sim_plant.canopen.eds_variant import variant
+from sim_plant.personality import PLAIN, Personality
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,21 +83,36 @@ class Entry:
 
 
 @functools.cache
-def drive_entries() -> dict[int, Entry]:
-    """All entries of the drive's EDS, by `key`."""
-    return {key(entry.index, entry.subindex): entry for entry in _entries()}
+def drive_eds(personality: Personality = PLAIN) -> str:
+    """Text of a drive's EDS."""
+    base = EDS_PATH.read_text(encoding="ascii")
+    return base if personality == PLAIN else variant(base, personality)
 
 
-def _entries() -> Iterator[Entry]:
-    dictionary = canopen.import_od(str(EDS_PATH))
+@functools.cache
+def drive_entries(personality: Personality = PLAIN) -> dict[int, Entry]:
+    """All entries of a drive's EDS, by `key`: what the bus can reach."""
+    text = drive_eds(personality)
+    return {key(entry.index, entry.subindex): entry for entry in _entries(text)}
+
+
+def inner_entries(personality: Personality) -> dict[int, Entry]:
+    """Entries that the firmware works with, those that the drive hides from the bus included."""
+    return drive_entries(personality.model_copy(update={"missing": (), "mapping_entries": 8}))
+
+
+def _entries(text: str) -> Iterator[Entry]:
+    file = io.StringIO(text)
+    file.name = EDS_PATH.name
+    dictionary = canopen.import_od(file)
     for index, thing in dictionary.items():
         if index < 0x1000:
             continue  # dummies can be mapped, not accessed
         for variable in [thing] if isinstance(thing, ODVariable) else thing.values():
-            yield _entry(variable)
+            yield _entry(variable, text)
 
 
-def _entry(variable: ODVariable) -> Entry:
+def _entry(variable: ODVariable, text: str) -> Entry:
     code = _FORMATS.get(variable.data_type or 0, "")
     values = 1 << 8 * struct.calcsize("<" + code)
     low = -values // 2 if code.islower() else 0
@@ -105,14 +124,14 @@ def _entry(variable: ODVariable) -> Entry:
         code=code,
         low=low if variable.min is None else variable.min,
         high=low + values - 1 if variable.max is None else variable.max,
-        default=_default(variable, code),
+        default=_default(variable, code, text),
         relative=variable.relative,
     )
 
 
-def _default(variable: ODVariable, code: str) -> int | bytes:
+def _default(variable: ODVariable, code: str, eds: str) -> int | bytes:
     if variable.index == STORE_EDS:
-        return EDS_PATH.read_bytes()
+        return eds.encode("ascii")
     if not code:
         return str(variable.default or "").encode("ascii")
     if variable.relative:

@@ -14,7 +14,8 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, TypeAlias
 
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
-from sim_plant.canopen.eds import Entry, drive_entries, key
+from sim_plant.canopen.eds import Entry, drive_entries, inner_entries, key
+from sim_plant.personality import PLAIN, Personality
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -33,17 +34,24 @@ TEXT_MAX = 4096
 
 
 class ObjectDictionary:
-    """Values of one node, by index and sub-index."""
+    """Values of one node, by index and sub-index.
 
-    def __init__(self, node_id: int) -> None:
+    Parameters
+    ----------
+    node_id : int
+    personality : Personality
+        What the bus can reach; to the node itself all objects exist.
+    """
+
+    def __init__(self, node_id: int, personality: Personality = PLAIN) -> None:
         self.node_id = node_id
-        self._entries = drive_entries()
+        self._entries = drive_entries(personality)
         self._indices = {entry.index for entry in self._entries.values()}
         self._defaults = {
             number: entry.default + node_id
             if entry.relative and isinstance(entry.default, int)
             else entry.default
-            for number, entry in self._entries.items()
+            for number, entry in inner_entries(personality).items()
         }
         self._values = dict(self._defaults)
         self._ranges: dict[int, tuple[int, int]] = {}
@@ -63,8 +71,8 @@ class ObjectDictionary:
         return value
 
     def imaged(self, objects: Mapping[int, int], image: NDArray[np.int64]) -> None:
-        """Declare where in `image` the present values of objects (by index, sub-index 0) stand."""
-        self._slots = {key(index): slot for index, slot in objects.items()}
+        """Declare where in `image` the present values of objects (by `key`) stand."""
+        self._slots = dict(objects)
         for number, slot in self._slots.items():
             self._sources[number] = functools.partial(image.item, slot)
 

@@ -1,8 +1,9 @@
 """PDO mappings: which objects share a frame, checked as CiA 301 asks and compiled to one struct.
 
 A mapping is changed in this order: PDO off (bit 31 of its COB-ID), count 0, entries, count n, PDO
-on. Anything else is refused. Entries are index << 16 | sub-index << 8 | bits; the indices 2 to 7
-are dummies of a data type's width that an RPDO may use to skip bytes.
+on. Anything else is refused, save that a PDO whose COB-ID is read-only need not be off. Entries are
+index << 16 | sub-index << 8 | bits; the indices 2 to 7 are dummies of a data type's width that an
+RPDO may use to skip bytes.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from typing import TYPE_CHECKING
 
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.cob_id import INVALID
-from sim_plant.canopen.eds import Entry, drive_entries, key
 
 if TYPE_CHECKING:
+    from sim_plant.canopen.eds import Entry
     from sim_plant.canopen.object_dictionary import ObjectDictionary
 
 _DUMMY_BITS = {2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
@@ -58,7 +59,8 @@ class PdoMapping:
         return [self._dictionary.get(self._mapping, n) for n in range(1, count + 1)]
 
     def _check(self, subindex: int, value: int) -> None:
-        if not self._dictionary.get(self._parameters, 1) & INVALID:
+        on = not self._dictionary.get(self._parameters, 1) & INVALID
+        if on and self._dictionary.entry(self._parameters, 1).writable:
             raise SdoAbort(AbortCode.UNSUPPORTED_ACCESS)
         if subindex == 0:
             self._check_count(value)
@@ -86,7 +88,7 @@ class PdoMapping:
             raise SdoAbort(AbortCode.NOT_MAPPABLE)
 
     def _find(self, number: int) -> Entry:
-        entry = drive_entries().get(key(number >> 16, number >> 8 & 0xFF))
-        if entry is None:
-            raise SdoAbort(AbortCode.NO_OBJECT)
-        return entry
+        try:
+            return self._dictionary.entry(number >> 16, number >> 8 & 0xFF)
+        except SdoAbort as abort:  # also for a sub-index that does not exist
+            raise SdoAbort(AbortCode.NO_OBJECT) from abort

@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from sim_plant.canopen.eds import key
 from sim_plant.drive.process_image import STATUSWORD
+from sim_plant.drive.units import Units
 
 if TYPE_CHECKING:
     from sim_plant.canopen.object_dictionary import ObjectDictionary
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
 
-PROFILE_POSITION = 1
 _U32_MAX = 0xFFFF_FFFF
-
-_ALLOWED = {
-    0x605A: (0, 1, 2, 3, 5, 6, 7),
-    0x6060: (PROFILE_POSITION,),
-}
+_QUICK_STOP_OPTIONS = (0, 1, 2, 3, 5, 6, 7)
+_VELOCITY, _CURRENT = 1, 3
 
 _SHOWN = {
     0x6064: 0,
     0x6063: 0,
-    0x606C: 1,
+    0x606C: _VELOCITY,
     0x6077: 2,
-    0x6078: 3,
     0x6062: 4,
     0x60F4: 5,
     0x6041: STATUSWORD,
@@ -33,15 +30,19 @@ _SHOWN = {
 
 def declare(dictionary: ObjectDictionary, settings: DriveSettings) -> None:
     """Put identity, ratings and limits of one drive into its dictionary."""
+    changed = settings.personality.objects
+    own = {(change.index, change.subindex) for change in changed if change.default is not None}
     for (index, subindex), value in _presets(settings).items():
-        dictionary.preset(index, subindex, value)
+        if (index, subindex) not in own:
+            dictionary.preset(index, subindex, value)
     for index in (0x6072, 0x6073):
         dictionary.limit(index, 0, 0, settings.max_torque)
-    for index, values in _ALLOWED.items():
-        dictionary.allow(index, values)
+    dictionary.allow(0x605A, _QUICK_STOP_OPTIONS)
+    if 0x6084 in settings.personality.missing:
+        dictionary.source(0x6084, 0, lambda: dictionary.get(0x6083))
 
 
-def present(dictionary: ObjectDictionary, image: AxisImage) -> None:
+def present(dictionary: ObjectDictionary, image: AxisImage, settings: DriveSettings) -> None:
     """Let the dictionary show what the drive measures and does.
 
     Parameters
@@ -49,14 +50,23 @@ def present(dictionary: ObjectDictionary, image: AxisImage) -> None:
     dictionary : ObjectDictionary
     image : AxisImage
         Where they stand.
+    settings : DriveSettings
+        Which object shows the current, and the unit of velocities.
     """
-    slots = {index: image.slot(field) for index, field in _SHOWN.items()}
+    slots = {key(index): image.slot(field) for index, field in _SHOWN.items()}
+    current, unit = settings.personality.current, Units.of(settings).velocity
+    if current is not None:
+        slots[key(current.index, current.subindex)] = image.slot(_CURRENT)
     dictionary.imaged(slots, image.values)
-    dictionary.source(0x6061, 0, lambda: dictionary.get(0x6060))
+    if unit != 1:
+        velocity = image.slot(_VELOCITY)
+        dictionary.source(0x606C, 0, lambda: round(image.values.item(velocity) / unit))
 
 
 def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
-    counts = settings.increments_per_revolution
+    counts, units = settings.increments_per_revolution, Units.of(settings)
+    speed = int(settings.max_motor_speed * counts / 60 / units.velocity)
+    acceleration = min(_U32_MAX, int(settings.max_acceleration / units.acceleration))
     motor, shaft = settings.gear
     low, high = settings.software_limits
     return {
@@ -71,7 +81,7 @@ def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
         (0x6076, 0): settings.rated_torque,
         (0x607D, 1): low,
         (0x607D, 2): high,
-        (0x607F, 0): min(_U32_MAX, settings.max_motor_speed * counts // 60),
+        (0x607F, 0): min(_U32_MAX, speed),
         (0x6080, 0): settings.max_motor_speed,
         (0x608F, 1): counts,
         (0x608F, 2): 1,
@@ -80,6 +90,6 @@ def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
         # position unit = motor increment: feed per shaft revolution in increments
         (0x6092, 1): counts * motor,
         (0x6092, 2): shaft,
-        (0x60C5, 0): settings.max_acceleration,
-        (0x60C6, 0): settings.max_acceleration,
+        (0x60C5, 0): acceleration,
+        (0x60C6, 0): acceleration,
     }

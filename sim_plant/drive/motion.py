@@ -10,6 +10,7 @@ import enum
 from typing import TYPE_CHECKING
 
 from sim_plant.axis import AxisEvent
+from sim_plant.drive.units import Units
 
 if TYPE_CHECKING:
     from sim_plant.axis import Axis
@@ -42,6 +43,7 @@ class Motion:
         self._dictionary = dictionary
         self._axis = axis
         self._counts_per_rev = settings.increments_per_revolution
+        self._units = Units.of(settings)
         self._image = image
 
     @property
@@ -72,7 +74,7 @@ class Motion:
         """Take the torque away."""
         self._axis.disable()
 
-    def move(self, target: int, velocity: int, acceleration: int, deceleration: int) -> None:
+    def move(self, target: int, velocity: float, acceleration: float, deceleration: float) -> None:
         """Start towards `target`."""
         self._forget()
         self._axis.move(target, velocity, acceleration, deceleration)
@@ -86,21 +88,21 @@ class Motion:
             self._axis.hold()
         else:
             index = 0x6084 if ramp is Ramp.PROFILE else 0x6085
-            self._axis.stop(self.limited(index, 0x60C6))
+            self._axis.stop(self.acceleration(index, 0x60C6))
 
-    def limited(self, index: int, *maxima: int) -> int:
-        """Return the value of an object, or of the smallest of its maxima."""
-        return min(self._dictionary.get(i) for i in (index, *maxima))
+    def acceleration(self, index: int, maximum: int) -> float:
+        """Return the value of an object, or of its maximum if that is smaller [increments/s^2]."""
+        return self._limited(index, maximum) * self._units.acceleration
 
     @property
-    def speed_max(self) -> int:
-        """Highest velocity that 607Fh and the motor (6080h, rev/min) allow [increments/s]."""
-        motor = self._dictionary.get(0x6080) * self._counts_per_rev // 60
-        return max(1, min(self._dictionary.get(0x607F), motor))
+    def profile_velocity(self) -> float:
+        """6081h as far as 607Fh and the motor (6080h, rev/min) allow it [increments/s]."""
+        motor = max(1, self._dictionary.get(0x6080) * self._counts_per_rev // 60)
+        return min(self._limited(0x6081, 0x607F) * self._units.velocity, motor)
 
     def apply_torque_limit(self) -> None:
         """Hand on 6072h and 6073h; torque and current are the same per mille."""
-        self._axis.set_torque_limit(self.limited(0x6072, 0x6073))
+        self._axis.set_torque_limit(self._limited(0x6072, 0x6073))
 
     def apply_following_window(self) -> None:
         """Hand on 6065h (FFFFFFFFh = off) and 6066h."""
@@ -108,6 +110,9 @@ class Motion:
         off = window == 0xFFFF_FFFF
         timeout = self._dictionary.get(0x6066) / 1000
         self._axis.set_following_window(float("inf") if off else float(window), timeout)
+
+    def _limited(self, index: int, maximum: int) -> int:
+        return min(self._dictionary.get(index), self._dictionary.get(maximum))
 
     def _forget(self) -> None:
         self.events &= ~int(_COMPLETION)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sim_plant.axis import Reading
     from sim_plant.canopen.emcy import Emergencies
     from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.drive.lagging_bit import LaggingBit
     from sim_plant.drive.target_window import TargetWindow
 
 TARGET_MIN, TARGET_MAX = -(2**31), 2**31 - 1
@@ -32,10 +33,17 @@ class SetPoint(NamedTuple):
     """What one edge of bit 4 handed over [increments, increments/s, increments/s^2]."""
 
     target: int
-    velocity: int
-    acceleration: int
-    deceleration: int
+    velocity: float
+    acceleration: float
+    deceleration: float
     relative: bool
+
+
+class StatusLags(NamedTuple):
+    """The bits of the statusword that may follow late."""
+
+    reached: LaggingBit
+    acknowledge: LaggingBit
 
 
 class ProfilePosition:
@@ -47,10 +55,12 @@ class ProfilePosition:
         motion: Motion,
         window: TargetWindow,
         emergencies: Emergencies,
+        lags: StatusLags,
     ) -> None:
         self._dictionary = dictionary
         self._motion = motion
         self._emergencies = emergencies
+        self._lags = lags
         self.window = window
         self._target = 0
         self._anchored = True
@@ -61,13 +71,14 @@ class ProfilePosition:
         self._halted = False
         self._clipped = False
 
-    @property
-    def status(self) -> int:
-        """The mode's bits of the statusword."""
-        reached = self._motion.at_rest if self._halted else self.window.reached
+    def show(self) -> int:
+        """Return the mode's bits of the statusword."""
+        reached, acknowledge = self._lags
+        reached.set(self._motion.at_rest if self._halted else self.window.reached)
+        acknowledge.set(self._acknowledged)
         return (
-            (Status.TARGET_REACHED if reached else 0)
-            | (Status.SET_POINT_ACKNOWLEDGE if self._acknowledged else 0)
+            (Status.TARGET_REACHED if reached.shown else 0)
+            | (Status.SET_POINT_ACKNOWLEDGE if acknowledge.shown else 0)
             | (Status.INTERNAL_LIMIT | Status.WARNING if self._clipped else 0)
         )
 
@@ -86,6 +97,8 @@ class ProfilePosition:
         """Forget all set-points."""
         self._active = self._buffered = None
         self._acknowledged = self._halted = self._clipped = False
+        for bit in self._lags:
+            bit.clear()
         self._emergencies.clear(ErrorCode.POSITION_LIMIT)
         self.window.close()
 
@@ -140,9 +153,9 @@ class ProfilePosition:
     def _set_point(self, relative: bool) -> SetPoint:
         return SetPoint(
             target=self._dictionary.get(0x607A),
-            velocity=min(self._dictionary.get(0x6081), self._motion.speed_max),
-            acceleration=self._motion.limited(0x6083, 0x60C5),
-            deceleration=self._motion.limited(0x6084, 0x60C6),
+            velocity=self._motion.profile_velocity,
+            acceleration=self._motion.acceleration(0x6083, 0x60C5),
+            deceleration=self._motion.acceleration(0x6084, 0x60C6),
             relative=relative,
         )
 

@@ -1,0 +1,176 @@
+"""The EDS of a drive with a personality: the plant's own one with the deviations worked in.
+
+The text that comes out is what the drive is built from and what it hands out as 1021h, so a drive
+can never serve anything else than its EDS says.
+"""
+
+from __future__ import annotations
+
+import configparser
+import io
+import re
+from typing import TYPE_CHECKING
+
+from drivers.yaml_file import FileError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from sim_plant.personality import ObjectChange, Personality
+
+VELOCITIES = (0x6081, 0x607F)
+ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6)
+PER_RPM = {"inc/s": None, "rpm": 1, "0.1 rpm": 10, "inc/s^2": None, "rpm/s": 1, "0.1 rpm/s": 10}
+"""Units of the drive in one revolution per minute; None where it counts increments."""
+
+_MAPPINGS = tuple(base + number for base in (0x1600, 0x1A00) for number in range(4))
+_CURRENT = 0x6078
+_NO_LIMIT = 0xFFFF_FFFF
+_TYPES = ("i8", "i16", "i32", "u8", "u16", "u32")
+_DATA_TYPES = {name: f"0x{code:04X}" for code, name in enumerate(_TYPES, start=2)}
+_KEYS = {"access": "AccessType", "default": "DefaultValue", "low": "LowLimit", "high": "HighLimit"}
+
+
+def variant(base: str, personality: Personality) -> str:
+    """Work a personality into the text of an EDS.
+
+    Raises
+    ------
+    FileError
+        It changes an object that neither exists nor is declared completely.
+    """
+    eds = configparser.RawConfigParser()
+    eds.optionxform = str  # type: ignore[assignment,method-assign]
+    eds.read_string(base)
+    eds["FileInfo"]["FileName"] = f"{personality.name}.eds"
+    eds["Comments"]["Line1"] = (
+        f"Position unit: one increment of the motor encoder; velocity: "
+        f"{personality.velocity_unit}; acceleration: {personality.acceleration_unit}."
+    )
+    _convert_units(eds, personality)
+    _place_current(eds, personality)
+    for change in personality.objects:
+        _change(eds, change, personality.name)
+    for index in personality.missing:
+        _remove(eds, index)
+    _shape_mappings(eds, personality)
+    _list_objects(eds)
+    text = io.StringIO()
+    eds.write(text, space_around_delimiters=False)
+    return text.getvalue()
+
+
+def _convert_units(eds: configparser.RawConfigParser, personality: Personality) -> None:
+    per_revolution = int(eds["608Fsub1"]["DefaultValue"], 0)
+    for indices, unit in (
+        (VELOCITIES, personality.velocity_unit),
+        (ACCELERATIONS, personality.acceleration_unit),
+    ):
+        per_rpm = PER_RPM[unit]
+        if per_rpm is None:
+            continue
+        for index in indices:
+            section = eds[f"{index:04X}"]
+            value = int(section["DefaultValue"], 0)
+            if value != _NO_LIMIT:
+                section["DefaultValue"] = str(value * 60 * per_rpm // per_revolution)
+
+
+def _place_current(eds: configparser.RawConfigParser, personality: Personality) -> None:
+    current = personality.current
+    if current is None or current.index != _CURRENT:
+        _remove(eds, _CURRENT)
+    if current is not None:
+        section = _section(eds, current.index, current.subindex)
+        if section not in eds:
+            _declare(eds, current.index, current.subindex, "Current actual value", mappable=True)
+        eds[section]["DataType"] = _DATA_TYPES[current.type]
+
+
+def _change(eds: configparser.RawConfigParser, change: ObjectChange, name: str) -> None:
+    section = _section(eds, change.index, change.subindex)
+    if section not in eds:
+        if change.type is None:
+            raise FileError(
+                f"personality {name}: the drive has no object {change.index:04X}:"
+                f"{change.subindex:02X} to change; correct it, or give its type to have it added"
+            )
+        _declare(eds, change.index, change.subindex, "Additional object", mappable=False)
+    if change.type is not None:
+        eds[section]["DataType"] = _DATA_TYPES[change.type]
+    for key, option in _KEYS.items():
+        value = getattr(change, key)
+        if value is not None:
+            eds[section][option] = str(value)
+
+
+def _section(eds: configparser.RawConfigParser, index: int, subindex: int) -> str:
+    whole = f"{index:04X}"
+    divided = f"{whole}sub0" in eds or (subindex and whole not in eds)
+    return f"{whole}sub{subindex:X}" if divided else whole
+
+
+def _declare(
+    eds: configparser.RawConfigParser, index: int, subindex: int, name: str, *, mappable: bool
+) -> None:
+    """Add an entry, and the record around it where it has a sub-index."""
+    whole = f"{index:04X}"
+    entry = {"ParameterName": name, "ObjectType": "0x7", "DataType": "0x0007", "AccessType": "ro"}
+    entry |= {"DefaultValue": "0", "PDOMapping": str(int(mappable))}
+    if not subindex:
+        eds[whole] = entry
+        return
+    eds[whole] = {"ParameterName": name, "ObjectType": "0x9", "SubNumber": "2"}
+    eds[f"{whole}sub0"] = entry | {
+        "ParameterName": "Highest sub-index supported",
+        "DataType": "0x0005",
+        "AccessType": "const",
+        "DefaultValue": str(subindex),
+        "PDOMapping": "0",
+    }
+    eds[f"{whole}sub{subindex:X}"] = entry
+
+
+def _remove(eds: configparser.RawConfigParser, index: int) -> None:
+    whole = f"{index:04X}"
+    for section in [name for name in eds.sections() if re.fullmatch(f"{whole}(sub.*)?", name)]:
+        eds.remove_section(section)
+
+
+def _shape_mappings(eds: configparser.RawConfigParser, personality: Personality) -> None:
+    most = personality.mapping_entries
+    for whole in (f"{index:04X}" for index in _MAPPINGS):
+        if whole not in eds:
+            continue
+        if personality.mapping_arrays:
+            eds[whole]["ObjectType"] = "0x8"
+        for number in range(most + 1, 9):
+            eds.remove_section(f"{whole}sub{number:X}")
+        eds[whole]["SubNumber"] = str(most + 1)
+        count = eds[f"{whole}sub0"]
+        count["HighLimit"] = str(most)
+        mapped = [eds[f"{whole}sub{n:X}"] for n in range(1, int(count["DefaultValue"]) + 1)]
+        if not all(_exists(eds, int(entry["DefaultValue"], 0)) for entry in mapped):
+            count["DefaultValue"] = "0"
+            for entry in mapped:
+                entry["DefaultValue"] = "0"
+
+
+def _exists(eds: configparser.RawConfigParser, mapped: int) -> bool:
+    index, subindex = mapped >> 16, mapped >> 8 & 0xFF
+    return _section(eds, index, subindex) in eds
+
+
+def _list_objects(eds: configparser.RawConfigParser) -> None:
+    indices = sorted(int(name, 16) for name in eds.sections() if re.fullmatch("[0-9A-F]{4}", name))
+    mandatory = (0x1000, 0x1001, 0x1018)
+    vendors = range(0x2000, 0x6000)
+    _list(eds, "MandatoryObjects", (i for i in indices if i in mandatory))
+    _list(eds, "ManufacturerObjects", (i for i in indices if i in vendors))
+    others = (i for i in indices if i not in mandatory and i not in vendors)
+    _list(eds, "OptionalObjects", others)
+
+
+def _list(eds: configparser.RawConfigParser, section: str, indices: Iterable[int]) -> None:
+    listed = {str(n): f"0x{index:04X}" for n, index in enumerate(indices, start=1)}
+    eds[section] = {"SupportedObjects": str(len(listed)), **listed}

@@ -1,0 +1,65 @@
+"""A bit of the statusword that follows what it tells with a lag, as slow firmware has it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable
+
+    from sim_plant.canopen.timers import Timers
+
+
+class LaggingBit:
+    """Shows a condition late.
+
+    Parameters
+    ----------
+    timers : Timers
+    name : hashable
+        Of its timer.
+    rise, fall : float
+        How late it is set and cleared [s]; 0 is at once.
+    changed : callable
+        Told when `shown` has changed by itself.
+
+    Attributes
+    ----------
+    shown : bool
+    """
+
+    def __init__(
+        self,
+        timers: Timers,
+        name: Hashable,
+        rise: float,
+        fall: float,
+        changed: Callable[[], None],
+    ) -> None:
+        self.shown = False
+        self._timers = timers
+        self._name = name
+        self._lags = {True: rise, False: fall}
+        self._changed = changed
+        self._wanted = False
+
+    def set(self, condition: bool) -> None:
+        """Take the condition as it is now."""
+        if condition is self._wanted:
+            return
+        self._wanted = condition
+        self._timers.stop(self._name)
+        lag = self._lags[condition]
+        if lag and condition is not self.shown:
+            self._timers.start(self._name, lag, self._follow)
+        else:
+            self.shown = condition
+
+    def clear(self) -> None:
+        """Forget everything: not shown, at once."""
+        self._timers.stop(self._name)
+        self._wanted = self.shown = False
+
+    def _follow(self) -> None:
+        self.shown = self._wanted
+        self._changed()

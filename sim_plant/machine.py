@@ -1,0 +1,69 @@
+"""The plant as it is switched on: the machine of a plant file, its drives with their personalities.
+
+A personality changes how a drive talks and in what it counts, never the machine behind it, so the
+same seed gives the same motion and the same noise whatever the drives are like.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.eds import drive_entries
+from sim_plant.personality import load_personality
+from sim_plant.physics import state as st
+from sim_plant.plant import load_plant
+
+if TYPE_CHECKING:
+    from sim_plant.personality import Personality
+    from sim_plant.plant import Plant
+
+
+def load_machine(
+    name_or_path: str, seed: int | None = None, personality: str | None = None
+) -> Plant:
+    """Build a packaged plant by name or the one of a plant file.
+
+    Parameters
+    ----------
+    name_or_path : str
+    seed : int, optional
+        Instead of the file's.
+    personality : str, optional
+        Of all drives, by name or path, instead of those of the plant file; a path that stands in
+        the plant file begins at the file's own folder.
+
+    Raises
+    ------
+    FileError
+        No such plant or personality, or a file that does not fit.
+    """
+    plant = load_plant(name_or_path, seed)
+    folder = Path(name_or_path).parent
+    for axis, described in enumerate(plant.file.axes):
+        wanted = personality or _found(folder, described.drive.personality)
+        if wanted is not None:
+            give_personality(plant, axis, load_personality(wanted))
+    return plant
+
+
+def _found(folder: Path, stated: str | None) -> str | None:
+    beside = folder / (stated or "")
+    return str(beside) if beside.is_file() else stated
+
+
+def give_personality(plant: Plant, axis: int, personality: Personality) -> None:
+    """Give the drive of one axis (from 0) a personality, before the plant is switched on.
+
+    Raises
+    ------
+    FileError
+        The personality does not fit the drives of the plant.
+    """
+    drive_entries(personality)
+    drives = list(plant.drives)
+    drives[axis] = replace(drives[axis], personality=personality)
+    plant.drives = tuple(drives)
+    if personality.current is not None and personality.current.unit == "mA":
+        plant.const[axis, st.CURRENT_PER_MILLE] *= 1000 / drives[axis].rated_current

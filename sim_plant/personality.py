@@ -1,0 +1,122 @@
+"""Personalities: in what a drive deviates from the one that the EDS of the plant describes.
+
+Real drives agree on the profile and differ in nearly all else: objects that are missing, read-only
+or narrower, another current readback, other units, bits that come late. A personality states such
+deviations as data. Those of the object dictionary become the drive's own EDS
+(`canopen.eds_variant`) and the drive serves nothing else; those of behaviour are read by the
+firmware (`drive`). Whatever the dictionary hides goes on inside with its value after power-on, as
+in a real drive.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from drivers.yaml_file import FileError, FileModel, load_yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Index = Annotated[int, Field(ge=0x1000, le=0x9FFF)]
+Subindex = Annotated[int, Field(ge=0, le=0xFF)]
+Seconds = Annotated[float, Field(ge=0, le=10)]
+
+FOLDER = Path(__file__).with_name("personalities")
+
+
+class ObjectChange(FileModel):
+    """One entry of the dictionary that is declared in another way; what is left out stays."""
+
+    index: Index
+    subindex: Subindex = 0
+    access: Literal["ro", "rw", "rww", "const"] | None = None
+    type: Literal["i8", "i16", "i32", "u8", "u16", "u32"] | None = None
+    default: int | None = None
+    """Value after power-on, also where the plant file would set another."""
+    low: int | None = None
+    high: int | None = None
+
+
+class CurrentReadback(FileModel):
+    """Where the drive shows its motor current, and in what."""
+
+    index: Index = 0x6078
+    subindex: Subindex = 0
+    type: Literal["i16", "i32"] = "i16"
+    unit: Literal["mA", "per mille of rated current"] = "per mille of rated current"
+
+
+class Personality(FileModel):
+    """A drive's deviations.
+
+    Attributes
+    ----------
+    name, about : str
+        What it is called and what it is modelled on.
+    missing : tuple of int
+        Indices that the drive does not have.
+    objects : tuple of ObjectChange
+        Entries declared in another way.
+    current : CurrentReadback or None
+        None: the drive does not show its current (it may still show its torque, 6077h).
+    velocity_unit, acceleration_unit : str
+        Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h.
+    mapping_arrays : bool
+        The EDS declares PDO mappings as ARRAY instead of RECORD.
+    mapping_entries : int
+        How many objects one PDO takes.
+    mode_display_lag : float
+        How long 6061h shows -1 after 6060h was written [s].
+    mode_locked_by_halt : bool
+        6060h cannot be written while controlword bit 8 is set.
+    acknowledge_lag : float
+        By how much statusword bit 12 follows behind [s].
+    target_reached_lag : float
+        How long bit 10 stays set after a new set-point has been taken [s].
+    rpdo_at_once : bool
+        An RPDO of a synchronous type takes effect when it comes, not at the next SYNC.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    about: str = ""
+    missing: tuple[Index, ...] = ()
+    objects: tuple[ObjectChange, ...] = ()
+    current: CurrentReadback | None = CurrentReadback()
+    velocity_unit: Literal["inc/s", "rpm", "0.1 rpm"] = "inc/s"
+    acceleration_unit: Literal["inc/s^2", "rpm/s", "0.1 rpm/s"] = "inc/s^2"
+    mapping_arrays: bool = False
+    mapping_entries: Annotated[int, Field(ge=1, le=8)] = 8
+    mode_display_lag: Seconds = 0.0
+    mode_locked_by_halt: bool = False
+    acknowledge_lag: Seconds = 0.0
+    target_reached_lag: Seconds = 0.0
+    rpdo_at_once: bool = False
+
+
+PLAIN = Personality(name="plain", about="All that the plant's EDS declares, by the standard.")
+
+
+def packaged_personalities() -> Sequence[str]:
+    """Names of the personalities that come with the package."""
+    return sorted(path.stem for path in FOLDER.glob("*.yaml"))
+
+
+def load_personality(name_or_path: str) -> Personality:
+    """Read a packaged personality by name, or the file at a path.
+
+    Raises
+    ------
+    FileError
+        No such personality, or a file that does not fit.
+    """
+    packaged = FOLDER / f"{name_or_path}.yaml"
+    path = packaged if packaged.is_file() else Path(name_or_path)
+    if not path.is_file():
+        raise FileError(
+            f"{name_or_path}: neither a packaged personality "
+            f"({', '.join(packaged_personalities())}) nor the path of a personality file"
+        )
+    return load_yaml(path, Personality)
