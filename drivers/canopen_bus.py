@@ -16,22 +16,26 @@ from drivers.admission import admit
 from drivers.cia402 import State
 from drivers.drive_bus import AxisInfo, DriveError, DriveFault, NodeSilent
 from drivers.exchange import Exchange
+from drivers.gaps import Gaps
 from drivers.heartbeat import Heartbeats
 from drivers.interrupts import interrupts_held
+from drivers.kernel_sync import KernelSync
 from drivers.motions import Motions
 from drivers.move_check import check_move
 from drivers.network import PumpedNetwork
 from drivers.open_bus import open_can_bus
-from drivers.pacing import choose_pacing
+from drivers.pacing import choose_pacing, sync_channel
+from drivers.pdo_mapping import transmitted
 from drivers.power import Power
 from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
 from drivers.supervision import Supervision
 from drivers.trips import Trips
+from drivers.zero_current import offsets
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from types import TracebackType
     from typing import Self
 
@@ -68,7 +72,8 @@ class CanopenDriveBus:
     Attributes
     ----------
     notes : tuple of str
-        What drives lack and could be done without; known once entered.
+        What the operator should know though it stops nothing: what drives lack and could be done
+        without, their warnings. Grows.
     """
 
     def __init__(
@@ -125,6 +130,7 @@ class CanopenDriveBus:
             self._admit()
             self._start()
             self._power.walk(State.SWITCHED_ON, self._cycle)
+            self._note_offsets("before power-on")
             self._power.walk(State.OPERATION_ENABLED, self._cycle)
             self._pacing.skipped = 0
             self._trips.arm(self._pacing.now(), self._exchange.positions)
@@ -156,7 +162,10 @@ class CanopenDriveBus:
         for axis, move in moves.items():
             moving = axis in self._motions.active
             self._trips.expect(axis, self._exchange.positions[axis], move.target, moving=moving)
-        self._motions.start(moves)
+        try:
+            self._motions.start(moves)
+        except DriveError as error:
+            self._fail(error)
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
@@ -167,6 +176,10 @@ class CanopenDriveBus:
         words = exchange.words
         if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
             self._attend(words)
+        if exchange.irregular or self._gaps.open:
+            blind = self._gaps.look(exchange.flags)
+            if blind:
+                self._fail(blind)
         if motions.active:
             failed = motions.advance(time, words, exchange.positions, exchange.flags)
             if failed:
@@ -176,14 +189,30 @@ class CanopenDriveBus:
             self._fail(tripped)
         return self._readout.sample(time, exchange, not motions.active)
 
+    def follow(self) -> Sample:
+        """Return the next sample while a drive moves by itself, as in homing.
+
+        Statuswords, emergencies and heartbeats are watched as in `sample`; where the axes go is
+        not, since only the drive knows.
+        """
+        time = self._exchange.sync()
+        self._heartbeats.service()
+        self._attend(self._exchange.words)
+        self._trips.arm(time, self._exchange.positions)
+        return self._readout.sample(time, self._exchange, reached=False)
+
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
         self._motions.halt()
 
     def _connect(self) -> None:
         drives = self._drives
-        self._pacing = choose_pacing(self._bus, self._requested, self._period)
-        network = PumpedNetwork(self._bus, synchronous=self._pacing.synchronous)
+        answers = [pdo.cob_id for axis in drives.axes for pdo in transmitted(axis)]
+        self._channel = sync_channel(self._bus, self._requested, self._period, answers)
+        self._pacing = choose_pacing(self._channel, self._requested, self._period)
+        network = PumpedNetwork(self._channel, synchronous=self._pacing.synchronous)
+        if isinstance(self._channel, KernelSync):
+            self._channel.deliver = network.dispatch
         self._servers = [SdoServer(network, axis.node, axis.name) for axis in drives.axes]
         self._supervision = Supervision(network, self._servers)
         self._exchange = Exchange(network, drives.axes, self._pacing)
@@ -208,6 +237,7 @@ class CanopenDriveBus:
         self._running = False
         self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
         self._trips = Trips(drives.axes, self._period)
+        self._gaps = Gaps(network, self._servers, self._heartbeats)
         self._words: tuple[int, ...] = ()
 
     def _admit(self) -> None:
@@ -219,9 +249,7 @@ class CanopenDriveBus:
             self._commissioned,
             reset_faults=self._reset_faults,
         )
-        self.notes = tuple(note for server in self._servers for note in server.notes)
-        for note in self.notes:
-            log.warning("%s", note)
+        self._note(note for server in self._servers for note in server.notes)
 
     def _start(self) -> None:
         for server in self._servers:
@@ -253,20 +281,42 @@ class CanopenDriveBus:
     def _attend(self, words: tuple[int, ...]) -> None:
         self._words = words
         self._readout.note_limits(words)
-        trouble = self._heartbeats.trouble or self._supervision.judge(words)
-        if trouble:
-            self._fail(trouble)
+        if self._heartbeats.trouble:
+            self._fail(self._heartbeats.trouble)
+        lost = self._supervision.lost(words)
+        if lost is not None:
+            self._stop()  # first of all: the drive may have to be asked for the reason
+            raise self._supervision.diagnose(self._servers[lost], words[lost])
+        self._note(self._supervision.warnings())
 
     def _fail(self, trouble: DriveError) -> NoReturn:
+        self._stop()
+        raise trouble
+
+    def _stop(self) -> None:
         self._words = ()
         self._motions.active.clear()
         self._power.stop()
-        raise trouble
+
+    def _note(self, notes: Iterable[str]) -> None:
+        new = tuple(notes)
+        self.notes += new
+        for note in new:
+            log.warning("%s", note)
+
+    def _note_offsets(self, when: str) -> None:
+        self._note(offsets(self._exchange, self._drives.axes, self._exchange.sync, when))
 
     def _leave(self, error: BaseException | None) -> None:
         with interrupts_held():
-            problems = self._power.power_down(self._commissioned, running=self._running)
+            problems = self._power.power_down(
+                self._commissioned,
+                running=self._running,
+                when_off=lambda: self._note_offsets("after power-off"),
+            )
             self._commissioned, self._running = [], False
+            if self._channel is not self._bus:
+                self._channel.shutdown()
             if self._owns_bus:
                 self._bus.shutdown()
             text = "powering off is incomplete, press the emergency stop: " + "; ".join(problems)
