@@ -58,6 +58,7 @@ class Heartbeats:
         now: Callable[[], float],
     ) -> None:
         self.due = -math.inf
+        self._next_beat = -math.inf
         self.trouble: NodeSilent | None = None
         self._network = network
         self._frame = can.Message(
@@ -78,16 +79,21 @@ class Heartbeats:
 
     def beat(self) -> None:
         """Send our heartbeat if it is due."""
-        now = self._now()
-        if now >= self.due:
-            self.due = now + self._period
-            self._network.send_frame(self._frame)
+        if self._now() >= self._next_beat:
+            self.hurry()
+
+    def hurry(self) -> None:
+        """Send our heartbeat, due or not."""
+        self._next_beat = self._now() + self._period
+        self._network.send_frame(self._frame)
 
     def service(self) -> None:
         """Send our heartbeat if it is due, and look who is overdue."""
         self.beat()
         now = self._now()
-        if self._heard and self.trouble is None and now - min(self._heard.values()) > self._timeout:
+        last = min(self._heard.values(), default=math.inf)
+        self.due = min(self._next_beat, last + self._timeout)
+        if self.trouble is None and now - last >= self._timeout:
             node = min(self._heard, key=self._heard.__getitem__)
             self.trouble = NodeSilent(
                 f"{self._labels[node]}: no heartbeat for {now - self._heard[node]:.3g} s (limit "

@@ -37,6 +37,7 @@ SETTLED = 10
 """Samples without motion after which an axis counts as resting when powering off."""
 
 _ENERGISED = frozenset({State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE})
+_SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT})
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _STOPPING = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE})
 
@@ -120,7 +121,13 @@ class Power:
             for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
                 self._step(axis, server, state, goal, late=late)
 
-    def power_down(self, commissioned: Sequence[SdoServer], *, running: bool) -> list[str]:
+    def power_down(
+        self,
+        commissioned: Sequence[SdoServer],
+        *,
+        running: bool,
+        when_off: Callable[[], None] = lambda: None,
+    ) -> list[str]:
         """Stop all axes and switch off every drive; never raises an `Exception`.
 
         Parameters
@@ -129,6 +136,8 @@ class Power:
             The drives that we have configured.
         running : bool
             Process data is being exchanged, so that axes can be stopped first.
+        when_off : callable
+            Called when all are off and process data still come.
 
         Returns
         -------
@@ -139,11 +148,15 @@ class Power:
         if running:
             self._attempt(problems, "stopping", lambda: self._command_all(Command.QUICK_STOP))
             self._attempt(problems, "waiting for standstill", self._await_rest)
-            self._attempt(problems, "off", lambda: self._command_all(Command.DISABLE_VOLTAGE))
+            self._attempt(problems, "off", self._disable_all)
+        shown_off = self._shown_off() if running else []
         for server in commissioned:
-            self._attempt(problems, "switching off", partial(self._off, server))
-        for server in commissioned:
-            self._attempt(problems, "releasing", partial(_release, server))
+            if server not in shown_off:
+                self._attempt(problems, "switching off", partial(self._off, server))
+        if running and not problems:
+            self._attempt(problems, "off", when_off)
+        for server in commissioned:  # one that cannot be told misses our heartbeat, nothing worse
+            self._attempt([], "releasing", partial(_release, server))
         return problems
 
     def stop(self) -> None:
@@ -209,6 +222,24 @@ class Power:
     def _command_all(self, command: Command) -> None:
         for axis in range(len(self._servers)):
             self._command(axis, command)
+
+    def _disable_all(self) -> None:
+        self._command_all(Command.DISABLE_VOLTAGE)
+        for _ in range(SETTLED):
+            self._exchange.sync()
+            if len(self._shown_off()) == len(self._servers):
+                return
+
+    def _shown_off(self) -> list[SdoServer]:
+        """Drives whose last TPDO showed them off; they need no answer to a request as well."""
+        exchange = self._exchange
+        return [
+            server
+            for server, word, flag in zip(
+                self._servers, exchange.words, exchange.flags, strict=True
+            )
+            if decode_state(word) in _SHOWN_OFF and not flag & SampleFlag.MISSING
+        ]
 
     def _await_rest(self) -> None:
         rests = [Standstill(band, SETTLED) for band in self._bands]

@@ -1,7 +1,8 @@
 """Judging statuswords and emergencies: is every drive still with us, and if not, why not.
 
-While axes are powered, each drive must show OPERATION ENABLED. Anything else, and any emergency
-object (EMCY), is trouble; the judgement names axis, state, error code in words and remedy.
+While axes are powered, each drive must show OPERATION ENABLED. Anything else is trouble; the
+diagnosis names axis, state, error code in words and remedy, and may have to ask the drive for it.
+An emergency object (EMCY) of a drive that works on is a warning, to be noted.
 """
 
 from __future__ import annotations
@@ -35,13 +36,16 @@ class Supervision:
     Attributes
     ----------
     emergency : bool
-        An emergency has come that has not gone.
+        An emergency has come of which it is not yet told whether it was a warning.
     """
 
     def __init__(self, network: PumpedNetwork, servers: Sequence[SdoServer]) -> None:
         self.emergency = False
         self._servers = servers
         self._emergencies: dict[int, Emergency] = {}
+        self._fresh: list[tuple[int, Emergency]] = []
+        self._settling: list[tuple[int, Emergency]] = []
+        self._told: set[tuple[int, int]] = set()
         for server in servers:
             network.subscribe(0x80 + server.node, self._on_emergency)
 
@@ -49,18 +53,31 @@ class Supervision:
         """Forget emergencies of the time before the drives were switched on."""
         self.emergency = False
         self._emergencies.clear()
+        self._fresh.clear()
+        self._settling.clear()
 
-    def judge(self, statuswords: Sequence[int]) -> DriveError | None:
-        """Return what is wrong with powered drives, None if nothing is."""
-        for server, word in zip(self._servers, statuswords, strict=True):
-            state = decode_state(word)
-            if state is not State.OPERATION_ENABLED:
-                return self.diagnose(server, word)
-        for server in self._servers:
-            emergency = self._emergencies.get(server.node)
-            if emergency is not None:
-                return DriveFault(f"{server.label}: emergency {emergency}; see the drive's manual")
+    def lost(self, statuswords: Sequence[int]) -> int | None:
+        """Return the first axis that is not in OPERATION ENABLED, None if all are."""
+        for axis, word in enumerate(statuswords):
+            if decode_state(word) is not State.OPERATION_ENABLED:
+                return axis
         return None
+
+    def warnings(self) -> list[str]:
+        """Return the emergencies of drives that worked on, each once.
+
+        To be called at every SYNC while `emergency`. A fault may show in the statusword one SYNC
+        after its emergency, so each waits for that long.
+        """
+        settled, self._settling, self._fresh = self._settling, self._fresh, []
+        self.emergency = bool(self._settling)
+        labels = {server.node: server.label for server in self._servers}
+        found = []
+        for node, emergency in settled:
+            if (node, emergency.code) not in self._told:
+                self._told.add((node, emergency.code))
+                found.append(f"{labels[node]}: warning {emergency}; see the drive's manual")
+        return found
 
     def diagnose(self, server: SdoServer, statusword: int) -> DriveError:
         """Put into words why a drive is not in OPERATION ENABLED."""
@@ -96,6 +113,7 @@ class Supervision:
         emergency = decode_emergency(data)
         if emergency.code & 0xFF00:
             self._emergencies[can_id - 0x80] = emergency
+            self._fresh.append((can_id - 0x80, emergency))
+            self.emergency = True
         else:
             self._emergencies.pop(can_id - 0x80, None)
-        self.emergency = bool(self._emergencies)

@@ -580,12 +580,19 @@ def test_a_fault_without_emergency_is_told_from_the_drives_error_code(
     assert "3210 (DC link over-voltage)" in str(error)
 
 
-def test_an_emergency_alone_stops_all_axes(can_bus: Any, drive_bus: CanopenDriveBus) -> None:
-    def warn() -> None:
-        can_bus.network.emit(0x83, b"\x10\x42" + bytes(6))
-
-    error = trouble(can_bus, drive_bus, warn)
-    assert "joint 3 (node 3): emergency 4210 (device temperature too high)" in str(error)
+def test_an_emergency_of_a_drive_that_works_on_is_noted_once_and_stops_nothing(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with drive_bus:
+        for _ in range(3):
+            can_bus.network.emit(0x83, b"\x10\x42" + bytes(6))
+            drive_bus.sample()
+        for _ in range(3):
+            drive_bus.sample()
+        warnings = [note for note in drive_bus.notes if "warning" in note]
+        (warning,) = warnings
+        assert "joint 3 (node 3): warning 4210 (device temperature too high)" in warning
+        assert all(drive.state == "enabled" for drive in can_bus.drives.values())
 
 
 def test_a_drive_that_switches_off_by_itself_stops_all_axes(
