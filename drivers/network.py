@@ -29,6 +29,9 @@ SEND_BACK_OFF = 0.001
 """Time between two attempts to send [s]."""
 
 _ABORTED = 0x80
+_SDO_SIZE = 8
+_INITIATING = frozenset({1, 2})
+"""Command specifiers of requests whose answer repeats index and sub-index."""
 
 
 class PumpedNetwork(Network):
@@ -145,17 +148,21 @@ class PumpedSdoClient(SdoClient):
         self._pumped = network
         self._timeout = timeout
         self._answers: list[bytes] = []
+        self._object: bytes | None = None
         network.subscribe(self.tx_cobid, self.on_response)
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Take an answer from the network."""
+        """Take an answer from the network, unless it is none to what was asked."""
         del can_id, timestamp
-        self._answers.append(bytes(data))
+        if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
+            self._answers.append(bytes(data))
 
     def request_response(self, sdo_request: bytes) -> bytes:
         """Send a request and wait for its answer; answers to earlier requests are dropped."""
         self._pumped.pump(0.0)
         self._answers.clear()
+        names_object = sdo_request[0] >> 5 in _INITIATING
+        self._object = bytes(sdo_request[1:4]) if names_object else None
         self.send_request(sdo_request)  # type: ignore[no-untyped-call]
         return self.read_response()
 
@@ -170,8 +177,6 @@ class PumpedSdoClient(SdoClient):
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
             raise SdoCommunicationError("No SDO response received")
         answer = self._answers.pop(0)
-        if len(answer) < 8:
-            raise SdoCommunicationError(f"SDO response of {len(answer)} bytes instead of 8")
         if answer[0] == _ABORTED:
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
         return answer
