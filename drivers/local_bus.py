@@ -4,7 +4,8 @@
 channel's folder, and a frame goes to all the others as the kernel's ``struct can_frame``. There is
 no server. Frames arrive whole, in the order in which they were sent, and none is lost: a full queue
 lets the sender wait, as a bus under load would, and it goes on receiving meanwhile, so that two
-who send to each other do not wait for ever. A peer whose process died is dropped at the next frame.
+who send to each other do not wait for ever. A peer who hangs misses what does not fit into its
+queue, as the receiver of a CAN node would; one whose process died is dropped at the next frame.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from can.typechecking import CanFilters, Channel
 
 PATIENCE = 0.25
-"""How long a peer may leave its queue full before sending fails [s]."""
+"""How long a peer may leave its queue full before it counts as hanging [s]."""
 
 SLICE = 0.001
 """How often a waiting sender looks for frames that it must take out of others' way [s]."""
@@ -66,6 +67,7 @@ class LocalBus(can.BusABC):
         self._echo = receive_own_messages
         self._inbox: deque[tuple[float, bytes]] = deque()
         self._peers: dict[Path, socket.socket] = {}
+        self._hanging: set[Path] = set()
         self._seen = -1
         self._address = self._folder / f"{os.getpid()}-{next(_numbers)}"
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -95,7 +97,7 @@ class LocalBus(can.BusABC):
         Raises
         ------
         can.CanOperationError
-            The bus is shut down, a peer does not read, or the frame is no classical CAN frame.
+            The bus is shut down, or the frame is no classical CAN frame.
         """
         if msg.is_fd:
             raise can.CanOperationError("no CAN FD on a local channel: send classical frames")
@@ -159,29 +161,20 @@ class LocalBus(can.BusABC):
         )
 
     def _pass(self, frame: bytes, address: Path, peer: socket.socket, patience: float) -> None:
-        try:
-            peer.send(frame)
-        except BlockingIOError:
-            self._wait(frame, address, peer, patience)
-        except (ConnectionError, FileNotFoundError):
-            self._drop(address)
-
-    def _wait(self, frame: bytes, address: Path, peer: socket.socket, patience: float) -> None:
-        ends = time.monotonic() + patience
-        while time.monotonic() < ends:
-            self._collect()
-            select.select([], [peer], [], SLICE)
+        """Put a frame into a peer's queue; one that hangs is not waited for again."""
+        ends = time.monotonic() + (0.0 if address in self._hanging else patience)
+        while True:
             try:
                 peer.send(frame)
             except BlockingIOError:
-                continue
+                if time.monotonic() >= ends:
+                    return self._hanging.add(address)
+                self._collect()
+                select.select([], [peer], [], SLICE)
             except (ConnectionError, FileNotFoundError):
-                self._drop(address)
-            return
-        raise can.CanOperationError(
-            f"{self.channel_info}: {address.name.partition('-')[0]} (process) does not read its"
-            f" frames; the queue was full for {patience:g} s"
-        )
+                return self._drop(address)
+            else:
+                return self._hanging.discard(address)
 
     def _announce(self) -> None:
         """Stamp the folder with an instant of its own; its time stamps alone are too coarse."""

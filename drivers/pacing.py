@@ -5,7 +5,8 @@ lock-step the next SYNC follows as soon as all answers to the last one are in, a
 in periods: a simulation runs as fast as it can and gives the same result every time. On a real bus
 SYNCs keep absolute deadlines of the wall clock. A deadline that was missed is skipped and counted,
 never made up for, since a burst of SYNCs would make the drives latch at wrong instants. After a
-long pause (the caller wrote files, say) the grid of deadlines starts anew.
+long pause (the caller wrote files, say) the grid of deadlines starts anew. Where the kernel can
+send SYNC it does, and the deadlines are its business (`drivers.kernel_sync`).
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ import math
 import time
 from typing import TYPE_CHECKING, Literal, Protocol
 
+from drivers.kernel_sync import KernelSync, can_send_sync
+
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection
 
     import can
 
@@ -148,10 +151,80 @@ class WallClock:
         return max(0.0, self._window_ends - self._clock())
 
 
+class KernelClock:
+    """The kernel's deadlines: SYNC comes by itself, and its instant with it.
+
+    Parameters
+    ----------
+    bus : KernelSync
+        Where it comes.
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        The one that the bus goes by [s].
+    """
+
+    def __init__(
+        self, bus: KernelSync, period: float, *, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.synchronous = False
+        self._bus = bus
+        self._period = period
+        self._clock = clock
+        self._start = clock()
+
+    @property
+    def skipped(self) -> int:
+        """SYNCs that were left out or lost."""
+        return self._bus.skipped
+
+    @skipped.setter
+    def skipped(self, number: int) -> None:
+        self._bus.skipped = number
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock() - self._start
+
+    def due(self) -> float:
+        """Return 0: the bus waits for SYNC."""
+        return 0.0
+
+    def sent(self) -> float:
+        """Return the instant of the SYNC that was waited for [s]."""
+        return self._bus.instant - self._start
+
+    def window(self) -> float:
+        """How long answers may still take [s]."""
+        if self._bus.overdue:
+            return 0.0
+        return max(0.0, self._bus.instant + WINDOW * self._period - self._clock())
+
+
 def clock_of(bus: can.BusABC) -> Callable[[], float]:
     """Return what tells a bus's time [s]: its own ``clock`` if it has one, as a replayed one."""
     clock: Callable[[], float] = getattr(bus, "clock", time.perf_counter)
     return clock
+
+
+def sync_channel(
+    bus: can.BusABC, requested: PacingName, period: float, answers: Collection[int]
+) -> can.BusABC:
+    """Return the bus itself, or one on it where the kernel sends SYNC; `choose_pacing` knows it.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+    requested : {"auto", "lock-step", "wall-clock"}
+        As for `choose_pacing`.
+    period : float
+        Time between two SYNCs [s].
+    answers : collection of int
+        Identifiers of the TPDOs that answer a SYNC.
+    """
+    if requested == "lock-step" or not can_send_sync(bus):
+        return bus
+    return KernelSync(bus, period, answers, pause=PAUSE)
 
 
 def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Pacing:
@@ -164,10 +237,12 @@ def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Paci
     requested : {"auto", "lock-step", "wall-clock"}
         "auto" takes lock-step where the bus offers it and the wall clock elsewhere. "lock-step" on
         another bus sends the next SYNC when all answers are in, for a plant behind that bus whose
-        time is SYNC.
+        time is SYNC. The wall clock is the kernel's on a bus of `sync_channel` that has one.
     period : float
         Time between two SYNCs [s].
     """
+    if isinstance(bus, KernelSync):
+        return KernelClock(bus, period)
     synchronous = getattr(bus, "lock_step", False) is True
     if requested == "lock-step" or (requested == "auto" and synchronous):
         return LockStep(period, synchronous=synchronous, clock=clock_of(bus))

@@ -1,0 +1,179 @@
+"""SYNC from the kernel: Linux's broadcast manager sends it, however busy this process is.
+
+The broadcast manager keeps absolute deadlines by a timer in the kernel and leaves out what it
+missed. `KernelSync` starts it on a socketcan bus and lets the driver work as if it sent SYNC by
+itself: "sending" one means to wait for the kernel's next, which the kernel hands back like any
+frame of another socket, with the instant at which it went out. Whoever is busy meanwhile, with an
+SDO say, loses nothing: every SYNC and the TPDOs behind it wait in the order of their arrival. After
+a long pause they are dropped, since nobody wants the past then. If this process dies, so does SYNC.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import can
+from can.interfaces.socketcan import SocketcanBus
+
+from drivers.drive_bus import BusUnavailable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+SYNC_ID = 0x80
+
+SILENCE = 0.5
+"""How long the kernel's SYNC may stay away, beyond three periods, before the bus is down [s]."""
+
+AT_ONCE = 50e-6
+"""Two readings of clocks that lie closer together were not interrupted [s]."""
+
+
+def can_send_sync(bus: can.BusABC) -> bool:
+    """Whether the kernel can send SYNC on this bus."""
+    return isinstance(bus, SocketcanBus)
+
+
+class KernelSync(can.BusABC):
+    """A bus on which the kernel sends SYNC and `send` of a SYNC waits for it.
+
+    Parameters
+    ----------
+    inner : can.BusABC
+        A socketcan bus; stays open when this one is shut down.
+    period : float
+        Time between two SYNCs [s].
+    answers : collection of int
+        Identifiers of the TPDOs that answer a SYNC.
+    pause : float
+        A caller who stays away longer wants nothing of the past [s].
+    clock, wall : callable
+        Monotonic time; time of the frames' time stamps [s].
+
+    Attributes
+    ----------
+    deliver : callable
+        Takes frames that arrive while a SYNC is waited for.
+    instant : float
+        When the last SYNC went out, by `clock` [s].
+    skipped : int
+        SYNCs that the kernel left out, or that were lost on their way to us.
+    """
+
+    def __init__(
+        self,
+        inner: can.BusABC,
+        period: float,
+        answers: Collection[int],
+        *,
+        pause: float,
+        clock: Callable[[], float] = time.perf_counter,
+        wall: Callable[[], float] = time.time,
+    ) -> None:
+        self.deliver: Callable[[can.Message], None] = _ignore
+        self.instant = clock()
+        self.skipped = 0
+        self.channel_info = inner.channel_info
+        self._inner = inner
+        self._period = period
+        self._pause = pause
+        self._answers = frozenset(answers)
+        self._clock = clock
+        self._wall = wall
+        self._offset = clock() - wall()
+        self._task: can.CyclicSendTaskABC | None = None
+        self._waiting: deque[can.Message] = deque()
+        self._returned = clock()
+        self._counting = False
+        super().__init__(inner.channel_info)
+
+    @property
+    def overdue(self) -> bool:
+        """The next SYNC is here already: nobody need wait for answers to the last one."""
+        return bool(self._waiting) and self._waiting[0].arbitration_id == SYNC_ID
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame; a SYNC is waited for instead.
+
+        Raises
+        ------
+        drivers.drive_bus.BusUnavailable
+            The kernel's SYNC stays away.
+        """
+        if msg.arbitration_id != SYNC_ID or msg.is_extended_id:
+            return self._inner.send(msg, timeout)
+        if self._task is None:
+            sync = can.Message(arbitration_id=SYNC_ID, is_extended_id=False)
+            self._task = self._inner.send_periodic(sync, self._period)
+            self._forget()
+        elif self._clock() - self._returned > self._pause:
+            self._forget()
+        self._take(self._await_sync())
+        self._returned = self._clock()
+        return None
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive a frame that is no SYNC; a TPDO only once its SYNC has been waited for."""
+        if self._waiting and not self.overdue:
+            return self._waiting.popleft()
+        while (frame := self._inner.recv(timeout)) is not None:
+            if self._is_ours(frame):
+                self._waiting.append(frame)
+                timeout = 0.0
+            elif self._waiting and frame.arbitration_id in self._answers:
+                self._waiting.append(frame)
+            else:
+                return frame
+        return None
+
+    def shutdown(self) -> None:
+        """Stop the kernel's SYNC; the inner bus stays open."""
+        super().shutdown()
+        if self._task is not None:
+            with suppress(OSError, can.CanError):
+                self._task.stop()
+
+    def _await_sync(self) -> can.Message:
+        ends = self._clock() + 3 * self._period + SILENCE
+        while not self.overdue:
+            left = ends - self._clock()
+            if left <= 0:
+                raise BusUnavailable(
+                    f"{self.channel_info}: no SYNC came back from the kernel for"
+                    f" {3 * self._period + SILENCE:.2g} s; check cable and termination, and that"
+                    " the interface is up (ip -details link)"
+                )
+            frame = self.recv(left)
+            if frame is not None:
+                self.deliver(frame)
+        return self._waiting.popleft()
+
+    def _take(self, sync: can.Message) -> None:
+        before, last = self._clock(), self.instant
+        wall = self._wall()
+        if self._clock() - before < AT_ONCE:
+            self._offset = before - wall
+        self.instant = sync.timestamp + self._offset
+        if self._counting:
+            self.skipped += max(0, round((self.instant - last) / self._period) - 1)
+        self._counting = True
+
+    def _forget(self) -> None:
+        """Drop the past: the SYNCs and TPDOs that nobody waited for."""
+        self._waiting.clear()
+        while (frame := self._inner.recv(0.0)) is not None:
+            if not (self._is_ours(frame) or frame.arbitration_id in self._answers):
+                self.deliver(frame)
+        self._counting = False
+
+    @staticmethod
+    def _is_ours(frame: can.Message) -> bool:
+        """Whether this is a SYNC of this machine and not of another master."""
+        return frame.arbitration_id == SYNC_ID and not (frame.is_rx or frame.is_extended_id)
+
+
+def _ignore(_frame: can.Message) -> None:
+    pass
