@@ -112,7 +112,10 @@ def review(dictionary: Dictionary) -> Review:
     """
     profile = _profile(dictionary)
     if profile not in {None, DRIVE_PROFILE}:
-        return _no_drive(dictionary.source, profile)
+        named = PROFILES.get(profile or 0, "no drive")
+        return _no_drive(dictionary.source, profile, f"says device profile {profile} ({named})")
+    if _commandless(dictionary):
+        return _no_drive(dictionary.source, profile, "has neither controlword nor statusword")
     modes = _modes(dictionary)
     candidates = current_candidates(dictionary)
     usable = [candidate for candidate in candidates if candidate.usable]
@@ -136,13 +139,15 @@ def _profile(dictionary: Dictionary) -> int | None:
     return None if number is None else number & 0xFFFF
 
 
-def _no_drive(source: str, profile: int | None) -> Review:
-    finding = Finding(
-        str(objects.DEVICE_TYPE),
-        f"says device profile {profile} ({PROFILES.get(profile or 0, 'no drive')})",
-        "it is no CiA 402 drive and is left alone",
-        fatal=True,
-    )
+def _commandless(dictionary: Dictionary) -> bool:
+    keys = {(entry.index, entry.subindex) for entry in (objects.CONTROLWORD, objects.STATUSWORD)}
+    known = {*dictionary.entries, *dictionary.unanswered, *dictionary.damaged}
+    return not keys & known
+
+
+def _no_drive(source: str, profile: int | None, problem: str) -> Review:
+    so = "it is no CiA 402 drive and is left alone"
+    finding = Finding("the device", problem, so, fatal=True)
     return Review(source, profile, None, (), None, Mapping(None, None, None), (finding,))
 
 

@@ -19,7 +19,7 @@ from rich.console import Console
 
 from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
-from hil.cli import commissioning
+from hil.cli import commissioning, first_steps
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS, load_robot
@@ -43,6 +43,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(first_steps.commands)
 app.add_typer(commissioning.commands)
 out = Console()
 

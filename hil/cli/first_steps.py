@@ -1,0 +1,252 @@
+"""The first commands at a strange bus: who is there, and a drives file to begin with.
+
+Both only read. A scan sends nothing but reading SDO requests; a drives file is drafted from the
+makers' data sheets, or from what the scanned drives say of themselves.
+"""
+
+from __future__ import annotations
+
+import re
+from contextlib import contextmanager
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from drivers.cia402 import State, decode_state
+from drivers.drive_bus import DriveRefused, NodeSilent
+from drivers.objects import STATUSWORD
+from drivers.yaml_file import UNSTATED, FileError
+from hil.measuring.atomic_file import write_file
+from hil.measuring.run_journal import SIMULATED
+from hil.planning.dry_run import BITRATE
+from hil.terminal import scan_view
+from hil.terminal.run_command import bus_options
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import can
+
+    from drivers.probing.bus_scan import FoundNode, Scan
+    from drivers.probing.drives_draft import DraftedAxis
+
+commands = typer.Typer()
+drives_commands = typer.Typer(help="Write drives files.", no_args_is_help=True)
+commands.add_typer(drives_commands, name="drives")
+out = Console()
+
+PLANT = "manutec-r15"
+HIGHEST_NODE = 127
+
+Channel = Annotated[str | None, typer.Option(help="Its channel, such as can0.")]
+BusOptions = Annotated[
+    list[str] | None,
+    typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
+]
+Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="Of the bus [bit/s].")]
+Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
+
+
+@commands.command()
+def scan(
+    interface: Annotated[str, typer.Option(help="python-can's interface.")] = SIMULATED,
+    channel: Channel = None,
+    bus_option: BusOptions = None,
+    bitrate: Bitrate = BITRATE,
+    nodes: Nodes = None,
+) -> None:
+    """Find the nodes on a bus and what they lack for measuring; only reads."""
+    found = _scanned(interface, channel, bus_option, bitrate, _numbers(nodes))
+    scan_view.render([_row(node) for node in found.nodes.values()], out)
+    if found.syncs:
+        out.print(
+            f"{found.syncs} SYNCs of another master were heard: stop it before measuring",
+            style="yellow",
+            highlight=False,
+        )
+
+
+@drives_commands.command()
+def new(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Drives file to write.")],
+    eds: Annotated[
+        list[Path] | None, typer.Option(help="EDS or DCF of a drive, may be repeated.")
+    ] = None,
+    nodes: Nodes = None,
+    interface: Annotated[
+        str | None, typer.Option(help="python-can's interface, to ask the drives instead.")
+    ] = None,
+    channel: Channel = None,
+    bus_option: BusOptions = None,
+    bitrate: Annotated[
+        int | None, typer.Option(min=10_000, max=1_000_000, help="Of the bus [bit/s].")
+    ] = None,
+) -> None:
+    """Write a first drives file from data sheets, and tell what is to be stated in it."""
+    from drivers.probing.drives_draft import draft_drives  # noqa: PLC0415 - slow to import
+
+    if (eds is None) == (interface is None):
+        raise typer.BadParameter("give data sheets with --eds, or a bus with --interface")
+    if output.exists():
+        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    if interface is None:
+        axes = _from_sheets(eds or [], _numbers(nodes))
+    else:
+        bitrate = bitrate or BITRATE
+        axes = _from_bus(interface, channel, bus_option, bitrate, _numbers(nodes))
+    text = draft_drives(axes, bitrate)
+    write_file(output, text.encode())
+    for number, axis in enumerate(axes, start=1):
+        chosen = axis.review.current
+        why = f"{chosen.place}: {chosen.why}" if chosen else "none found, to be stated"
+        _tell(f"joint {number}, {axis.dictionary.source}: current from {why}")
+    marks = text.count(f": {UNSTATED} ")
+    _tell(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
+
+
+def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
+    """Read data sheets: one for all nodes, or as many as there are nodes."""
+    from drivers.probing.dictionary_review import review  # noqa: PLC0415 - slow to import
+    from drivers.probing.drives_draft import DraftedAxis  # noqa: PLC0415 - slow to import
+    from drivers.probing.eds_file import read_eds  # noqa: PLC0415 - slow to import
+
+    if nodes and len(files) == 1:
+        files = [*files] * len(nodes)
+    if nodes and len(nodes) != len(files):
+        raise typer.BadParameter(
+            f"{len(nodes)} nodes and {len(files)} data sheets: give one sheet for all nodes or as"
+            " many as nodes"
+        )
+    axes = []
+    for number, file in enumerate(files):
+        dictionary = read_eds(file, nodes[number] if nodes else None)
+        axes.append(DraftedAxis(dictionary, review(dictionary), dictionary.node))
+    return axes
+
+
+def _from_bus(
+    interface: str,
+    channel: str | None,
+    pairs: list[str] | None,
+    bitrate: int,
+    nodes: tuple[int, ...],
+) -> list[DraftedAxis]:
+    """Ask the drives; without node numbers all drives that are found."""
+    from drivers.probing.drives_draft import DraftedAxis  # noqa: PLC0415 - slow to import
+
+    found = _scanned(interface, channel, pairs, bitrate, nodes).nodes
+    silent = [node for node in nodes or found if node not in found or not found[node].dictionary]
+    if silent and nodes:
+        raise NodeSilent(
+            f"node {', '.join(map(str, silent))}: answers no SDO; check its power, its number, the"
+            " bit rate and the CAN wiring"
+        )
+    axes = [
+        DraftedAxis(node.dictionary, node.review, node.node)
+        for node in found.values()
+        if node.dictionary and node.review and (nodes or node.review.profile in {None, 402})
+    ]
+    if not axes:
+        raise DriveRefused("no CiA 402 drive on the bus; `hil scan` shows what there is")
+    return axes
+
+
+def _scanned(
+    interface: str,
+    channel: str | None,
+    pairs: list[str] | None,
+    bitrate: int,
+    nodes: tuple[int, ...],
+) -> Scan:
+    from drivers.probing.bus_scan import NODES, scan_bus  # noqa: PLC0415 - slow to import
+
+    with _bus(interface, channel, pairs, bitrate) as bus:
+        found = scan_bus(bus, only=nodes or NODES)
+    if not found.nodes:
+        asked = f"node {', '.join(map(str, nodes))}" if nodes else "any of 127 node numbers"
+        raise NodeSilent(
+            f"{interface} {channel or PLANT}: nothing was heard of {asked}; check the drives'"
+            f" power, the bit rate ({bitrate} bit/s), termination and CAN wiring"
+        )
+    return found
+
+
+@contextmanager
+def _bus(
+    interface: str, channel: str | None, pairs: list[str] | None, bitrate: int
+) -> Iterator[can.BusABC]:
+    from drivers.open_bus import open_can_bus  # noqa: PLC0415 - slow to import
+
+    if channel is None and interface != SIMULATED:
+        raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
+    options = {"bitrate": bitrate, **bus_options(pairs or [])}
+    with open_can_bus(interface, channel or PLANT, options) as bus:
+        yield bus
+
+
+def _numbers(text: str | None) -> tuple[int, ...]:
+    """Return node numbers of a list such as 1-6,9; none for no list."""
+    numbers: list[int] = []
+    for part in filter(None, (text or "").replace(" ", "").split(",")):
+        found = re.fullmatch(r"(\d{1,3})(?:-(\d{1,3}))?", part)
+        first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+        if not 1 <= first <= last <= HIGHEST_NODE:
+            raise typer.BadParameter(f"--nodes {part} must be numbers of 1 to 127, such as 1-6,9")
+        numbers += range(first, last + 1)
+    return tuple(numbers)
+
+
+def _row(found: FoundNode) -> scan_view.NodeRow:
+    heard = (
+        (f"heartbeat ({found.state})", bool(found.state) and found.state != "boot-up"),
+        ("boot-up", bool(found.boots)),
+        ("EMCY", bool(found.emergencies)),
+        ("SDO", bool(found.answers)),
+    )
+    about, review = found.dictionary, found.review
+    identity = (about.vendor, about.product, about.revision) if about else ()
+    modes = review.modes if review else None
+    return scan_view.NodeRow(
+        found.node,
+        ", ".join(how for how, true in heard if true),
+        about.model if about else "",
+        ", ".join("?" if part is None else f"{part:X}h" for part in identity),
+        ", ".join(mode.name.replace("_", " ").lower() for mode in modes or ()),
+        _state(found),
+        "unknown" if review is None else "yes" if review.serves else "no",
+        tuple(_remarks(found)),
+    )
+
+
+def _state(found: FoundNode) -> str:
+    word = found.dictionary.value(STATUSWORD) if found.dictionary else None
+    state = None if word is None else decode_state(word)
+    return "" if state is None else state.value
+
+
+def _remarks(found: FoundNode) -> Iterator[scan_view.Remark]:
+    if found.answers > 1:
+        yield scan_view.Remark(
+            f"{found.answers} devices answer by this number: give each its own, one at a time",
+            fatal=True,
+        )
+    if _state(found) == State.OPERATION_ENABLED.value:
+        yield scan_view.Remark(
+            "is powered and may move: another master holds it, release it before measuring",
+            fatal=False,
+        )
+    if found.review is None:
+        yield scan_view.Remark(
+            "answers no SDO: a stopped node, or a master's heartbeat; a drive must be brought to "
+            "pre-operational",
+            fatal=False,
+        )
+        return
+    for finding in found.review.findings:
+        yield scan_view.Remark(str(finding), finding.fatal)
+
+
+def _tell(text: str) -> None:
+    out.print(text, highlight=False, markup=False, soft_wrap=True)
