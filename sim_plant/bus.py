@@ -18,13 +18,15 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from sim_plant.plant_channel import BITRATE, Block, PlantChannel, close_channel, open_channel
+from sim_plant.plant_channel import BITRATE, PlantChannel, close_channel, open_channel
 from sim_plant.plant_file import packaged_plants
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from can.typechecking import AutoDetectedConfig, CanFilters, Channel
+
+    from sim_plant.plant_channel import Block
 
 CHANNEL = "manutec-r15"
 
@@ -123,8 +125,8 @@ class PlantBus(can.BusABC):
         if not self._direct or self._unpacked or self._inbox.empty():
             return None
         item = self._inbox.get_nowait()
-        if isinstance(item, Block):
-            return item.frames
+        if isinstance(item, tuple):
+            return item[1]
         self._unpacked.append(item)
         return None
 
@@ -142,7 +144,7 @@ class PlantBus(can.BusABC):
     def _next(self, timeout: float | None) -> can.Message:
         while not self._unpacked:
             item = self._inbox.get(timeout=timeout)
-            if isinstance(item, Block):
+            if isinstance(item, tuple):
                 self._unpacked.extend(self._opened().messages(item))
             else:
                 self._unpacked.append(item)

@@ -9,7 +9,7 @@ SYNC stay one block until somebody reads them one by one.
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, TypeAlias
 
 import can
 
@@ -18,32 +18,21 @@ from sim_plant.plant import load_plant
 from sim_plant.slave_network import CLOCKS, FRAME, Clock, SlaveNetwork
 from sim_plant.wall_clock import TICK, WallClock
 
+Block: TypeAlias = tuple[float, bytes]
+"""Frames that follow each other on the wire: when they begin [s], consecutive ``can_frame``s."""
+
 if TYPE_CHECKING:
     import queue
     from collections.abc import Iterable
 
     from sim_plant.slave_network import Frame
 
-    Inbox = queue.SimpleQueue[can.Message | "Block"]
+    Inbox = queue.SimpleQueue[can.Message | Block]
 
 BITRATE = 1_000_000
 
 _channels: dict[str, PlantChannel] = {}
 _channels_lock = threading.Lock()
-
-
-class Block(NamedTuple):
-    """Frames that follow each other on the wire, as consecutive ``struct can_frame``.
-
-    Attributes
-    ----------
-    start : float
-        When the first of them begins [s].
-    frames : bytes
-    """
-
-    start: float
-    frames: bytes
 
 
 class PlantChannel:
@@ -122,19 +111,21 @@ class PlantChannel:
         self._wire_free = free
 
     def _deliver_block(self, frames: bytes) -> None:
-        block = Block(max(self._wire_free, self._network.time), frames)
+        now, free = self._network.time, self._wire_free
+        start = free if free > now else now
         for inbox in self.inboxes:
-            inbox.put(block)
+            inbox.put((start, frames))
         sizes = frames[4 :: FRAME.size]
         if sizes != self._block_sizes:
             self._block_sizes = sizes
             self._block_duration = sum(self._durations[size] for size in sizes)
-        self._wire_free = block.start + self._block_duration
+        self._wire_free = start + self._block_duration
 
     def messages(self, block: Block) -> list[can.Message]:
         """Take a block apart."""
-        messages, free = [], block.start
-        for identifier, size, data in FRAME.iter_unpack(block.frames):
+        free, frames = block
+        messages = []
+        for identifier, size, data in FRAME.iter_unpack(frames):
             free += self._durations[size]
             messages.append(_message(free, identifier, data[:size], self.name))
         return messages

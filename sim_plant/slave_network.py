@@ -150,7 +150,8 @@ class SlaveNetwork:
             self._latch()
         elif block.latch(self._machine.read()):
             self._attend()
-        elif not (actions or self._event_actions or self._present):
+            block.pack()
+        if not (block is None or actions or self._event_actions or self._present or self._stale):
             past, self._past = self._past, []
             return past, block.frames
         for act in actions:
@@ -159,7 +160,8 @@ class SlaveNetwork:
             now = self._timers.now
             self._present += [(now, report.identifier, report.data()) for report in reports]
         else:
-            self._present += self._frames_of(block.pack())
+            block.pack()
+            self._present += self._frames_of(block.frames)
         return self._take(), b""
 
     def _frames_of(self, block: bytes) -> list[Frame]:

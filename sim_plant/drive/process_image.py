@@ -110,10 +110,9 @@ class FrameBlock:
         """Do as `ProcessImage.latch`, and pack besides: `frames` are right if there are no news."""
         return _latch_and_pack(readings, *self._memory)
 
-    def pack(self) -> bytes:
+    def pack(self) -> None:
         """Pack what the image shows now."""
         _pack(self._image.values, self._fields, self._frames)
-        return self._frames.tobytes()
 
     @property
     def frames(self) -> bytes:
