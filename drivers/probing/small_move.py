@@ -58,6 +58,11 @@ class Stroke:
     following_error: float
 
     @property
+    def peak_torque(self) -> float:
+        """The largest torque either way [N m]."""
+        return float(np.nanmax(np.abs(self.tau)))
+
+    @property
     def cruising(self) -> NDArray[np.bool_]:
         """Which samples lie in the middle part of the way, at constant velocity; shape (n,)."""
         way = self.move.velocity**2 / self.move.acceleration / 2

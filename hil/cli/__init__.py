@@ -19,7 +19,7 @@ from rich.console import Console
 
 from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
-from hil.cli import commissioning, first_steps
+from hil.cli import commissioning, first_steps, monitoring
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS, load_robot
@@ -45,6 +45,7 @@ app = typer.Typer(
 )
 app.add_typer(first_steps.commands)
 app.add_typer(commissioning.commands)
+app.add_typer(monitoring.commands)
 out = Console()
 
 PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]

@@ -1,4 +1,4 @@
-"""Commands about the drives themselves, before a robot is measured: check, jog, home, monitor.
+"""Commands about the drives themselves, before a robot is measured: check, jog, home.
 
 Each opens a bus, hands it to a function of `drivers.probing` and shows what comes back. Motion
 needs the operator's consent, asked for at the terminal or given by ``--yes``; space, q and Esc stop
@@ -8,76 +8,123 @@ it, and Ctrl-C does. Whatever ends a command, the axes stop and are switched off
 from __future__ import annotations
 
 import math
-import signal
-from contextlib import closing, contextmanager
-from pathlib import Path
+from contextlib import closing
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from drivers.drives_file import AxisDrive, DrivesFile, load_drives
+from drivers.drives_file import load_drives
+from drivers.yaml_file import FileError
+from hil.cli import drive_commands as shared
 from hil.measuring.run_journal import SIMULATED
-from hil.model.robot import ROBOTS
 from hil.terminal import check_view
-from hil.terminal.keys import Keys
-from hil.terminal.operator import TerminalOperator
-from hil.terminal.run_command import bus_options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    import can
-
+    from drivers.drives_file import AxisDrive
     from drivers.probing.verdict import Verdict
 
 commands = typer.Typer()
-out = Console()
-
-SUFFIX = ".drives.yaml"
-
-Drives = Annotated[
-    str, typer.Argument(help="Drives file, or name of a robot whose drives file comes along.")
-]
-AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
-Interface = Annotated[str, typer.Option(help="python-can's interface.")]
-Channel = Annotated[
-    str | None, typer.Option(help="Its channel; on sim_plant by default the robot's name.")
-]
-BusOptions = Annotated[
-    list[str] | None,
-    typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
-]
-Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; ask nothing.")]
 
 
 @commands.command()
 def check(
-    drives_file: Drives,
-    interface: Interface = SIMULATED,
-    channel: Channel = None,
-    bus_option: BusOptions = None,
+    drives_file: shared.Drives,
+    interface: shared.Interface = SIMULATED,
+    channel: shared.Channel = None,
+    bus_option: shared.BusOptions = None,
     axis: Annotated[
         list[str] | None, typer.Option(help="Check this one alone, may be repeated.")
     ] = None,
     angle: Annotated[float, typer.Option(min=0.5, max=20, help="Of the small moves [deg].")] = 3.0,
     speed: Annotated[float, typer.Option(min=0.1, max=20, help="Of the small moves [deg/s].")] = 5,
-    yes: Yes = False,
+    yes: shared.Yes = False,
 ) -> None:
     """Check every drive against the drives file, at last by a small move of each axis."""
     from drivers.probing.live_check import check as check_drives  # noqa: PLC0415 - slow to import
     from drivers.probing.powered_check import SmallMoves  # noqa: PLC0415 - slow to import
 
-    drives = _selected(drives_file, axis)
+    drives = shared.selected(drives_file, axis)
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
-        _bus(drives_file, drives, interface, channel, bus_option) as bus,
-        _operator(agreed=yes) as operator,
+        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        shared.operator_at_terminal(agreed=yes) as operator,
         closing(check_drives(bus, drives, moves, operator)) as verdicts,
     ):
-        serves = check_view.show(map(_line, verdicts), out)
+        serves = check_view.show(map(_line, verdicts), shared.out)
     if not serves:
         raise typer.Exit(1)
+
+
+@commands.command()
+def jog(
+    drives_file: shared.Drives,
+    axis: shared.AxisName,
+    by: Annotated[float, typer.Option(help="How far [deg; mm if prismatic], signed.")],
+    speed: Annotated[float, typer.Option(min=0.01, help="[deg/s; mm/s if prismatic]")] = 5,
+    interface: shared.Interface = SIMULATED,
+    channel: shared.Channel = None,
+    bus_option: shared.BusOptions = None,
+    yes: shared.Yes = False,
+) -> None:
+    """Move one axis by a small relative way, slowly; no other axis is powered."""
+    from drivers.probing import jog as jogging  # noqa: PLC0415 - slow to import
+
+    drives = load_drives(shared.drives_path(drives_file))
+    drive = shared.find_axis(drives, axis)
+    with (
+        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        shared.operator_at_terminal(agreed=yes) as operator,
+    ):
+        way, velocity = _si(drive, by), _si(drive, speed)
+        stroke = jogging.jog(bus, drives, drive, way, velocity, operator)
+    torque = "N m" if drive.joint == "revolute" else "N"
+    shared.out.print(
+        f"{drive.name}: from {jogging.shown(drive, stroke.q[0])} to"
+        f" {jogging.shown(drive, stroke.q[-1])}, torque at most {stroke.peak_torque:.3g} {torque},"
+        f" following error at most {jogging.shown(drive, stroke.following_error)}; off",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+@commands.command()
+def home(
+    drives_file: shared.Drives,
+    axis: shared.AxisName,
+    method: Annotated[
+        int | None, typer.Option(min=-128, max=37, help="Method (6098) instead of the file's.")
+    ] = None,
+    patience: Annotated[float, typer.Option(min=1, help="How long it may take [s].")] = 60,
+    interface: shared.Interface = SIMULATED,
+    channel: shared.Channel = None,
+    bus_option: shared.BusOptions = None,
+    yes: shared.Yes = False,
+) -> None:
+    """Let one drive find its reference by its own homing mode; no other axis is powered."""
+    from drivers.probing import home as homing  # noqa: PLC0415 - slow to import
+    from drivers.probing.jog import shown  # noqa: PLC0415 - slow to import
+
+    path = shared.drives_path(drives_file)
+    drives = load_drives(path)
+    drive = shared.find_axis(drives, axis)
+    if drive.homing is None:
+        raise FileError(f"{path}: {drive.name}: homing is missing; state method, position, speeds")
+    how = drive.homing if method is None else drive.homing.model_copy(update={"method": method})
+    with (
+        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        shared.operator_at_terminal(agreed=yes) as operator,
+    ):
+        q = homing.home(bus, drives, drive, how, operator, patience=patience)
+    shared.out.print(
+        f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _si(drive: AxisDrive, value: float) -> float:
+    """Turn degrees into rad, or mm into m."""
+    return value / 1000 if drive.joint == "prismatic" else math.radians(value)
 
 
 def _line(verdict: Verdict) -> check_view.Line:
@@ -89,55 +136,3 @@ def _line(verdict: Verdict) -> check_view.Line:
         verdict.bound,
         verdict.remedy,
     )
-
-
-def _selected(name: str, axes: list[str] | None) -> DrivesFile:
-    """Return a drives file, or as much of it as concerns some axes."""
-    drives = load_drives(_path(name))
-    if not axes:
-        return drives
-    return drives.model_copy(update={"axes": tuple(_axis(drives, axis) for axis in axes)})
-
-
-def _axis(drives: DrivesFile, name: str) -> AxisDrive:
-    names = [axis.name for axis in drives.axes]
-    if name in names:
-        return drives.axes[names.index(name)]
-    if name.isdecimal() and 1 <= int(name) <= len(names):
-        return drives.axes[int(name) - 1]
-    raise typer.BadParameter(f"{name!r} must be one of {', '.join(names)}, or 1 to {len(names)}")
-
-
-def _path(name: str) -> Path:
-    packaged = ROBOTS / f"{name}{SUFFIX}"
-    return packaged if packaged.is_file() else Path(name)
-
-
-@contextmanager
-def _bus(
-    name: str, drives: DrivesFile, interface: str, channel: str | None, pairs: list[str] | None
-) -> Iterator[can.BusABC]:
-    """Open a bus, and shut it down whatever happens."""
-    from drivers.open_bus import open_can_bus  # noqa: PLC0415 - slow to import
-
-    if channel is None:
-        if interface != SIMULATED:
-            raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
-        channel = _path(name).name.removesuffix(SUFFIX)
-    options = {"bitrate": drives.bitrate, **bus_options(pairs or [])}
-    with open_can_bus(interface, channel, options) as bus:
-        yield bus
-
-
-@contextmanager
-def _operator(*, agreed: bool) -> Iterator[TerminalOperator]:
-    """Ask and listen at the terminal; Ctrl-C and SIGTERM end the command in order."""
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with Keys() as keys:
-            yield TerminalOperator(out, keys, agreed=agreed)
-    except KeyboardInterrupt:
-        typer.echo("stopped; the axes are off", err=True)
-        raise typer.Exit(130) from None
-    finally:
-        signal.signal(signal.SIGTERM, previous)

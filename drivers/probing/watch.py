@@ -1,0 +1,146 @@
+"""What can be seen of the drives by listening alone: states, positions, currents, emergencies.
+
+`BusPicture` takes frames and sends none, so it works beside a running master, on a bus object of
+its own. TPDOs are understood as our driver maps them (`pdo_mapping.transmitted`); one of another
+length is counted as foreign, not guessed at.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from drivers import objects
+from drivers.cia402 import State, decode_state
+from drivers.error_codes import Emergency, decode_emergency
+from drivers.pdo_mapping import transmitted
+from drivers.scaling import AxisScale
+
+if TYPE_CHECKING:
+    import can
+
+    from drivers.drives_file import DrivesFile
+    from drivers.sdo import Entry
+
+NMT_STATES = {0x00: "booting", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
+_SYNC = 0x80
+RATE_OVER = 200
+"""SYNCs over which their rate is taken."""
+
+
+@dataclass(slots=True)
+class AxisPicture:
+    """What was seen of one axis last.
+
+    Attributes
+    ----------
+    name : str
+    node : int
+    heard : float
+        When any frame of the drive came last [s]; -inf if none ever did.
+    nmt : str
+        From its heartbeat.
+    state : State or None
+        From the statusword; None while unknown.
+    q, tau : float
+        [rad or m], [N m or N]; NaN while unknown.
+    emergency : Emergency or None
+        The last one, until it is told to have gone.
+    emergencies, foreign : int
+        How many emergencies came, and how many TPDOs that are not mapped as ours.
+    """
+
+    name: str
+    node: int
+    heard: float = -math.inf
+    nmt: str = ""
+    state: State | None = None
+    q: float = math.nan
+    tau: float = math.nan
+    emergency: Emergency | None = None
+    emergencies: int = 0
+    foreign: int = 0
+
+
+@dataclass
+class BusPicture:
+    """What was seen of all axes of a drives file.
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        The axes in joint order.
+
+    Attributes
+    ----------
+    axes : list of AxisPicture
+        In joint order.
+    """
+
+    drives: DrivesFile
+    axes: list[AxisPicture] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.axes = [AxisPicture(axis.name, axis.node) for axis in self.drives.axes]
+        self._syncs: deque[float] = deque(maxlen=RATE_OVER)
+        self._tpdos = {
+            pdo.cob_id: (number, pdo.entries, pdo.size)
+            for number, axis in enumerate(self.drives.axes)
+            for pdo in transmitted(axis)
+        }
+        self._of_node = {axis.node: number for number, axis in enumerate(self.drives.axes)}
+        self._scales = [AxisScale.of(axis) for axis in self.drives.axes]
+
+    @property
+    def sync_rate(self) -> float:
+        """Of the last SYNCs [1/s], 0 if there are none."""
+        span = self._syncs[-1] - self._syncs[0] if len(self._syncs) > 1 else 0.0
+        return (len(self._syncs) - 1) / span if span > 0 else 0.0
+
+    def take(self, frame: can.Message, now: float) -> None:
+        """Take a frame, heard at `now` [s] of any steady clock."""
+        if frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id:
+            return
+        number, data = frame.arbitration_id, bytes(frame.data)
+        if number == _SYNC:
+            self._syncs.append(frame.timestamp or now)
+        elif number in self._tpdos:
+            self._take_tpdo(number, data, now)
+        elif number & 0x780 in {0x080, 0x700} and number & 0x7F in self._of_node and data:
+            axis = self.axes[self._of_node[number & 0x7F]]
+            axis.heard = now
+            if number & 0x700:
+                axis.nmt = NMT_STATES.get(data[0] & 0x7F, f"{data[0]:02X}h")
+            else:
+                _take_emergency(axis, data)
+
+    def _take_tpdo(self, number: int, data: bytes, now: float) -> None:
+        slot, entries, size = self._tpdos[number]
+        axis = self.axes[slot]
+        axis.heard = now
+        if len(data) != size:
+            axis.foreign += 1
+            return
+        for entry in entries:
+            value, data = data[: entry.size], data[entry.size :]
+            self._show(slot, entry, int.from_bytes(value, "little", signed=entry.signed))
+
+    def _show(self, slot: int, entry: Entry, value: int) -> None:
+        axis, scale = self.axes[slot], self._scales[slot]
+        if entry == objects.STATUSWORD:
+            axis.state = decode_state(value)
+        elif entry == objects.POSITION:
+            axis.q = scale.position_from_counts(float(value))
+        else:
+            axis.tau = scale.torque_from_counts(float(value))
+
+
+def _take_emergency(axis: AxisPicture, data: bytes) -> None:
+    emergency = decode_emergency(data)
+    if emergency.code & 0xFF00:
+        axis.emergency = emergency
+        axis.emergencies += 1
+    else:
+        axis.emergency = None

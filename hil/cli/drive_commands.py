@@ -1,0 +1,101 @@
+"""What commands about drives share: their arguments, an open bus, an operator at the terminal."""
+
+from __future__ import annotations
+
+import signal
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from drivers.drives_file import AxisDrive, DrivesFile, load_drives
+from hil.measuring.run_journal import SIMULATED
+from hil.model.robot import ROBOTS
+from hil.terminal.keys import Keys
+from hil.terminal.operator import TerminalOperator
+from hil.terminal.run_command import bus_options
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import can
+
+out = Console()
+
+SUFFIX = ".drives.yaml"
+
+Drives = Annotated[
+    str, typer.Argument(help="Drives file, or name of a robot whose drives file comes along.")
+]
+AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
+Interface = Annotated[str, typer.Option(help="python-can's interface.")]
+Channel = Annotated[
+    str | None, typer.Option(help="Its channel; on sim_plant by default the robot's name.")
+]
+BusOptions = Annotated[
+    list[str] | None,
+    typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; ask nothing.")]
+
+
+def selected(name: str, axes: list[str] | None) -> DrivesFile:
+    """Return a drives file, or as much of it as concerns some axes."""
+    drives = load_drives(drives_path(name))
+    if not axes:
+        return drives
+    return drives.model_copy(update={"axes": tuple(find_axis(drives, axis) for axis in axes)})
+
+
+def find_axis(drives: DrivesFile, name: str) -> AxisDrive:
+    """Return an axis by name or by number from 1."""
+    names = [axis.name for axis in drives.axes]
+    if name in names:
+        return drives.axes[names.index(name)]
+    if name.isdecimal() and 1 <= int(name) <= len(names):
+        return drives.axes[int(name) - 1]
+    raise typer.BadParameter(f"{name!r} must be one of {', '.join(names)}, or 1 to {len(names)}")
+
+
+def drives_path(name: str) -> Path:
+    """Return the path of a drives file, that of a robot that comes along by its name."""
+    packaged = ROBOTS / f"{name}{SUFFIX}"
+    return packaged if packaged.is_file() else Path(name)
+
+
+@contextmanager
+def opened_bus(
+    name: str, drives: DrivesFile, interface: str, channel: str | None, pairs: list[str] | None
+) -> Iterator[can.BusABC]:
+    """Open a bus, and shut it down whatever happens."""
+    from drivers.open_bus import open_can_bus  # noqa: PLC0415 - slow to import
+
+    if channel is None:
+        if interface != SIMULATED:
+            raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
+        channel = drives_path(name).name.removesuffix(SUFFIX)
+    options = {"bitrate": drives.bitrate, **bus_options(pairs or [])}
+    with open_can_bus(interface, channel, options) as bus:
+        yield bus
+
+
+@contextmanager
+def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
+    """Ask and listen at the terminal."""
+    with interruptible("stopped; the axes are off"), Keys() as keys:
+        yield TerminalOperator(out, keys, agreed=agreed)
+
+
+@contextmanager
+def interruptible(told: str) -> Iterator[None]:
+    """Have Ctrl-C and SIGTERM end a command in order, with status 130."""
+    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    except KeyboardInterrupt:
+        typer.echo(told, err=True)
+        raise typer.Exit(130) from None
+    finally:
+        signal.signal(signal.SIGTERM, previous)

@@ -1,0 +1,91 @@
+"""The command that watches the bus beside whoever commands the drives."""
+
+from __future__ import annotations
+
+import math
+from time import monotonic
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from drivers.drives_file import load_drives
+from hil.cli import drive_commands as shared
+from hil.measuring.run_journal import SIMULATED
+from hil.terminal import monitor_view
+from hil.terminal.keys import Keys
+
+if TYPE_CHECKING:
+    import can
+
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.probing.watch import AxisPicture, BusPicture
+
+commands = typer.Typer()
+
+
+@commands.command()
+def monitor(
+    drives_file: shared.Drives,
+    interface: shared.Interface = SIMULATED,
+    channel: shared.Channel = None,
+    bus_option: shared.BusOptions = None,
+    duration: Annotated[
+        float | None, typer.Option("--for", min=0.1, help="End by itself after so long [s].")
+    ] = None,
+) -> None:
+    """Show states, positions, torques and emergencies live; sends nothing at all."""
+    from drivers.probing.watch import BusPicture  # noqa: PLC0415 - slow to import
+
+    drives = load_drives(shared.drives_path(drives_file))
+    picture = BusPicture(drives)
+    with (
+        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        shared.interruptible("stopped watching"),
+        Keys() as keys,
+    ):
+        monitor_view.follow(
+            lambda time: _listen(bus, picture, time),
+            lambda: _snapshot(picture, drives),
+            keys,
+            shared.out,
+            duration,
+        )
+
+
+def _listen(bus: can.BusABC, picture: BusPicture, duration: float) -> None:
+    ends = monotonic() + duration
+    while (left := ends - monotonic()) > 0:
+        frame = bus.recv(left)
+        if frame is not None:
+            picture.take(frame, monotonic())
+
+
+def _snapshot(picture: BusPicture, drives: DrivesFile) -> monitor_view.Snapshot:
+    rows = [_row(axis, drive) for axis, drive in zip(picture.axes, drives.axes, strict=True)]
+    return monitor_view.Snapshot(rows, picture.sync_rate)
+
+
+def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.Row:
+    from drivers.probing.jog import shown  # noqa: PLC0415 - slow to import
+
+    silent = monotonic() - axis.heard
+    unit = "N m" if drive.joint == "revolute" else "N"
+    return monitor_view.Row(
+        axis.name,
+        str(axis.node),
+        axis.nmt,
+        axis.state.value if axis.state else "",
+        "" if math.isnan(axis.q) else shown(drive, axis.q),
+        "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {unit}",
+        "never" if math.isinf(silent) else f"{silent:.1f} s ago",
+        _alarm(axis),
+    )
+
+
+def _alarm(axis: AxisPicture) -> str:
+    parts = [str(axis.emergency)] if axis.emergency else []
+    if axis.emergencies:
+        parts.append(f"{axis.emergencies} in all")
+    if axis.foreign:
+        parts.append(f"{axis.foreign} TPDOs of another length")
+    return "; ".join(parts)
