@@ -188,9 +188,12 @@ def _flaws(declared: Declared, need: Need) -> Iterator[Finding]:
     if declared.bits is not None and declared.bits != 8 * need.entry.size:
         problem = f"has {declared.bits} bits, {8 * need.entry.size} expected ({need.entry.type})"
         yield Finding(about, problem, need.without, fatal=True)
-    if Use.WRITE in need.use and declared.writable is False:
+    as_we_want_it = declared.fixed is not None and declared.fixed == need.value
+    if as_we_want_it or Use.WRITE not in need.use:
+        pass
+    elif declared.writable is False:
         yield Finding(about, f"cannot be written ({declared.access})", need.without, fatal)
-    elif Use.WRITE in need.use and not _takes(declared, need.value):
+    elif not _takes(declared, need.value):
         span = f"{declared.low} to {declared.high}"
         problem = f"takes no value but {span if declared.fixed is None else declared.fixed}"
         yield Finding(about, problem, need.without, fatal)
@@ -203,7 +206,7 @@ def _flaws(declared: Declared, need: Need) -> Iterator[Finding]:
 
 def _takes(declared: Declared, value: int | None) -> bool:
     if declared.fixed is not None:
-        return declared.fixed == value
+        return False
     if value is None:
         return True
     low = value if declared.low is None else declared.low

@@ -1,0 +1,194 @@
+"""A first drives file: facts where the drive has them, marks for all else, refused until filled."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+import yaml
+from data_sheets import MAKERS_CURRENT, Place, Spec, sheet
+
+from drivers.drive_bus import DriveRefused
+from drivers.drives_file import load_drives
+from drivers.probing.dictionary_review import review
+from drivers.probing.drives_draft import DraftedAxis, draft_drives
+from drivers.probing.eds_file import parse_eds
+from drivers.yaml_file import UNSTATED, FileError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+Changes = dict[Place, Spec | None]
+
+ANSWERS = {
+    "bitrate": "1000000",
+    "node": "1",
+    "vendor": "0x4D2",
+    "product": "0x402",
+    "joint": "revolute",
+    "gear_ratio": "105",
+    "sign": "1",
+    "zero": "0",
+    "increments_per_revolution": "4096",
+    "velocity_unit": "inc/s",
+    "acceleration_unit": "inc/s^2",
+    "basis": "mA",
+    "amplitude": "peak",
+    "rated_current": "2.583",
+    "rated_torque": "3.0",
+    "torque_constant": "1.16",
+    "torque_constant_amplitude": "peak",
+    "q_min": "-2.8",
+    "q_max": "2.8",
+    "velocity": "3.0",
+    "acceleration": "15",
+    "torque": "945",
+    "following_error_window": "0.05",
+    "following_error_time": "0.05",
+    "position_window": "0.002",
+    "position_window_time": "0.02",
+    "allow_no_heartbeat": "the cell's safety controller cuts power",
+}
+
+
+def axis(changes: Changes | None = None, node: int | None = 1) -> DraftedAxis:
+    dictionary = parse_eds(sheet(changes).encode(), "drive.eds", node)
+    return DraftedAxis(dictionary, review(dictionary), node)
+
+
+def marked(text: str) -> dict[str, str]:
+    """The marked keys and what is to be stated."""
+    return dict(re.findall(rf'(\w+): {UNSTATED} "(.*)"', text))
+
+
+def filled(text: str) -> str:
+    return re.sub(rf"(\w+): {UNSTATED} .*", lambda key: f"{key[1]}: {ANSWERS[key[1]]}", text)
+
+
+def test_an_unedited_draft_is_refused_line_by_line_with_what_to_state(tmp_path: Path) -> None:
+    text = draft_drives([axis(), axis(node=2)])
+    path = tmp_path / "drives.yaml"
+    path.write_text(text)
+    with pytest.raises(FileError) as told:
+        load_drives(path)
+    problems = str(told.value).splitlines()
+    lines = text.splitlines()
+    assert len(problems) == text.count(f": {UNSTATED} ") > 40
+    for problem in problems:
+        number = int(problem.removeprefix(f"{path}:").partition(":")[0])
+        assert UNSTATED in lines[number - 1]
+    gear = text.splitlines().index(next(line for line in lines if "gear_ratio" in line)) + 1
+    assert (
+        f"{path}:{gear}: axes.0.gear_ratio: must be stated: motor angle over" in told.value.args[0]
+    )
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {(0x2030, 0): MAKERS_CURRENT, (0x6078, 0): None},
+        {(0x1018, 1): None, (0x1018, 2): None},
+        {(0x1016, 1): None, (0x6075, 0): None, (0x608F, 1): None},
+    ],
+)
+def test_a_draft_whose_marks_are_filled_in_is_a_drives_file(
+    tmp_path: Path, changes: Changes
+) -> None:
+    path = tmp_path / "drives.yaml"
+    path.write_text(filled(draft_drives([axis(changes), axis(changes, node=2)])))
+    assert [drive.node for drive in load_drives(path).axes] == [1, 2]
+
+
+def test_no_default_of_a_data_sheet_becomes_a_value() -> None:
+    text = draft_drives([axis()])
+    asked = marked(text)
+    assert "the data sheet's default of 6075 is 5000" in asked["rated_current"]
+    assert {"gear_ratio", "sign", "zero", "increments_per_revolution", "basis"} <= asked.keys()
+
+
+def test_configured_values_are_facts() -> None:
+    configured: Changes = {
+        (0x6075, 0): {"ParameterValue": 2583},
+        (0x608F, 1): {"ParameterValue": 8192},
+        (0x608F, 2): {"ParameterValue": 2},
+        (0x60A9, 0): {"ParameterValue": "0xFFB44700"},
+    }
+    read = yaml.safe_load(filled(draft_drives([axis(configured)])))["axes"][0]
+    asked = marked(draft_drives([axis(configured)]))
+    assert (read["rated_current"], read["increments_per_revolution"]) == (2.583, 4096)
+    assert read["velocity_unit"] == "0.1 rpm"
+    assert not {"rated_current", "increments_per_revolution", "velocity_unit"} & asked.keys()
+
+
+def test_a_unit_is_a_fact_where_the_maker_fixed_it_and_a_hint_where_he_did_not() -> None:
+    code = {"DefaultValue": "0x00C00300"}
+    fixed = {**code, "LowLimit": "0x00C00300", "HighLimit": "0x00C00300"}
+    assert "acceleration_unit: rpm/s # 60AA" in draft_drives([axis({(0x60AA, 0): fixed})])
+    asked = marked(draft_drives([axis({(0x60AA, 0): code})]))
+    assert "by default rpm/s (60AA)" in asked["acceleration_unit"]
+
+
+def test_positions_in_other_units_than_increments_are_told() -> None:
+    asked = marked(draft_drives([axis({(0x60A8, 0): {"ParameterValue": "0xFD010000"}})]))
+    assert "60A8 = FD010000h says that positions are no" in asked["increments_per_revolution"]
+
+
+def test_the_choice_of_the_current_object_is_explained_and_the_others_are_named() -> None:
+    text = draft_drives([axis({(0x2030, 0): MAKERS_CURRENT})])
+    assert "# 6078:00 (i16): the standard's motor current, per mille of 6075 by CiA 402" in text
+    assert "# instead of it, 2030:00 (i32): the maker's own" in text
+
+
+def test_where_ratings_may_be_found_is_told() -> None:
+    makers: Changes = {
+        (0x3001, 1): {"ParameterName": "Nominal current", "DefaultValue": 5000},
+        (0x3001, 5): {"ParameterName": "Torque constant"},
+        (0x6075, 0): None,
+    }
+    asked = marked(draft_drives([axis(makers)]))
+    assert "3001:01 (Object 3001: Nominal current) may hold it" in asked["rated_current"]
+    assert "3001:05" in asked["torque_constant"]
+
+
+def test_a_drive_that_cannot_watch_our_heartbeat_needs_a_reason() -> None:
+    assert "allow_no_heartbeat" in marked(draft_drives([axis({(0x1016, 1): None})]))
+    assert "allow_no_heartbeat" not in draft_drives([axis()])
+
+
+def test_what_is_missing_stands_above_the_axis() -> None:
+    text = draft_drives([axis({(0x6072, 0): None})])
+    assert "  # 6072:00 (max torque) is missing: this limit is kept by our driver" in text
+
+
+@pytest.mark.parametrize(
+    ("axes", "message"),
+    [
+        (
+            [{(0x6064, 0): None}],
+            "drive.eds: cannot serve: 6064:00 (position actual value) is missing",
+        ),
+        ([{(0x6078, 0): None}], "torques cannot be measured"),
+    ],
+)
+def test_a_drive_that_cannot_serve_is_refused(axes: list[Changes], message: str) -> None:
+    with pytest.raises(DriveRefused) as told:
+        draft_drives([axis(changes) for changes in axes])
+    assert message in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "message"),
+    [((3, 3), "node 3: is given to 2 axes"), ((127,), "node 127: must be in 1...126")],
+)
+def test_nodes_that_cannot_be_are_refused(nodes: tuple[int, ...], message: str) -> None:
+    with pytest.raises(DriveRefused, match=message.replace(".", r"\.")):
+        draft_drives([axis(node=node) for node in nodes])
+
+
+def test_names_from_a_foreign_file_cannot_break_the_draft() -> None:
+    evil = {**MAKERS_CURRENT, "ParameterName": 'Current actual "\\ \x85 # : value\u2028- a: b'}
+    text = draft_drives([axis({(0x2030, 0): evil, (0x6078, 0): None})])
+    read = yaml.safe_load(filled(text))
+    assert read["axes"][0]["current"]["index"] == 0x2030
