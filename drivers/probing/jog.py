@@ -88,5 +88,5 @@ def jog(
 def shown(axis: AxisDrive, value: float) -> str:
     """Put a joint coordinate [rad or m] into words, in degrees or mm."""
     if axis.joint == "prismatic":
-        return f"{1000 * value:.4g} mm"
-    return f"{math.degrees(value):.4g}°"
+        return f"{1000 * value + 0.0:.4g} mm"
+    return f"{math.degrees(value) + 0.0:.4g}°"

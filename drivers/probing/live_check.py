@@ -62,13 +62,10 @@ def check(
     Verdict
         As they are found. However the iteration ends, all axes are stopped and switched off.
     """
-    standing = StandingDrives(bus, drives, pacing)
     stop = False
-    for server, axis in zip(standing.servers, drives.axes, strict=True):
-        for verdict in _ask(server, axis):
-            stop |= verdict.grade is Grade.REFUSED
-            yield verdict
-    yield _load(drives)
+    for verdict in _unpowered(StandingDrives(bus, drives, pacing), drives):
+        stop |= verdict.grade is Grade.REFUSED
+        yield verdict
     if stop:
         yield Verdict(
             Grade.REFUSED,
@@ -82,6 +79,12 @@ def check(
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
     yield from check_powered(bus, drives, moves, operator, pacing)
     yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
+
+
+def _unpowered(standing: StandingDrives, drives: DrivesFile) -> Iterator[Verdict]:
+    for server, axis in zip(standing.servers, drives.axes, strict=True):
+        yield from _ask(server, axis)
+    yield _load(drives)
 
 
 def _ask(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:

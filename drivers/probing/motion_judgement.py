@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 
 SIGNIFICANT = 4.0
 """Friction must exceed its standard error this many times for its sign to be believed."""
-VELOCITY_SAME = 0.1
-"""The measured velocity may differ from the commanded one by this share."""
+VELOCITY_SAME = 0.3
+"""The measured velocity may differ from the commanded one by this share: a short way is mostly
+transients, and units differ by more."""
 NOISE_MAX = 0.01
 """Of the torque limit: noise of the current above it costs accuracy."""
 QUANTUM_MAX = 0.005

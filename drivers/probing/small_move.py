@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -33,6 +33,8 @@ TOO_FAST = 2.0
 """Times the commanded velocity at which a move is given up."""
 POLLED = 0.1
 """Time between two readings of the following error [s]."""
+TOO_SLOW = 1.4
+"""Times its duration after which a move is given up."""
 RAMP = 0.25
 """Time that a small move takes to speed up [s]."""
 
@@ -122,16 +124,16 @@ def travel(
     while True:
         sample = supervised_sample(bus, operator)
         rows.append((sample.time, sample.q[number], sample.tau[number]))
-        watch.look(sample.q[number])
         if sample.reached:
             break
+        watch.look(sample.time - begin.time, sample.q[number])
         following.poll(sample.time)
     time, q, tau = np.array(rows).T
     return Stroke(move, time, q, tau, following.largest)
 
 
 class _Watch:
-    """Gives up a move that is faster than commanded."""
+    """Gives up a move that is faster than commanded, or far slower."""
 
     def __init__(
         self, label: str, drive: AxisDrive, start: float, move: Move, period: float
@@ -144,18 +146,25 @@ class _Watch:
         self._way = TOO_FAST * move.velocity * self._span * period + step
         self._commanded = move.velocity
         self._seen = [start]
+        duration = abs(move.target - start) / move.velocity + move.velocity / move.acceleration
+        self._patience = TOO_SLOW * duration + 1.0
 
-    def look(self, q: float) -> None:
-        """Take a position, NaN where it is missing."""
+    def look(self, time: float, q: float) -> None:
+        """Take a position [rad], NaN where it is missing, since the start [s]."""
         self._seen.append(self._seen[-1] if math.isnan(q) else q)
         span = min(self._span, len(self._seen) - 1)
         way = abs(self._seen[-1] - self._seen[-1 - span])
         if way > self._way:
-            raise MoveFailed(
-                f"{self._label}: {way / (span * self._period):.3g} {self._unit}, "
-                f"{self._commanded:.3g} {self._unit} was commanded; check velocity_unit, "
-                "acceleration_unit and gear_ratio"
-            )
+            self._give_up(f"{way / (span * self._period):.3g} {self._unit}")
+        if time > self._patience:
+            mean = abs(self._seen[-1] - self._seen[0]) / time
+            self._give_up(f"{mean:.3g} {self._unit} on average in {time:.2g} s")
+
+    def _give_up(self, found: str) -> NoReturn:
+        raise MoveFailed(
+            f"{self._label}: {found}, {self._commanded:.3g} {self._unit} was commanded; check "
+            "velocity_unit, acceleration_unit and gear_ratio, brake and load"
+        )
 
 
 class _FollowingError:
