@@ -148,6 +148,10 @@ class DriveBus(Protocol):
     def axes(self) -> tuple[AxisInfo, ...]:
         """The axes in joint order; known once entered."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the operator should know though it stops nothing; grows."""
+
     def __enter__(self) -> Self:
         """Check, configure and power on every drive."""
 

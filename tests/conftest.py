@@ -57,8 +57,9 @@ class _Path:
 class IdealBus:
     """A DriveBus whose axes follow their trapezoids exactly, and that notes what it is told.
 
-    Torque is 10 N m of friction along the motion and 3 N m of load. `tamper` may change each sample
-    before it is handed out, or raise; `deaf` axes take set-points and stay where they are.
+    Torque is 10 N m of friction along the motion, 3 N m of load and a little ripple. `tamper` may
+    change each sample before it is handed out, or raise; `deaf` axes take set-points and stay where
+    they are.
     """
 
     LATENCY = 3
@@ -68,6 +69,7 @@ class IdealBus:
         self.robot = robot
         self.time = 0.0
         self.n_samples = 0
+        self.notes: tuple[str, ...] = ()
         self.log: list[str] = []
         self.moves: list[tuple[float, int, Move]] = []
         self.tamper: Callable[[Sample], Sample] = lambda sample: sample
@@ -103,10 +105,11 @@ class IdealBus:
         self.n_samples += 1
         self.time = self.n_samples * self.period
         q, velocity = zip(*(path.at(self.n_samples) for path in self._paths), strict=True)
+        load = 3.0 + 1e-3 * (-1) ** self.n_samples
         sample = Sample(
             time=self.time,
             q=q,
-            tau=tuple(3.0 + 10.0 * (v > 0) - 10.0 * (v < 0) for v in velocity),
+            tau=tuple(load + 10.0 * (v > 0) - 10.0 * (v < 0) for v in velocity),
             flags=(0,) * len(self._paths),
             reached=not self.deaf and all(self.n_samples >= path.rests for path in self._paths),
         )

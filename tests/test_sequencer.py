@@ -229,9 +229,9 @@ def flagged(flag: SampleFlag, axis: int) -> Tamper:
         ),
         (
             "c1",
-            lambda s: s._replace(q=(0.06 if 0.06 < s.q[0] < 0.1 else s.q[0], *s.q[1:])),
+            lambda s: s._replace(q=(s.q[0] - math.sin(80 * s.q[0]) / 80, *s.q[1:])),
             "stuck",
-            "the creeping axis falls to 0 rad/s",
+            "the creeping axis falls to",
         ),
         (
             "c1",

@@ -6,6 +6,7 @@ and the folder's journal says how. A recording is on the disk before its event i
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from hil.measuring.events import Recorded
@@ -13,7 +14,7 @@ from hil.measuring.recording_file import Measured
 from hil.measuring.sequencer import measure
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Generator, Iterator
 
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
@@ -44,7 +45,7 @@ def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Genera
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
-    with folder.session(bus_name) as session, bus:
+    with folder.session(bus_name) as session, _notes_kept(folder, bus), bus:
         folder.note_axes(bus.axes)
         for event in measure(folder.plan, folder.robot, bus, done):
             if isinstance(event, Recorded):
@@ -58,3 +59,12 @@ def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Genera
                     )
                 )
             yield event
+
+
+@contextmanager
+def _notes_kept(folder: RunFolder, bus: DriveBus) -> Iterator[None]:
+    """Give the session what the bus has noted, also while it was left."""
+    try:
+        yield
+    finally:
+        folder.keep_notes(bus.notes)

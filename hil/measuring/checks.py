@@ -2,7 +2,7 @@
 
 Each check compares one figure of the recording with its bound. What it finds wrong becomes a
 `Finding` that tells value, bound and remedy. What concerns telegrams is here, what concerns the
-motion itself in `hil.measuring.stroke_checks`.
+motion itself in `hil.measuring.stroke_checks`, the current in `hil.measuring.current_checks`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import SampleFlag
+from hil.measuring.current_checks import frozen
 from hil.measuring.finding import Finding
 from hil.measuring.stroke_checks import half_sums, partner, peaks, stuck, windows
 from hil.planning.measurement import Coupling, Gravity, Inertia
@@ -42,7 +43,11 @@ def check(recording: Recording, measurement: Measurement) -> list[Finding]:
     list of Finding
         Empty when the recording is fit to be used.
     """
-    steps: list[Callable[[Recording, Measurement], Iterable[Finding]]] = [_gaps, _saturation]
+    steps: list[Callable[[Recording, Measurement], Iterable[Finding]]] = [
+        _gaps,
+        _saturation,
+        frozen,
+    ]
     if isinstance(measurement, Inertia):
         steps += [peaks]
     else:

@@ -12,7 +12,8 @@ class Finding:
     Attributes
     ----------
     check : str
-        Name of the check: gaps, telegrams, saturation, window, velocity, half-sums, stuck, partner.
+        Name of the check: gaps, telegrams, saturation, current, window, velocity, half-sums,
+        stuck, partner.
     message : str
         Value, bound and remedy in a sentence.
     value, bound : float

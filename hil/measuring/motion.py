@@ -13,6 +13,7 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import LimitExceeded, Move, MoveFailed
+from hil.measuring.jumps import refuse_jumps
 from hil.measuring.recording import IDLE, Recorder
 from hil.planning.guarded_paths import refuse_travel
 from hil.planning.measurement import PARTNER_TURN, REST, SETTLED, Coupling
@@ -85,6 +86,8 @@ def travel(
         The path leaves the robot's limits or the workspace; nothing was commanded.
     MoveFailed
         Not at rest at the target in time.
+    Tripped
+        An encoder jumped.
     """
     here = locate(bus)
     _check_box(narrowed(robot, workspace), here.q, target)
@@ -99,7 +102,10 @@ def travel(
     }
     bus.move(moves)
     expected = travel_time(robot, here.q, target, fraction) / slow
-    return _until_reached(bus, _ignore, here.time, expected, "travel")
+    recorder = Recorder()
+    last = _until_reached(bus, recorder.add, here.time, expected, "travel")
+    refuse_jumps(recorder.finish(), max(move.acceleration for move in moves.values()))
+    return last
 
 
 def record(bus: DriveBus, measurement: Measurement) -> Recording:
@@ -111,6 +117,8 @@ def record(bus: DriveBus, measurement: Measurement) -> Recording:
     ------
     MoveFailed
         A stroke not finished in time.
+    Tripped
+        An encoder jumped.
     """
     recorder = Recorder()
     last = _rest(bus, recorder)
@@ -128,7 +136,9 @@ def record(bus: DriveBus, measurement: Measurement) -> Recording:
     recorder.stroke(IDLE)
     recorder.partner_stroke(IDLE)
     _rest(bus, recorder)
-    return recorder.finish()
+    recording = recorder.finish()
+    refuse_jumps(recording, _highest_acceleration(measurement))
+    return recording
 
 
 class _PartnerStrokes:
@@ -175,6 +185,11 @@ def _has_partner(measurement: Measurement) -> bool:
     return isinstance(measurement, Coupling)
 
 
+def _highest_acceleration(measurement: Measurement) -> float:
+    partner = measurement.partner.acceleration if isinstance(measurement, Coupling) else 0.0
+    return max(measurement.acceleration, partner)
+
+
 def _rest(bus: DriveBus, recorder: Recorder) -> Sample:
     """Record samples at rest, padding for the filters; return the last one."""
     for _ in range(max(1, round(REST / bus.period))):
@@ -204,10 +219,6 @@ def _until_reached(
                 f" {expected:.3g} s; see whether an axis is blocked or its position window and"
                 " velocity limit are too small"
             )
-
-
-def _ignore(sample: Sample) -> None:
-    pass
 
 
 def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> None:

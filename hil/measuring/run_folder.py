@@ -221,6 +221,10 @@ class RunFolder:
         """Note what the drives told about themselves."""
         self._note(self.journal.with_last(axes=axis_records(axes)))
 
+    def keep_notes(self, notes: Sequence[str]) -> None:
+        """Note what the operator should know; goes to the disk with the session's end."""
+        self.journal = self.journal.with_last(notes=tuple(notes))
+
     def _note(self, journal: Journal) -> None:
         self.journal = journal
         write_journal(self.path / "run.json", journal)

@@ -56,6 +56,7 @@ class Session(FileModel):
     reason: str = "was killed"
     bus: str
     axes: tuple[Axis, ...] = ()
+    notes: tuple[str, ...] = ()
     host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
     versions: dict[str, str] = Field(default_factory=versions)
 
