@@ -74,7 +74,15 @@ class Hostile:
     def batch(self, n: int) -> list[can.Message]:
         """Draw `n` frames."""
         rng = self._rng
-        makers = (self._noise, self._near, self._sdo, self._pdo, self._sync, self._nmt, self._spoilt)
+        makers = (
+            self._noise,
+            self._near,
+            self._sdo,
+            self._pdo,
+            self._sync,
+            self._nmt,
+            self._spoilt,
+        )
         kinds = rng.choice(len(makers), n, p=(0.12, 0.16, 0.32, 0.12, 0.05, 0.005, 0.225))
         ids, sizes = np.zeros(n, np.int64), np.zeros(n, np.int64)
         data = rng.integers(0, 256, (n, 8), np.uint8)
@@ -123,7 +131,9 @@ class Hostile:
         commanding = rng.random(n) < 0.5
         data[at[commanding], 4] = words[commanding] & 0xFF
         data[at[commanding], 5] = words[commanding] >> 8
-        return rng.choice([0x200, 0x200, 0x300, 0x400, 0x500], n) + self._nodes(n), self._sizes(n, 6)
+        return rng.choice([0x200, 0x200, 0x300, 0x400, 0x500], n) + self._nodes(n), self._sizes(
+            n, 6
+        )
 
     def _sync(self, at: NDArray[np.int64], data: NDArray[np.uint8]) -> tuple[object, object]:
         del data
@@ -157,3 +167,8 @@ def _frame(identifier: int, data: NDArray[np.uint8], mark: int) -> can.Message:
         is_extended_id=extended,
         is_error_frame=mark == 3,
     )
+
+
+def plain(frame: can.Message) -> bool:
+    """Whether CANopen may take it for one of its own: a data frame of 11 bits."""
+    return not (frame.is_remote_frame or frame.is_extended_id or frame.is_error_frame)

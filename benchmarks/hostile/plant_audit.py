@@ -1,14 +1,14 @@
 """What a plant under hostile frames may do: nothing that no legal command asked for.
 
-An axis is *moved by a frame* when, while that frame is handled, its drive asks the servo to `enable`
-or to `move`; nothing else in the plant turns a motor. That is legal only where
+An axis is *moved by a frame* when, while that frame is handled, its drive asks the servo to
+`enable` or to `move`; nothing else in the plant turns a motor. That is legal only where
 
 - the drive took a controlword (6040h) from this frame, or from a PDO that waited for this SYNC, or
   takes up a set-point that it had accepted into its buffer;
 - the frame is one that may carry a controlword: a plain 11-bit data frame which is a download to
   6040h that the drive confirmed, or an RPDO that is switched on, long enough and maps 6040h;
-- controlword and state before allow it: to enable, bits 0 to 3 (bit 7 counts in FAULT only) in READY
-  or SWITCHED ON; to move, OPERATION ENABLED and either a new set-point or the release of halt;
+- controlword and state before allow it: to enable, bits 0 to 3 (bit 7 counts in FAULT only) in
+  READY or SWITCHED ON; to move, OPERATION ENABLED and a new set-point or the release of halt;
 - target, velocity, acceleration and deceleration are within the drive's limits.
 
 So a random RPDO to an enabled drive that happens to be a legal set-point may move the axis; any
@@ -20,6 +20,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402 import State, decode_state
+from hostile.frames import plain
+from hostile.harm import Harm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,13 +33,8 @@ if TYPE_CHECKING:
 
 CONTROLWORD, STATUSWORD = 0x6040, 0x6041
 OFF, IDENTIFIER, NEW_SET_POINT, HALT = 1 << 31, 0x7FF, 0x10, 0x100
-SYNC = 0x80
 SLACK = 1e-3
 """What a braked axis may give way [rad]."""
-
-
-class Harm(AssertionError):
-    """A hostile frame did what it must not do."""
 
 
 class Call(NamedTuple):
@@ -55,10 +52,12 @@ class WatchedAxis:
         self._number, self._axis, self._calls = number, axis, calls
 
     def enable(self) -> None:
+        """Note it and pass it on."""
         self._calls.append(Call(self._number, "enable", ()))
         self._axis.enable()
 
     def move(self, *arguments: float) -> None:
+        """Note it and pass it on."""
         self._calls.append(Call(self._number, "move", arguments))
         self._axis.move(*arguments)
 
@@ -83,7 +82,9 @@ class PlantAudit:
         self._taken: list[tuple[int, int]] = []
         self._words = dict.fromkeys(range(len(network.nodes)), 0)
         self._accepted = dict.fromkeys(range(len(network.nodes)), 0)
-        self._waiting: dict[int, can.Message] = {}
+        # The last frame of each identifier and length: a node may follow another SYNC than the
+        # rest, and a frame that is too short does not replace one that waits.
+        self._waiting: dict[tuple[int, int], can.Message] = {}
         self._downloads: dict[int, bool] = {}
         self._before: list[State | None] = []
         for axis, node in enumerate(network.nodes):
@@ -96,8 +97,8 @@ class PlantAudit:
         """Take note of what is, before `frame` is handled."""
         words = (node.dictionary.get(STATUSWORD) for node in self._network.nodes)
         self._before = [decode_state(word) for word in words]
-        if _plain(frame):
-            self._waiting[frame.arbitration_id] = frame
+        if plain(frame):
+            self._waiting[frame.arbitration_id, len(frame.data)] = frame
 
     def judge(self, frame: can.Message, answers: Sequence[can.Message]) -> None:
         """Compare what happened with what `frame` allows.
@@ -121,8 +122,6 @@ class PlantAudit:
             self._justify(call, frame, released)
         self._taken.clear()
         self._calls.clear()
-        if _plain(frame) and frame.arbitration_id == SYNC:
-            self._waiting.clear()
 
     def _justify(self, call: Call, frame: can.Message, released: set[int]) -> None:
         axis, before = call.axis, self._before[call.axis]
@@ -155,7 +154,7 @@ class PlantAudit:
     def _follow_downloads(self, frame: can.Message, answers: Sequence[can.Message]) -> None:
         """Whether each node's transfer under way is a download to 6040h, by what is on the wire."""
         node = frame.arbitration_id - 0x600
-        if not (_plain(frame) and 1 <= node <= 127 and len(frame.data) == 8):
+        if not (plain(frame) and 1 <= node <= 127 and len(frame.data) == 8):
             return
         for answer in answers:
             if answer.arbitration_id == 0x580 + node and answer.data[0] in (0x60, 0xA4):
@@ -163,16 +162,15 @@ class PlantAudit:
 
     def _carries(self, frame: can.Message, answers: Sequence[can.Message], axis: int) -> bool:
         node = self._network.nodes[axis].node_id
-        if not _plain(frame):
+        if not plain(frame):
             return False
         if frame.arbitration_id == 0x600 + node:
             return self._is_confirmed(frame, answers, node)
-        carriers = self._waiting.values() if frame.arbitration_id == SYNC else (frame,)
+        sync = self._network.nodes[axis].sync_identifier
+        carriers = self._waiting.values() if frame.arbitration_id == sync else (frame,)
         return any(self._is_pdo(carrier, axis) for carrier in carriers)
 
-    def _is_confirmed(
-        self, frame: can.Message, answers: Sequence[can.Message], node: int
-    ) -> bool:
+    def _is_confirmed(self, frame: can.Message, answers: Sequence[can.Message], node: int) -> bool:
         answer = next((a.data for a in answers if a.arbitration_id == 0x580 + node), bytes(8))
         if frame.data[0] & 0xE2 == 0x22 and len(frame.data) == 8:
             return frame.data[1:4] == b"\x40\x60\x00" and answer[:4] == b"\x60\x40\x60\x00"
@@ -189,8 +187,3 @@ class PlantAudit:
             if on and len(frame.data) >= size and CONTROLWORD << 16 | 16 in mapped:
                 return True
         return False
-
-
-def _plain(frame: can.Message) -> bool:
-    return not (frame.is_remote_frame or frame.is_extended_id or frame.is_error_frame)
-

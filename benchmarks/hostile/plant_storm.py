@@ -17,7 +17,8 @@ from drivers.drive_bus import Move
 from drivers.drives_file import load_drives
 from hil.model.robot import ROBOTS
 from hostile.frames import Hostile
-from hostile.plant_audit import SLACK, Harm, PlantAudit, watched
+from hostile.harm import Harm
+from hostile.plant_audit import SLACK, PlantAudit, watched
 from sim_plant import plant_channel
 from sim_plant.bus import PlantBus
 from sim_plant.physics import state as st
@@ -112,7 +113,7 @@ def _observed_plant() -> Iterator[tuple[PlantBus, Plant, PlantAudit]]:
         return networks[0]
 
     with (
-        mock.patch.object(plant_channel, "load_plant", lambda *_: plant),
+        mock.patch.object(plant_channel, "load_plant", return_value=plant),
         mock.patch.object(plant_channel, "SlaveNetwork", network),
         PlantBus(ROBOT) as bus,
     ):
