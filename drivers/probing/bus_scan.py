@@ -149,7 +149,7 @@ def _on_heartbeat(scan: Scan, node: int) -> Callable[[int, bytearray, float], No
 
 def _on_answer(scan: Scan, node: int) -> Callable[[int, bytearray, float], None]:
     def take(_: int, data: bytearray, __: float) -> None:
-        if bytes(data[1:4]) == REQUEST[1:4]:
+        if len(data) == 8 and data[1:4] == REQUEST[1:4]:
             scan.heard(node).answers += 1
 
     return take
