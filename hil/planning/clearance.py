@@ -6,7 +6,8 @@ point of a link is farther from there, anywhere in the cell, than the sum of the
 times their reach (`hil.model.capsules`). So a cell is clear for certain where the distance of a
 link's segment from a box exceeds radius, margin and that bound; otherwise it is halved. Cells that
 are down to `RESOLUTION` and still not clear count as hits: what passes is safe, what fails may miss
-by a centimetre. Cells that cannot beat the deepest hit found so far are left out.
+by a centimetre. Cells that cannot beat the deepest hit found so far are left out, and where only
+the answer counts (`are_clear`) so are all cells of a sweep that has one.
 """
 
 from __future__ import annotations
@@ -73,10 +74,19 @@ class Hit(NamedTuple):
     q: Array
 
 
-def find_hits(robot: Robot, workspace: Workspace, sweep: Sweep) -> dict[int, Hit]:
-    """Deepest intrusion of each owner of `sweep` that is not clear of all boxes."""
+def are_clear(robot: Robot, workspace: Workspace, sweep: Sweep) -> NDArray[np.bool_]:
+    """Whether each owner of `sweep` keeps clear of all boxes, shape (n_owners,)."""
+    clear = np.ones(len(sweep.low), dtype=bool)
+    clear[list(find_hits(robot, workspace, sweep, deepest=False))] = False
+    return clear
+
+
+def find_hits(
+    robot: Robot, workspace: Workspace, sweep: Sweep, *, deepest: bool = True
+) -> dict[int, Hit]:
+    """Intrusion of each owner of `sweep` that is not clear of all boxes: the deepest, or any."""
     found: dict[int, Hit] = {}
-    if not workspace.boxes:
+    if not workspace.boxes or not len(sweep.low):
         return found
     best = np.zeros(len(sweep.low))
     cells = [(np.arange(len(sweep.low)), sweep.low, sweep.high)]
@@ -86,6 +96,8 @@ def find_hits(robot: Robot, workspace: Workspace, sweep: Sweep) -> dict[int, Hit
             cells += [(owner[s], low[s], high[s]) for s in (slice(_CHUNK), slice(_CHUNK, None))]
             continue
         undecided = _judge(robot, workspace, sweep, (owner, low, high), best, found)
+        if not deepest:
+            undecided &= best[owner] == 0.0
         if undecided.any():
             cells.append(_halved(robot, owner[undecided], low[undecided], high[undecided]))
     return found

@@ -8,6 +8,9 @@ leave the others in the middle; from the candidates of an element those are take
 other, that add most to the determinant of the group's information matrix (Fedorov's greedy
 D-optimal choice). The elements share the number of measurements as their rows hold parameters.
 
+In a guarded workspace only candidates count whose strokes keep clear of the forbidden boxes, and
+the order is one in which the travels do (`hil.planning.guarded_tour`).
+
 Every measurement of an axis begins at another angle of its motor, spread by the golden ratio:
 torque ripple then averages out over the configurations instead of biasing all of them alike.
 """
@@ -22,9 +25,13 @@ from scipy.stats import qmc
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
+from hil.planning.clearance import are_clear
+from hil.planning.guarded_paths import Strokes
+from hil.planning.guarded_tour import guarded_tour
 from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
 from hil.planning.plan import Plan, PlannedRobot, WarmUp
 from hil.planning.timetable import travel_time
+from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -33,6 +40,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
+    from hil.planning.workspace import Workspace
 
     Array = NDArray[np.float64]
     Row = Callable[[Array], Array]
@@ -65,7 +73,12 @@ RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity [s]."""
 
 
-def design(robot: Robot, counts: tuple[int, int, int] = COUNTS, warm_up: float = 0.0) -> Plan:
+def design(
+    robot: Robot,
+    counts: tuple[int, int, int] = COUNTS,
+    warm_up: float = 0.0,
+    workspace: Workspace | None = None,
+) -> Plan:
     """Plan a campaign for `robot`.
 
     Parameters
@@ -77,11 +90,13 @@ def design(robot: Robot, counts: tuple[int, int, int] = COUNTS, warm_up: float =
 
     warm_up : float
         Motion before the first measurement; 0 for none [s].
+    workspace : Workspace, optional
+        What the arm must keep clear of; the plan carries it.
 
     Raises
     ------
     ValueError
-        A count too small to tell the group's parameters apart.
+        A count too small to tell the group's parameters apart, or no clear configurations.
     """
     groups = base_parameters(robot).groups
     for count, (group, columns) in zip(counts, groups.items(), strict=True):
@@ -90,20 +105,26 @@ def design(robot: Robot, counts: tuple[int, int, int] = COUNTS, warm_up: float =
                 f"{count} measurements for the {group} group must be at least {len(columns)}, one"
                 f" for each of its parameters; raise that count"
             )
-    measurements = [
-        *_gravity(robot, counts[0], list(groups["gravity"])),
-        *_inertia(robot, counts[1], list(groups["diagonal"])),
-        *_coupling(robot, counts[2], list(groups["off_diagonal"])),
-    ]
+    guarded = narrowed(robot, workspace)
+    measurements: list[Measurement] = []
+    for choose, count, columns in zip(
+        (_gravity, _inertia, _coupling), counts, groups.values(), strict=True
+    ):
+        measurements += choose(guarded, count, list(columns), workspace)
+    if workspace:
+        measurements = guarded_tour(guarded, workspace, measurements, TRAVEL)
     return Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         travel=TRAVEL,
         warm_up=WarmUp(duration=warm_up) if warm_up else None,
+        workspace=workspace,
         measurements=tuple(measurements),
     )
 
 
-def _gravity(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
+def _gravity(
+    robot: Robot, count: int, columns: list[int], workspace: Workspace | None
+) -> list[Measurement]:
     if not columns:
         return []
     axes = np.flatnonzero(base_parameters(robot).dependencies.gravity.any(axis=1)).tolist()
@@ -111,11 +132,15 @@ def _gravity(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     strokes = {(i, i): {i: _gravity_motion(robot, i)["stroke"]} for i in axes}
     return [
         Gravity(id=f"g{k:02d}", axis=i + 1, q=tuple(q), **_gravity_motion(robot, i))
-        for k, ((i, _), q) in enumerate(_configurations(robot, rows, strokes, count), start=1)
+        for k, ((i, _), q) in enumerate(
+            _configurations(robot, rows, strokes, count, workspace), start=1
+        )
     ]
 
 
-def _inertia(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
+def _inertia(
+    robot: Robot, count: int, columns: list[int], workspace: Workspace | None
+) -> list[Measurement]:
     if not columns:
         return []
     mass = base_parameters(robot).dependencies.mass
@@ -124,11 +149,15 @@ def _inertia(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
     strokes = {(i, i): {i: _inertia_motion(robot, i)["stroke"]} for i in axes}
     return [
         Inertia(id=f"i{k:02d}", axis=i + 1, q=tuple(q), **_inertia_motion(robot, i))
-        for k, ((i, _), q) in enumerate(_configurations(robot, rows, strokes, count), start=1)
+        for k, ((i, _), q) in enumerate(
+            _configurations(robot, rows, strokes, count, workspace), start=1
+        )
     ]
 
 
-def _coupling(robot: Robot, count: int, columns: list[int]) -> list[Measurement]:
+def _coupling(
+    robot: Robot, count: int, columns: list[int], workspace: Workspace | None
+) -> list[Measurement]:
     if not columns:
         return []
     pairs = _pairs(robot, columns)
@@ -145,7 +174,9 @@ def _coupling(robot: Robot, count: int, columns: list[int]) -> list[Measurement]
             partner=_partner(robot, i),
             **_creep_motion(robot, j),
         )
-        for k, ((j, i), q) in enumerate(_configurations(robot, rows, strokes, count), start=1)
+        for k, ((j, i), q) in enumerate(
+            _configurations(robot, rows, strokes, count, workspace), start=1
+        )
     ]
 
 
@@ -193,9 +224,14 @@ def _configurations(
     rows: dict[tuple[int, int], Row],
     strokes: dict[tuple[int, int], dict[int, float]],
     count: int,
+    workspace: Workspace | None,
 ) -> list[tuple[tuple[int, int], list[float]]]:
     """Axes (torque read, accelerated) and configuration of `count` measurements, in order."""
     candidates = {axes: _candidates(robot, strokes[axes], row) for axes, row in rows.items()}
+    if workspace:
+        candidates = {
+            axes: _clear(robot, workspace, strokes[axes], q) for axes, q in candidates.items()
+        }
     weighted = {axes: rows[axes](candidates[axes]) / robot.torque_limit[axes[0]] for axes in rows}
     scale = np.sqrt(np.mean(np.concatenate(list(weighted.values())) ** 2, axis=0))
     covariance = 1e3 * np.eye(len(scale))
@@ -264,6 +300,21 @@ def _candidates(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
         points = qmc.Halton(len(joints), scramble=False).random(CANDIDATES + 1)[1:]
         q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
     return q
+
+
+def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Array) -> Array:
+    """Candidates whose strokes keep clear of all boxes, whatever the motors' angles."""
+    half = np.zeros(robot.n_joints)
+    for i, stroke in strokes.items():
+        half[i] = stroke / 2 + math.pi / robot.gear_ratio[i]
+    clear = q[are_clear(robot, workspace, Strokes(q - half, q + half))]
+    if not len(clear):
+        axes = " and ".join(str(i + 1) for i in strokes)
+        raise ValueError(
+            f"no configuration with axis {axes} in motion keeps clear of the workspace's boxes;"
+            " make boxes or margin smaller"
+        )
+    return clear
 
 
 def _influencing(row: Row, middle: Array, half: Array) -> list[int]:

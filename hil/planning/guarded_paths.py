@@ -134,7 +134,7 @@ def refuse_travel(
     """
     if workspace is None:
         return
-    sweep = _travels(np.array([start]), np.array([end]), fraction, robot)
+    sweep = travels(np.array([start]), np.array([end]), fraction, robot)
     for hit in find_hits(robot, workspace, sweep).values():
         where = ", ".join(f"{q:.3g}" for q in start)
         raise LimitExceeded(
@@ -143,27 +143,12 @@ def refuse_travel(
         )
 
 
-def are_clear(robot: Robot, workspace: Workspace, start: Array, end: Array) -> NDArray[np.bool_]:
-    """Whether strokes between configurations (n, n_joints) keep clear of all boxes, shape (n,)."""
-    clear = np.ones(len(start), dtype=bool)
-    clear[list(find_hits(robot, workspace, Strokes(start, end)))] = False
-    return clear
-
-
-def travels_are_clear(
-    robot: Robot, workspace: Workspace, start: Array, end: Array, fraction: float
-) -> NDArray[np.bool_]:
-    """Whether travels between configurations (n, n_joints) keep clear of all boxes, shape (n,)."""
-    clear = np.ones(len(start), dtype=bool)
-    clear[list(find_hits(robot, workspace, _travels(start, end, fraction, robot)))] = False
-    return clear
-
-
 def _ends(measurements: Sequence[Measurement]) -> tuple[Array, Array]:
     return np.array([m.start for m in measurements]), np.array([m.end for m in measurements])
 
 
-def _travels(start: Array, end: Array, fraction: float, robot: Robot) -> Travels:
+def travels(start: Array, end: Array, fraction: float, robot: Robot) -> Travels:
+    """Travels between configurations (n, n_joints) at a share of the robot's limits."""
     return Travels(start, end, fraction * robot.velocity_limit, fraction * robot.acceleration_limit)
 
 
@@ -177,7 +162,7 @@ def _on_travels(
     offset: int = 1,
 ) -> Iterator[Obstacle]:
     assert plan.workspace is not None  # noqa: S101 - `obstacles` has asked
-    hits = find_hits(robot, plan.workspace, _travels(start, end, fraction, robot))
+    hits = find_hits(robot, plan.workspace, travels(start, end, fraction, robot))
     for owner, hit in sorted(hits.items()):
         number = owner + offset
         place = f"{what} {plan.measurements[number].id}"
