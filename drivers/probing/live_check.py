@@ -15,13 +15,16 @@ from drivers import objects
 from drivers.commissioning import check_identity
 from drivers.drive_bus import DriveError
 from drivers.probing.bus_load import MAX_LOAD, cycle_time
+from drivers.probing.dictionary_review import review
 from drivers.probing.limits_check import check_limits
+from drivers.probing.live_dictionary import read_dictionary
 from drivers.probing.operator import StoppedByOperator
 from drivers.probing.powered_check import REST_TIME, check_powered, shown_way
 from drivers.probing.scaling_check import check_scaling
 from drivers.probing.standing import StandingDrives
 from drivers.probing.verdict import Grade, Verdict, graded, refused
 from drivers.scaling import AxisScale
+from drivers.sdo import SDO_TIMEOUT
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
@@ -29,7 +32,9 @@ if TYPE_CHECKING:
     import can
 
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.network import PumpedNetwork
     from drivers.pacing import PacingName
+    from drivers.probing.dictionary import Dictionary
     from drivers.probing.operator import Operator
     from drivers.probing.powered_check import SmallMoves
     from drivers.sdo import SdoServer
@@ -83,18 +88,32 @@ def check(
 
 def _unpowered(standing: StandingDrives, drives: DrivesFile) -> Iterator[Verdict]:
     for server, axis in zip(standing.servers, drives.axes, strict=True):
-        yield from _ask(server, axis)
+        yield from _ask(standing.network, server, axis)
     yield _load(drives)
 
 
-def _ask(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+def _ask(network: PumpedNetwork, server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
     """What can be asked without power; the first error ends it, for it would only repeat."""
     try:
         yield Verdict(Grade.OK, server.label, "identity (1018)", check_identity(server, axis))
+        yield from _offer(read_dictionary(network, axis.node, SDO_TIMEOUT), server.label, axis)
         yield from check_scaling(server, axis)
         yield from check_limits(server, axis)
     except DriveError as error:
         yield refused(server.label, "answers", error)
+
+
+def _offer(dictionary: Dictionary, place: str, axis: AxisDrive) -> Iterator[Verdict]:
+    """What the dictionary lacks; the current is left out, for the file states its object."""
+    check = "objects that measuring needs"
+    findings = [f for f in review(dictionary).findings if not f.about.startswith("motor current")]
+    for finding in findings:
+        excused = axis.allow_no_heartbeat and finding.about.startswith("1016")
+        grade = Grade.REFUSED if finding.fatal and not excused else Grade.WARNING
+        found = f"{finding.about} {finding.problem}"
+        yield Verdict(grade, place, check, found, remedy=finding.consequence)
+    if not findings:
+        yield Verdict(Grade.OK, place, check, "all there")
 
 
 def _brakes(standing: StandingDrives, axes: Sequence[AxisDrive]) -> Iterator[Verdict]:

@@ -35,20 +35,22 @@ class StandingDrives:
 
     Attributes
     ----------
+    network : PumpedNetwork
+        The bus.
     servers : tuple of SdoServer
         The drives' object dictionaries in joint order.
     """
 
     def __init__(self, bus: can.BusABC, drives: DrivesFile, pacing: PacingName = "auto") -> None:
         self._pacing = choose_pacing(bus, pacing, drives.sync_period)
-        self._network = PumpedNetwork(bus, synchronous=self._pacing.synchronous)
-        self.servers = tuple(SdoServer(self._network, axis.node, axis.name) for axis in drives.axes)
+        self.network = PumpedNetwork(bus, synchronous=self._pacing.synchronous)
+        self.servers = tuple(SdoServer(self.network, axis.node, axis.name) for axis in drives.axes)
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]."""
         ends = self._pacing.now() + duration
         while self._pacing.now() < ends:
-            self._network.pump(self._pacing.due())
-            self._network.send_frame(SYNC)
+            self.network.pump(self._pacing.due())
+            self.network.send_frame(SYNC)
             self._pacing.sent()
-            self._network.pump(0.0)
+            self.network.pump(0.0)
