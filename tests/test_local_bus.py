@@ -154,9 +154,8 @@ def test_a_process_that_was_killed_is_dropped(
     join: Callable[..., can.BusABC], tmp_path: Path
 ) -> None:
     bus = join()
-    with subprocess.Popen(
-        [sys.executable, "-c", ECHO.replace("CHANNEL", "'bench'")],  # noqa: S603 - our own program
-        stdout=subprocess.PIPE,
+    with subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, "-c", ECHO.replace("CHANNEL", "'bench'")], stdout=subprocess.PIPE
     ) as peer:
         assert peer.stdout is not None
         peer.stdout.readline()
