@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from local_drives import LocalBus
 
 from drivers.cia402 import Mode
 from drivers.probing.bus_scan import Scan, scan_bus
+from sim_plant.server import serve
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -187,6 +189,24 @@ def test_only_the_nodes_asked_for_are_told() -> None:
 def test_malformed_answers_are_no_drive_and_no_crash(data: bytes) -> None:
     found = scanned(Several({6}, lambda *_: [data]))
     assert all(node.review is None for node in found.nodes.values())
+
+
+def test_drives_in_real_time_are_heard_and_asked(ideal_machine) -> None:
+    stop = threading.Event()
+    with (
+        can.Bus("scanned", "virtual", ignore_config=True) as theirs,
+        can.Bus("scanned", "virtual", ignore_config=True) as ours,
+    ):
+        server = threading.Thread(target=serve, args=(theirs, ideal_machine, "wall", stop))
+        server.start()
+        try:
+            found = scanned(ours, answering=1.0, timeout=5.0).nodes
+        finally:
+            stop.set()
+            server.join()
+    assert list(found) == [1, 2, 3, 4, 5, 6]
+    assert {node.dictionary.vendor for node in found.values() if node.dictionary} == {0x1234}
+    assert all(node.review is not None and node.review.serves for node in found.values())
 
 
 def test_a_scan_of_silence_ends() -> None:

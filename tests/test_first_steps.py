@@ -47,8 +47,8 @@ def test_a_scan_shows_every_drive_of_the_plant(hil: Hil, ideal_channel: str) -> 
     assert (status, err) == (0, "")
     assert "6 nodes" in out
     assert "1234h, 402h, 7h" in out
-    assert "profile position" in out
-    assert "SWITCH ON DISABLED" in out
+    assert "PP" in out
+    assert "switch on disabled" in out
 
 
 def test_a_scan_of_an_empty_bus_says_what_to_check(hil: Hil) -> None:
@@ -83,7 +83,7 @@ def test_one_sheet_serves_all_nodes(hil: Hil, eds: Path, tmp_path: Path) -> None
         "node: 3",
         "node: 11",
     ]
-    assert "current from 6078:00 (i16): the standard's motor current" in out
+    assert "joint 1, 2, 3, 4: current from 6078:00 (i16): the standard's motor current" in out
     assert f"4 axes in {output}; {text.count(f': {UNSTATED} ')} lines marked !state" in out
     with pytest.raises(FileError, match="must be stated"):
         load_drives(output)
@@ -100,8 +100,8 @@ def test_configuration_files_bring_their_nodes(hil: Hil, tmp_path: Path) -> None
     assert "bitrate: 500000 # bit/s" in text
     assert "node: 2\n" in text
     assert "node: 5\n" in text
-    assert "joint 2, " in out
-    assert "current from 2030:00 (i32): the maker's own" in out
+    assert "joint 1: current from 6078:00 (i16)" in out
+    assert "joint 2: current from 2030:00 (i32): the maker's own" in out
 
 
 def test_without_numbers_the_nodes_are_to_be_stated(hil: Hil, eds: Path, tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_a_drives_file_can_be_drafted_from_the_drives_themselves(
     bus = ("--interface", "sim_plant", "--channel", ideal_channel, "--nodes", "2,3")
     status, out, err = hil("drives", "new", *bus, "-o", output)
     assert (status, err) == (0, "")
-    assert "joint 2, node 3: current from 6078:00 (i16)" in out
+    assert "joint 1, 2: current from 6078:00 (i16)" in out
     text = output.read_text()
     assert "rated_current: 5 # A, 6075" in text
     assert "increments_per_revolution: 4096 # 608F" in text

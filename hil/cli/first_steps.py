@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from drivers.cia402 import State, decode_state
+from drivers.cia402 import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.objects import STATUSWORD
 from drivers.yaml_file import UNSTATED, FileError
@@ -39,13 +39,15 @@ out = Console()
 
 PLANT = "manutec-r15"
 HIGHEST_NODE = 127
+MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
+"""Modes as drives' manuals abbreviate them."""
 
 Channel = Annotated[str | None, typer.Option(help="Its channel, such as can0.")]
 BusOptions = Annotated[
     list[str] | None,
     typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
 ]
-Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="Of the bus [bit/s].")]
+Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")]
 Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
 
 
@@ -81,7 +83,7 @@ def new(
     channel: Channel = None,
     bus_option: BusOptions = None,
     bitrate: Annotated[
-        int | None, typer.Option(min=10_000, max=1_000_000, help="Of the bus [bit/s].")
+        int | None, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")
     ] = None,
 ) -> None:
     """Write a first drives file from data sheets, and tell what is to be stated in it."""
@@ -98,10 +100,13 @@ def new(
         axes = _from_bus(interface, channel, bus_option, bitrate, _numbers(nodes))
     text = draft_drives(axes, bitrate)
     write_file(output, text.encode())
+    choices: dict[str, list[str]] = {}
     for number, axis in enumerate(axes, start=1):
         chosen = axis.review.current
-        why = f"{chosen.place}: {chosen.why}" if chosen else "none found, to be stated"
-        _tell(f"joint {number}, {axis.dictionary.source}: current from {why}")
+        why = f"from {chosen.place}: {chosen.why}" if chosen else "is to be stated: none was found"
+        choices.setdefault(why, []).append(str(number))
+    for why, numbers in choices.items():
+        _tell(f"joint {', '.join(numbers)}: current {why}")
     marks = text.count(f": {UNSTATED} ")
     _tell(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
 
@@ -213,7 +218,7 @@ def _row(found: FoundNode) -> scan_view.NodeRow:
         ", ".join(how for how, true in heard if true),
         about.model if about else "",
         ", ".join("?" if part is None else f"{part:X}h" for part in identity),
-        ", ".join(mode.name.replace("_", " ").lower() for mode in modes or ()),
+        " ".join(MODES[mode] for mode in modes or ()),
         _state(found),
         "unknown" if review is None else "yes" if review.serves else "no",
         tuple(_remarks(found)),
@@ -223,7 +228,7 @@ def _row(found: FoundNode) -> scan_view.NodeRow:
 def _state(found: FoundNode) -> str:
     word = found.dictionary.value(STATUSWORD) if found.dictionary else None
     state = None if word is None else decode_state(word)
-    return "" if state is None else state.value
+    return "" if state is None else state.value.lower()
 
 
 def _remarks(found: FoundNode) -> Iterator[scan_view.Remark]:
@@ -232,7 +237,7 @@ def _remarks(found: FoundNode) -> Iterator[scan_view.Remark]:
             f"{found.answers} devices answer by this number: give each its own, one at a time",
             fatal=True,
         )
-    if _state(found) == State.OPERATION_ENABLED.value:
+    if _state(found) == State.OPERATION_ENABLED.value.lower():
         yield scan_view.Remark(
             "is powered and may move: another master holds it, release it before measuring",
             fatal=False,
