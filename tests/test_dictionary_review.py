@@ -10,6 +10,9 @@ from drivers.drives_file import Basis
 from drivers.probing.dictionary_review import Review, review
 from drivers.probing.eds_file import parse_eds
 from drivers.probing.needs import NEEDS
+from sim_plant.canopen.eds import EDS_PATH
+from sim_plant.canopen.eds_variant import variant
+from sim_plant.personality import load_personality
 
 Changes = dict[Place, Spec | None]
 
@@ -53,6 +56,7 @@ def test_every_missing_object_is_told_with_its_consequence(need) -> None:
         ({(0x6078, 0): None}, "torques cannot be measured"),
         ({(0x6078, 0): {"PDOMapping": 0}}, "torques cannot be measured"),
         ({(0x1800, 1): None}, "TPDO 1 is missing"),
+        ({(0x1800, 2): {"AccessType": "ro", "DefaultValue": 255}}, "fixed transmission type 255"),
         ({(0x1A00, 0): {"HighLimit": 2}}, "TPDO 1 takes 2 objects at most: 6041:00, 6064:00, 6078"),
     ],
 )
@@ -73,6 +77,7 @@ def test_of_a_device_that_is_no_drive_nothing_else_is_told() -> None:
         ({(0x6072, 0): {"AccessType": "ro"}}, "6072:00 (max torque) cannot be written (ro)"),
         ({(0x6066, 0): {"LowLimit": 0, "HighLimit": 0}}, "takes no value but 0"),
         ({(0x605D, 0): {"LowLimit": 2, "HighLimit": 3}}, "takes no value but 2 to 3"),
+        ({(0x1800, 1): {"AccessType": "ro"}}, "TPDO 1 cannot be switched off"),
         ({(0x1600, sub): None for sub in range(2, 9)}, "RPDO 1 declares room for 1 objects"),
     ],
 )
@@ -173,3 +178,25 @@ def test_a_current_of_32_bits_needs_a_second_tpdo() -> None:
     chosen = reviewed(no_second).current
     assert chosen is not None
     assert chosen.declared.index == 0x6077
+
+
+@pytest.mark.parametrize(
+    ("personality", "serves", "place"),
+    [
+        ("bare", True, "6078:00"),
+        ("fixed-identifiers", True, "6078:00"),
+        ("fixed-pdos", True, "6078:00"),
+        ("int32-current", True, "30D1:02"),
+        ("no-current", False, None),
+        ("no-watchdog", True, "6078:00"),
+        ("torque-only", True, "6077:00"),
+        ("wrong-pdos", False, "6078:00"),
+    ],
+)
+def test_the_plant_s_personalities_are_judged_as_the_driver_takes_them(
+    personality: str, serves: bool, place: str | None
+) -> None:
+    text = variant(EDS_PATH.read_text(), load_personality(personality))
+    found = review(parse_eds(text.encode(), f"{personality}.eds"))
+    assert found.serves == serves
+    assert (found.current and found.current.declared.place) == place

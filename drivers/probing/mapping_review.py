@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Obstacle = tuple[str, str, str, bool]
 """About what, the problem, its consequence, whether it is fatal."""
 
+ON_SYNC = 1
 _STATE = ((0x6041, 0, 16), (0x6064, 0, 32))
 _COMMAND = ((0x607A, 0, 32), (0x6040, 0, 16))
 
@@ -33,7 +34,11 @@ class PdoOffer:
     name : str
         "TPDO 1" and so on.
     writable : bool or None
-        Its mapping and its transmission may be changed; None where that is not known.
+        Its mapping may be changed; None where that is not known.
+    switchable : bool or None
+        Its COB-ID may be changed, and with that the PDO switched off.
+    transmission : int or None
+        Its transmission type, where that is fixed.
     room : int or None
         How many objects it can carry, where its count (sub-index 0) says so.
     declared : int or None
@@ -44,6 +49,8 @@ class PdoOffer:
 
     name: str
     writable: bool | None
+    switchable: bool | None
+    transmission: int | None
     room: int | None
     declared: int | None
     carries: tuple[tuple[int, int, int], ...]
@@ -96,20 +103,29 @@ def carried(word: int) -> tuple[int, int, int]:
 def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
     mapping = communication + 0x200
     if {(communication, 1), (mapping, 0)} & dictionary.unanswered.keys():
-        return PdoOffer(name, None, None, None, ())
+        return PdoOffer(name, None, None, None, None, None, ())
     cob = dictionary.find(communication, 1)
     members = list(dictionary.members(mapping))
     if cob is None or not members:
         return None
     slots = [member for member in members if member.subindex]
-    fixed = [cob.writable, *(member.writable for member in members)]
+    writable = [member.writable for member in members]
     return PdoOffer(
         name,
-        None if None in fixed else all(fixed),
+        None if None in writable else all(writable),
+        cob.writable,
+        _fixed_type(dictionary, communication),
         members[0].high if members[0].subindex == 0 else None,
         None if dictionary.live else len(slots),
         tuple(_contents(members[0], slots)),
     )
+
+
+def _fixed_type(dictionary: Dictionary, communication: int) -> int | None:
+    kind = dictionary.find(communication, 2)
+    if kind is None or kind.writable is not False:
+        return None
+    return kind.default if kind.value is None else kind.value
 
 
 def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int, int, int]]:
@@ -121,6 +137,10 @@ def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int,
 
 
 def _sending(mapping: Mapping, current: CurrentCandidate) -> Iterator[Obstacle]:
+    for offer in (mapping.tpdo1, mapping.tpdo2)[: 1 if current.declared.bits == 16 else 2]:
+        if offer is not None and offer.transmission not in {None, ON_SYNC}:
+            problem = f"has the fixed transmission type {offer.transmission}"
+            yield offer.name, problem, "its values are not those of a SYNC (type 1)", True
     declared = current.declared
     carried_current = (declared.index, declared.subindex, declared.bits or 0)
     if declared.bits == 16:
@@ -150,6 +170,9 @@ def _obstacles(
     elif offer.declared is not None and offer.declared < len(wanted):
         so = f"{what} is needed; whether it fits shows when the drive is set up"
         yield name, f"declares room for {offer.declared} objects", so, False
+    elif offer.switchable is False and offer.carries != wanted:
+        so = "whether its mapping may be changed all the same shows when the drive is set up"
+        yield name, "cannot be switched off (its COB-ID is fixed)", so, False
 
 
 def mapped_objects(entries: MappingOf[Key, Declared]) -> frozenset[Key]:
