@@ -21,13 +21,15 @@ from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
 from hil.cli import commissioning, first_steps, monitoring
 from hil.measuring.atomic_file import operator_told, write_file
+from hil.measuring.rehearsal import SPEED
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.dry_run import BITRATE, dry_run
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
+from hil.planning.workspace import load_workspace
 from hil.terminal import dry_run_view, robot_view
 from hil.terminal.drives_check import StatedAxis, refuse_contradictions
-from hil.terminal.run_command import bus_options, carry_out, prepare_folder
+from hil.terminal.run_command import bus_options, carry_out, prepare_folder, with_workspace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
 
 app = typer.Typer(
     help="Identify a robot's dynamics on the machine itself, over CANopen.",
@@ -50,6 +53,10 @@ out = Console()
 
 PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
+WorkspaceOption = Annotated[
+    Path | None,
+    typer.Option("--workspace", help="Joint ranges and forbidden boxes; else those of the plan."),
+]
 RobotOption = Annotated[
     str | None, typer.Option("--robot", help="Robot file, if the robot does not come along.")
 ]
@@ -96,6 +103,7 @@ def plan(
     inertia: Annotated[int, typer.Option(min=1, help="Inertia measurements.")] = 92,
     coupling: Annotated[int, typer.Option(min=1, help="Coupling measurements.")] = 9,
     warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand [s].")] = 0.0,
+    workspace: WorkspaceOption = None,
 ) -> None:
     """Choose configurations and motions from g(q) and M(q)."""
     from hil.planning.experiment_design import design  # noqa: PLC0415 - slow to import, used here only
@@ -104,7 +112,8 @@ def plan(
     if output.exists():
         raise FileError(f"{output}: is there already; remove it or choose another name with -o")
     try:
-        designed = design(the_robot, (gravity, inertia, coupling), warm_up)
+        guard = None if workspace is None else load_workspace(workspace, the_robot)
+        designed = design(the_robot, (gravity, inertia, coupling), warm_up, guard)
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
     write_file(output, dump_plan(designed).encode())
@@ -116,9 +125,10 @@ def dry_run_(
     plan_file: PlanFile,
     robot_file: RobotOption = None,
     bitrate: Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s")] = BITRATE,
+    workspace: WorkspaceOption = None,
 ) -> None:
     """Tell what a plan will take and give; nothing moves."""
-    _dry_run(plan_file, *_load(plan_file, robot_file), bitrate, quiet=False)
+    _dry_run(plan_file, *_load(plan_file, robot_file, workspace), bitrate, quiet=False)
 
 
 @app.command()
@@ -138,12 +148,20 @@ def run(
     resume: Annotated[bool, typer.Option("--resume", help="Measure what is missing.")] = False,
     pacing: Annotated[Pacing, typer.Option(help="Where SYNC's time comes from.")] = Pacing.AUTO,
     robot_file: RobotOption = None,
+    workspace: WorkspaceOption = None,
+    rehearse: Annotated[
+        bool, typer.Option("--rehearse", help="Pass all ways slowly first, recording nothing.")
+    ] = False,
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1, help="Of a rehearsal, as share of the limits.")
+    ] = SPEED,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
-    the_plan, the_robot = _load(plan_file, robot_file)
+    the_plan, the_robot = _load(plan_file, robot_file, workspace)
     channel = channel or _default_channel(interface, the_robot)
     drives_file = drives_file or _packaged_drives(the_robot)
     drives, text = _load_drives(drives_file, the_robot)
+    drives = _narrowed(drives, the_plan.workspace)
     _dry_run(plan_file, the_plan, the_robot, drives.bitrate, quiet=True)
     options = bus_options(bus_option or [])
     folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
@@ -152,6 +170,7 @@ def run(
         lambda: _open_bus(drives, interface, channel, options, pacing),
         f"{interface} {channel}",
         out,
+        speed if rehearse else None,
     )
 
 
@@ -198,11 +217,11 @@ def compare(
     module.compare(folder, truth, out, method.value)
 
 
-def _load(plan_file: Path, robot_file: str | None) -> tuple[Plan, Robot]:
+def _load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tuple[Plan, Robot]:
     the_plan = load_plan(plan_file)
     the_robot = load_robot(robot_file or the_plan.robot.name)
     refuse_other_robot(the_plan, the_robot, str(plan_file))
-    return the_plan, the_robot
+    return with_workspace(the_plan, the_robot, workspace), the_robot
 
 
 def _dry_run(
@@ -253,6 +272,16 @@ def _load_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
     ]
     refuse_contradictions(axes, the_robot, text, str(path))
     return drives, text
+
+
+def _narrowed(drives: DrivesFile, workspace: Workspace | None) -> DrivesFile:
+    """Give driver and drives the joint ranges of the workspace too."""
+    axes = list(drives.axes)
+    for joint, (low, high) in (workspace.ranges if workspace else {}).items():
+        axis = axes[joint - 1]
+        limits = axis.limits.model_copy(update={"q_min": low, "q_max": high})
+        axes[joint - 1] = axis.model_copy(update={"limits": limits})
+    return drives.model_copy(update={"axes": tuple(axes)})
 
 
 def _open_bus(

@@ -11,17 +11,20 @@ from typing import TYPE_CHECKING
 
 from hil.measuring.events import Recorded
 from hil.measuring.recording_file import Measured
-from hil.measuring.sequencer import measure
+from hil.measuring.rehearsal import rehearse
+from hil.measuring.sequencer import measure, never
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
+    from collections.abc import Callable, Generator, Iterator
 
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
     from hil.measuring.run_folder import RunFolder
 
 
-def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Generator[Event]:
+def run_campaign(
+    folder: RunFolder, bus: DriveBus, bus_name: str = "", pause: Callable[[], bool] = never
+) -> Generator[Event]:
     """Measure what `folder` has no recording of.
 
     Parameters
@@ -32,6 +35,8 @@ def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Genera
         Not entered yet.
     bus_name : str
         What the bus is, for the journal: python-can's interface and channel.
+    pause : callable
+        See `hil.measuring.sequencer.measure`.
 
     Yields
     ------
@@ -47,7 +52,7 @@ def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Genera
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
     with folder.session(bus_name) as session, _notes_kept(folder, bus), bus:
         folder.note_axes(bus.axes)
-        for event in measure(folder.plan, folder.robot, bus, done):
+        for event in measure(folder.plan, folder.robot, bus, done, pause):
             if isinstance(event, Recorded):
                 folder.write(
                     Measured(
@@ -59,6 +64,23 @@ def run_campaign(folder: RunFolder, bus: DriveBus, bus_name: str = "") -> Genera
                     )
                 )
             yield event
+
+
+def rehearse_campaign(
+    folder: RunFolder,
+    bus: DriveBus,
+    bus_name: str,
+    speed: float,
+    pause: Callable[[], bool] = never,
+) -> Generator[Event]:
+    """Pass all ways of the folder's plan at `speed`, and note in the folder that it was done.
+
+    Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
+    """
+    with folder.session(bus_name), _notes_kept(folder, bus), bus:
+        folder.note_axes(bus.axes)
+        yield from rehearse(folder.plan, folder.robot, bus, speed, pause)
+    folder.note_rehearsed(speed)
 
 
 @contextmanager

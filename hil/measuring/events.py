@@ -47,6 +47,18 @@ class Travelled(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class Rehearsed(Event):
+    """The ways of a measurement were passed slowly, without a recording."""
+
+    measurement: Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class Paused(Event):
+    """The operator wanted a pause; the axes stand still under power."""
+
+
+@dataclass(frozen=True, slots=True)
 class Repeated(Event):
     """A recording failed its checks; the measurement is tried once more."""
 

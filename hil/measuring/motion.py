@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
+    from hil.planning.profile import Trapezoid
     from hil.planning.workspace import Workspace
 
 OVERDUE = 1.5
@@ -105,6 +106,24 @@ def travel(
     recorder = Recorder()
     last = _until_reached(bus, recorder.add, here.time, expected, "travel")
     refuse_jumps(recorder.finish(), max(move.acceleration for move in moves.values()))
+    return last
+
+
+def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Sample:
+    """Move one axis along `profile`, recording nothing; return the first sample at rest.
+
+    Raises
+    ------
+    MoveFailed
+        Not at rest at the end in time; `what` says what it was for.
+    Tripped
+        An encoder jumped.
+    """
+    recorder = Recorder()
+    begin = locate(bus).time
+    bus.move({index: Move(profile.end, profile.velocity, profile.acceleration)})
+    last = _until_reached(bus, recorder.add, begin, profile.duration, what)
+    refuse_jumps(recorder.finish(), profile.acceleration)
     return last
 
 

@@ -192,8 +192,8 @@ class RunFolder:
         return told
 
     def discard_if_empty(self) -> bool:
-        """Remove the folder of a run in which nothing was measured; tell whether it was."""
-        if any((self.path / "recordings").iterdir()):
+        """Remove the folder if nothing was rehearsed or measured; tell whether it was removed."""
+        if self.journal.rehearsed or any((self.path / "recordings").iterdir()):
             return False
         with operator_told(self.path, "removed"):
             for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json"):
@@ -216,6 +216,16 @@ class RunFolder:
                 self._note(self.journal.with_last(ended=now(), reason=_reason(error)))
             raise
         self._note(self.journal.with_last(ended=now(), reason="finished"))
+
+    @property
+    def only_rehearsed(self) -> bool:
+        """Whether the plan was rehearsed and nothing has been measured yet."""
+        recorded = any((self.path / "recordings").iterdir())
+        return self.journal.rehearsed is not None and not recorded
+
+    def note_rehearsed(self, speed: float) -> None:
+        """Note that all ways of the plan were passed at this share of the speed limits."""
+        self._note(self.journal.model_copy(update={"rehearsed": speed}))
 
     def note_axes(self, axes: Sequence[AxisInfo]) -> None:
         """Note what the drives told about themselves."""

@@ -68,6 +68,8 @@ class Journal(FileModel):
     plan_digest: str
     robot_digest: str
     drives_digest: str | None = None
+    rehearsed: float | None = None
+    """Share of the speed limits at which all ways of the plan were passed before."""
     sessions: tuple[Session, ...] = ()
 
     @property

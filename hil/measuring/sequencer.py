@@ -16,6 +16,7 @@ from hil.measuring.checks import check
 from hil.measuring.events import (
     Finished,
     GaveUp,
+    Paused,
     Recorded,
     Repeated,
     Started,
@@ -26,7 +27,7 @@ from hil.measuring.motion import locate, record, travel
 from hil.planning.timetable import timetable
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
@@ -38,7 +39,18 @@ if TYPE_CHECKING:
     from hil.planning.timetable import Entry
 
 
-def measure(plan: Plan, robot: Robot, bus: DriveBus, done: Collection[str] = ()) -> Iterator[Event]:
+def never() -> bool:
+    """Nobody wants a pause."""
+    return False
+
+
+def measure(
+    plan: Plan,
+    robot: Robot,
+    bus: DriveBus,
+    done: Collection[str] = (),
+    pause: Callable[[], bool] = never,
+) -> Iterator[Event]:
     """Measure what is not `done` yet.
 
     Parameters
@@ -50,18 +62,21 @@ def measure(plan: Plan, robot: Robot, bus: DriveBus, done: Collection[str] = ())
         Entered already, and left by the caller.
     done : collection of str
         Identifiers of measurements to leave out.
+    pause : callable
+        Asked between measurements whether to stand still; the axes stay powered and sampled
+        for as long as it says so.
 
     Yields
     ------
     Event
-        Started, WarmingUp, Travelled, Repeated, GaveUp, Recorded and Finished.
+        Started, WarmingUp, Travelled, Repeated, GaveUp, Recorded, Paused and Finished.
 
     Raises
     ------
     DriveError
         Nothing more can be measured; what was yielded stays valid.
     """
-    _check_bus(plan, robot, bus)
+    refuse_other_bus(plan, robot, bus)
     here = locate(bus)
     pending = [m for m in plan.measurements if m.id not in done]
     clock = _Clock(timetable(plan, robot, pending, here.q), here.time)
@@ -79,6 +94,10 @@ def measure(plan: Plan, robot: Robot, bus: DriveBus, done: Collection[str] = ())
             if isinstance(event, GaveUp):
                 gave_up.append(measurement.id)
             yield event
+        if pause():
+            began = locate(bus).time
+            yield Paused(began, clock.remaining(began))
+            clock.shift(hold(bus, pause) - began)
     yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up))
 
 
@@ -93,6 +112,10 @@ class _Clock:
     def restart(self, now: float) -> None:
         """Count from now on: the warm-up is no part of the timetable."""
         self._start = now
+
+    def shift(self, pause: float) -> None:
+        """Leave a pause out of the account [s]."""
+        self._start += pause
 
     def advance(self) -> None:
         """One more measurement is done."""
@@ -146,7 +169,22 @@ def _warm_up(
             yield WarmingUp(now, left, done, warm_up.duration)
 
 
-def _check_bus(plan: Plan, robot: Robot, bus: DriveBus) -> None:
+def hold(bus: DriveBus, pause: Callable[[], bool]) -> float:
+    """Let time pass while `pause` says so; return the bus's time then [s]."""
+    now = locate(bus).time
+    while pause():
+        now = bus.sample().time
+    return now
+
+
+def refuse_other_bus(plan: Plan, robot: Robot, bus: DriveBus) -> None:
+    """Refuse a bus of other axes, or of another sample period, than the plan was made for.
+
+    Raises
+    ------
+    DriveRefused
+        What differs.
+    """
     if len(bus.axes) != robot.n_joints:
         raise DriveRefused(
             f"the bus has {len(bus.axes)} axes, {robot.name} has {robot.n_joints} joints; list one"

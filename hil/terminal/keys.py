@@ -85,8 +85,17 @@ class Keys:
             self.listening = False
         return typed.decode(errors="ignore")
 
-    def _waiting(self) -> bool:
-        return bool(select.select([self._descriptor], [], [], 0)[0])
+    def awaited(self, timeout: float) -> str:
+        """Return what is typed, waiting up to `timeout` for it [s]; for a thread of its own."""
+        try:
+            if self.listening:
+                self._waiting(timeout)
+        except OSError:  # the terminal has gone
+            self.listening = False
+        return self.pressed()
+
+    def _waiting(self, timeout: float = 0.0) -> bool:
+        return bool(select.select([self._descriptor], [], [], timeout)[0])
 
 
 def _in_foreground(descriptor: int) -> bool:

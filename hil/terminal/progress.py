@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TextColumn
 
-from hil.measuring.events import Finished, GaveUp, Recorded, Repeated, Started, Travelled, WarmingUp
+from hil.measuring.events import (
+    Finished,
+    GaveUp,
+    Paused,
+    Recorded,
+    Rehearsed,
+    Repeated,
+    Started,
+    Travelled,
+    WarmingUp,
+)
 from hil.results.rounding import clock
 
 if TYPE_CHECKING:
@@ -100,6 +110,8 @@ def _notice(event: Event) -> str:
             f"{event.measurement.id}: kept with findings after {event.attempts} attempts:\n"
             f"  {reasons}"
         )
+    if isinstance(event, Paused):
+        return "paused, the axes stay under power; any key goes on, s or space stops"
     return ""
 
 
@@ -111,6 +123,8 @@ def _doing(event: Event) -> str:
             return f"warming up, {clock(event.done)} of {clock(event.duration)}"
         case Travelled() | Repeated():
             return f"measuring {event.measurement.id} ({event.measurement.kind})"
+        case Rehearsed():
+            return f"rehearsed {event.measurement.id} ({event.measurement.kind})"
         case Recorded() | GaveUp():
             return f"measured {event.measurement.id} ({event.measurement.kind})"
-    return "finished"
+    return "paused" if isinstance(event, Paused) else "finished"

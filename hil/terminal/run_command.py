@@ -11,10 +11,13 @@ import typer
 
 from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
-from hil.measuring.campaign import run_campaign
+from hil.measuring.campaign import rehearse_campaign, run_campaign
 from hil.measuring.events import Finished
 from hil.measuring.run_folder import RunFolder
+from hil.measuring.run_journal import SIMULATED
+from hil.planning.workspace import load_workspace
 from hil.results.rounding import clock
+from hil.terminal.keyboard_stop import HINT, KeyboardStop
 from hil.terminal.progress import shown
 
 if TYPE_CHECKING:
@@ -24,8 +27,14 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from drivers.drive_bus import DriveBus
+    from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+
+
+NOT_REHEARSED = (
+    "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
+)
 
 
 def bus_options(pairs: Sequence[str]) -> dict[str, object]:
@@ -50,19 +59,26 @@ def _value(text: str) -> object:
     return text
 
 
+def with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
+    """Return the plan with a workspace file's content in place of its own, if one is given."""
+    if path is None:
+        return the_plan
+    return the_plan.model_copy(update={"workspace": load_workspace(path, the_robot)})
+
+
 def prepare_folder(
     path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool, out: Console
 ) -> RunFolder:
-    """Make the folder of a new run, or open that of one to be resumed.
+    """Make the folder of a new run, or open that of one to be resumed or only rehearsed so far.
 
     Raises
     ------
     FileError
         There is a run already, or the one to resume measured something else.
     """
-    if not resume:
+    folder = RunFolder.open(path) if resume or (path / "run.json").exists() else None
+    if folder is None or not (resume or folder.only_rehearsed):
         return RunFolder.create(path, the_plan, the_robot, drives)
-    folder = RunFolder.open(path)
     folder.refuse_changes(the_plan, the_robot, drives)
     for told in folder.set_aside_damaged():
         out.print(told, highlight=False, soft_wrap=True)
@@ -70,26 +86,49 @@ def prepare_folder(
 
 
 def carry_out(
-    folder: RunFolder, open_bus: Callable[[], DriveBus], bus_name: str, out: Console
+    folder: RunFolder,
+    open_bus: Callable[[], DriveBus],
+    bus_name: str,
+    out: Console,
+    rehearsal: float | None = None,
 ) -> None:
-    """Run the campaign; Ctrl-C and SIGTERM stop the axes and keep what was measured.
+    """Run the campaign; Ctrl-C, s, space and SIGTERM stop the axes and keep what was measured.
 
     Where nothing is missing no bus is opened.
+
+    Parameters
+    ----------
+    rehearsal : float, optional
+        Share of the speed limits, to pass all ways at it instead of measuring.
 
     Raises
     ------
     typer.Exit
         With status 130 when interrupted, 1 when drives, bus or disk failed; all has been told.
     """
-    if not folder.missing:
+    if not folder.missing and rehearsal is None:
         out.print(f"{folder.path}: nothing is missing", highlight=False, soft_wrap=True)
         return
+    if (
+        rehearsal is None
+        and folder.journal.rehearsed is None
+        and not bus_name.startswith(SIMULATED)
+    ):
+        out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
     previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with shown(out) as show, closing(run_campaign(folder, open_bus(), bus_name)) as events:
-            for event in events:
-                show(event)
-                last = event
+        with KeyboardStop() as keyboard, shown(out) as show:
+            if keyboard.listening:
+                out.print(HINT, highlight=False)
+            bus, pause = open_bus(), keyboard.pause
+            if rehearsal is None:
+                events = run_campaign(folder, bus, bus_name, pause)
+            else:
+                events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause)
+            with closing(events):
+                for event in events:
+                    show(event)
+                    last = event
     except KeyboardInterrupt:
         sys.stderr.write(f"stopped, the axes are off; {_what_remains(folder)}\n")
         raise typer.Exit(130) from None
@@ -104,14 +143,21 @@ def carry_out(
         raise
     finally:
         signal.signal(signal.SIGTERM, previous)
-    if isinstance(last, Finished):
-        kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
-        out.print(
-            f"{last.recorded} measurements in {folder.path}"
-            f" ({clock(last.time)} of robot time){kept if last.gave_up else ''}",
-            highlight=False,
-            soft_wrap=True,
+    out.print(_conclusion(folder, last, rehearsal), highlight=False, soft_wrap=True)
+
+
+def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
+    if rehearsal is not None:
+        return (
+            f"all ways of the plan passed at {rehearsal:.0%} of the speed limits; measure with the"
+            " same command without --rehearse"
         )
+    assert isinstance(last, Finished)  # noqa: S101 - the last of all events
+    kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
+    return (
+        f"{last.recorded} measurements in {folder.path}"
+        f" ({clock(last.time)} of robot time){kept if last.gave_up else ''}"
+    )
 
 
 def _what_remains(folder: RunFolder) -> str:

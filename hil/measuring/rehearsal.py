@@ -1,0 +1,111 @@
+"""Carrying out a plan's motions slowly, recording nothing: the first run on a robot.
+
+A measurement needs its own speed, so a slow campaign would measure nothing of use. A rehearsal
+passes every way that the plan will take, once and no faster than a share of each axis's limit: all
+travels, one stroke there and back of each measurement, and of a coupling those of both axes, one
+after the other. A motion slowed by a factor s has its velocity times s and its acceleration times
+s^2, so that several axes at once take the very path that they will take at speed. Supervision and
+trips are those of a measuring run; the operator's hand is on the stop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
+from hil.measuring.motion import locate, pass_along, travel
+from hil.measuring.sequencer import hold, never, refuse_other_bus
+from hil.planning.measurement import TURN, Coupling
+from hil.planning.timetable import SETTLING, travel_time
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from drivers.drive_bus import DriveBus
+    from hil.measuring.events import Event
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+    from hil.planning.profile import Trapezoid
+
+SPEED = 0.2
+"""Share of the velocity limits that is not exceeded, unless asked for."""
+
+
+def rehearse(
+    plan: Plan,
+    robot: Robot,
+    bus: DriveBus,
+    speed: float = SPEED,
+    pause: Callable[[], bool] = never,
+) -> Iterator[Event]:
+    """Pass all ways of `plan`.
+
+    Parameters
+    ----------
+    bus : DriveBus
+        Entered already, and left by the caller.
+    speed : float
+        Share of each axis's velocity limit that no motion exceeds.
+    pause : callable
+        As in `hil.measuring.sequencer.measure`.
+
+    Yields
+    ------
+    Event
+        Started, Travelled, Rehearsed, Paused and Finished.
+
+    Raises
+    ------
+    DriveError
+        What would have happened at speed as well.
+    """
+    refuse_other_bus(plan, robot, bus)
+    here = locate(bus)
+    left = _durations(plan, robot, here.q, speed)
+    number = len(left)
+    yield Started(here.time, sum(left), number, number)
+    slow = min(1.0, speed / plan.travel)
+    for measurement in plan.measurements:
+        now = travel(bus, robot, measurement.start, plan.travel, plan.workspace, slow)
+        yield Travelled(now.time, sum(left), measurement)
+        for index, profile in _slowed(measurement, robot, speed):
+            now = pass_along(bus, index, profile, measurement.id)
+        left.pop(0)
+        yield Rehearsed(now.time, sum(left), measurement)
+        if pause():
+            yield Paused(now.time, sum(left))
+            hold(bus, pause)
+    yield Finished(locate(bus).time, 0.0, number, ())
+
+
+def _slowed(
+    measurement: Measurement, robot: Robot, speed: float
+) -> Iterator[tuple[int, Trapezoid]]:
+    """Strokes there and back, each of one axis and no faster than `speed` allows."""
+    ways = [(measurement.index, measurement.profile(k)) for k in (0, 1)]
+    if isinstance(measurement, Coupling):
+        ways[1:1] = [(measurement.partner.index, measurement.partner_profile(k)) for k in (0, 1)]
+    for index, profile in ways:
+        slow = min(1.0, speed * float(robot.velocity_limit[index]) / profile.velocity)
+        yield (
+            index,
+            replace(
+                profile,
+                velocity=slow * profile.velocity,
+                acceleration=slow**2 * profile.acceleration,
+            ),
+        )
+
+
+def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -> list[float]:
+    """Expected time of each measurement with the travel that leads to it [s]."""
+    slow = min(1.0, speed / plan.travel)
+    durations, here = [], start
+    for measurement in plan.measurements:
+        strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]
+        way = travel_time(robot, here, measurement.start, plan.travel) / slow + SETTLING
+        durations.append(way + sum(strokes) + TURN * len(strokes))
+        here = measurement.start
+    return durations
