@@ -3,7 +3,9 @@
 Every file that a user writes (robot, plan, drives, plant) is a pydantic model derived from
 `FileModel`. pydantic says which field is wrong and why; the YAML node tree says on which line that
 field stands. Together they make one message a problem, such as ``robot.yaml:15:
-joints.2.velocity_limit: -1.2 must be greater than 0``.
+joints.2.velocity_limit: -1.2 must be greater than 0``. Whatever a file holds, reading it ends in a
+valid model or in a `FileError`, and soon: nesting without end and aliases that multiply are refused
+before anything is built from them.
 
 A file that a command has drafted marks what only the user knows: ``gear_ratio: !state "motor angle
 over joint angle"``. Such a file is refused until every marked value is stated.
@@ -36,6 +38,41 @@ M = TypeVar("M", bound=BaseModel)
 
 UNSTATED = "!state"
 """Tag of a value that the user must state; its text says what to state."""
+DEPTH_MAX = 32
+"""Deepest nesting that a file may have."""
+VALUES_MAX = 200_000
+"""Most values that a file may hold once its aliases are followed."""
+_SHOWN_MAX = 60
+_TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it flat"
+_NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML's loader, with a bound on nesting and a place in all its errors."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Take one value and those within it from the text."""
+        self._depth += 1
+        if self._depth > DEPTH_MAX:
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, _TOO_DEEP, mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> object:
+        """Build one value."""
+        try:
+            return super().construct_object(node, deep)
+        except _NOT_CONVERTIBLE as error:
+            kind = node.tag.rpartition(":")[2]
+            raise yaml.constructor.ConstructorError(
+                None, None, f"{_shown(node.value)} is no {kind}", node.start_mark
+            ) from error
 
 
 def load_yaml(path: Path | str, model: type[M]) -> M:
@@ -46,29 +83,35 @@ def load_yaml(path: Path | str, model: type[M]) -> M:
     FileError
         The file cannot be read, is no YAML, or does not fit the model.
     """
-    path = Path(path)
+    return parse_yaml(read_text(path), model, str(path))
+
+
+def read_text(path: Path | str) -> str:
+    """Read a text file.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is not UTF-8.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        content = Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise FileError(f"{path}: cannot be read: {reason}") from error
-    return parse_yaml(text, model, str(path))
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise FileError(f"{path}:{line}: cannot be read: is not UTF-8 text") from error
 
 
 def parse_yaml(text: str, model: type[M], source: str) -> M:
     """Parse YAML text into `model`; `source` names it in messages."""
-    try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
-        _refuse_duplicate_keys(root, source)
-        _refuse_unstated(root, source)
-        data = yaml.safe_load(text)
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise FileError(f"{source}:{line}: is no valid YAML: {error.problem}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise FileError(f"{source}: is no valid YAML: {error}") from error
+    root, data = _parse(text, source)
     if not isinstance(data, dict):
-        raise FileError(f"{source}:1: must hold keys and values, not {type(data).__name__}")
+        found = "nothing" if data is None else type(data).__name__
+        raise FileError(f"{source}:1: must hold keys and values, not {found}")
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -76,9 +119,34 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
         raise FileError("\n".join(lines)) from error
 
 
+def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
+    try:
+        loader = _Loader(text)
+        root = loader.get_single_node()
+        if root is None:
+            return None, None
+        _refuse_excess(root, source)
+        _refuse_unstated(root, source)
+        return root, loader.construct_document(root)
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise FileError(f"{source}:{line}: is no valid YAML: {error.problem}") from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise FileError(f"{source}:{line}: is no valid YAML: {error.reason}") from error
+
+
 def line_of(text: str, location: tuple[str | int, ...]) -> int:
     """Line (from 1) on which the value at `location` stands in YAML `text`."""
     return _line(yaml.compose(text, Loader=yaml.SafeLoader), location)
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no integers of more than some thousand digits
+        return "an enormous number"
+    return text if len(text) <= _SHOWN_MAX else f"{text[:_SHOWN_MAX]}..."
 
 
 def _describe(problem: object, root: yaml.Node | None, source: str) -> str:
@@ -93,7 +161,7 @@ def _describe(problem: object, root: yaml.Node | None, source: str) -> str:
     elif isinstance(problem["input"], str | int | float | bool) and "Value error" not in str(
         problem["msg"]
     ):
-        message = f"{problem['input']!r}: {message[:1].lower()}{message[1:]}"
+        message = f"{_shown(problem['input'])}: {message[:1].lower()}{message[1:]}"
     place = ".".join(str(part) for part in location)
     return f"{source}:{_line(root, location)}: {place + ': ' if place else ''}{message}"
 
@@ -119,22 +187,38 @@ def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Node, yaml.Nod
     return None
 
 
-def _refuse_duplicate_keys(node: yaml.Node | None, source: str) -> None:
-    if isinstance(node, yaml.MappingNode):
-        seen: set[str] = set()
-        for key, value in node.value:
-            name = str(key.value)
-            if name in seen:
-                line = key.start_mark.line + 1
-                raise FileError(f"{source}:{line}: {name}: stands twice; remove one of them")
-            seen.add(name)
-            _refuse_duplicate_keys(value, source)
-    elif isinstance(node, yaml.SequenceNode):
-        for value in node.value:
-            _refuse_duplicate_keys(value, source)
+def _refuse_excess(root: yaml.Node, source: str) -> None:
+    """Refuse keys that stand twice, endless nesting, and aliases that multiply."""
+    waiting, values = [(root, 1)], 0
+    while waiting:
+        node, depth = waiting.pop()
+        values += 1
+        line = node.start_mark.line + 1
+        if depth > DEPTH_MAX:
+            raise FileError(f"{source}:{line}: {_TOO_DEEP}")
+        if values > VALUES_MAX:
+            raise FileError(
+                f"{source}:{line}: holds more than {VALUES_MAX} values with its aliases followed; "
+                "write fewer, and no alias of aliases"
+            )
+        if isinstance(node, yaml.MappingNode):
+            _refuse_duplicate_keys(node, source)
+            waiting += [(part, depth + 1) for pair in node.value for part in pair]
+        elif isinstance(node, yaml.SequenceNode):
+            waiting += [(part, depth + 1) for part in node.value]
 
 
-def _refuse_unstated(root: yaml.Node | None, source: str) -> None:
+def _refuse_duplicate_keys(node: yaml.MappingNode, source: str) -> None:
+    seen: set[str] = set()
+    for key, _ in node.value:
+        name = str(key.value)
+        if name in seen:
+            line = key.start_mark.line + 1
+            raise FileError(f"{source}:{line}: {name}: stands twice; remove one of them")
+        seen.add(name)
+
+
+def _refuse_unstated(root: yaml.Node, source: str) -> None:
     unstated = list(_unstated(root, ()))
     if unstated:
         raise FileError(
@@ -148,9 +232,9 @@ def _refuse_unstated(root: yaml.Node | None, source: str) -> None:
 
 
 def _unstated(
-    node: yaml.Node | None, place: tuple[str, ...]
+    node: yaml.Node, place: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, ...], yaml.Node]]:
-    if node is not None and node.tag == UNSTATED:
+    if node.tag == UNSTATED:
         yield place, node
     elif isinstance(node, yaml.MappingNode):
         for key, value in node.value:

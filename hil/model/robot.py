@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.yaml_file import FileError, line_of, parse_yaml
+from drivers.yaml_file import FileError, line_of, parse_yaml, read_text
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
 
@@ -189,12 +189,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         No such robot, or a file that cannot be used: one line for each problem, with its place.
     """
     path = _find(name_or_path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        raise FileError(f"{path}: cannot be read: {reason}") from error
-    return parse_robot(text, str(path))
+    return parse_robot(read_text(path), str(path))
 
 
 def parse_robot(text: str, source: str) -> Robot:
