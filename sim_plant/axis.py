@@ -85,6 +85,9 @@ class Axis(Protocol):
     def set_following_window(self, window: float, timeout: float) -> None:
         """Set the following error window [inc, inf = off] and the time that it may last [s]."""
 
+    def rebase(self, shift: int) -> None:
+        """Show positions that are by `shift` [increments] greater from now on."""
+
 
 class Machine(Protocol):
     """All axes, the arm that they share, and what the drives report about themselves."""

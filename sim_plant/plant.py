@@ -115,6 +115,11 @@ class Servo:
         self._state[st.WINDOW] = window / abs(self._scale)
         self._state[st.WINDOW_TIME] = timeout
 
+    def rebase(self, shift: int) -> None:
+        """Show positions that are by `shift` [increments] greater from now on."""
+        self._const[st.ZERO] += shift
+        self._zero = self._const[st.ZERO]
+
     def _moving(self) -> None:
         self._plant.events[self._index] &= ~int(AxisEvent.DONE)
         self._state[st.EVENTS] = self._plant.events[self._index]

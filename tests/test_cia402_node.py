@@ -549,14 +549,15 @@ def test_maxima_bound_velocity_and_accelerations(desk: Desk) -> None:
     assert axis(desk).calls[-1] == ("move", 100_000, 4_096, 8_000, 7_000)
 
 
-def test_only_profile_position_can_be_chosen(master: canopen.Network) -> None:
+def test_only_profile_position_and_homing_can_be_chosen(master: canopen.Network) -> None:
     node = master[1]
-    assert node.sdo[0x6502].raw == 1
+    assert node.sdo[0x6502].raw == 1 | 1 << 5
     for mode in (-1, 0, 3, 8):
         with pytest.raises(Exception, match="Value range"):
             node.sdo[0x6060].raw = mode
-    node.sdo[0x6060].raw = 1
-    assert node.sdo[0x6061].raw == 1
+    for mode in (6, 1):
+        node.sdo[0x6060].raw = mode
+        assert node.sdo[0x6061].raw == mode
 
 
 def test_a_long_sync_cycle_ends_a_stop_at_its_own_instant(desk: Desk) -> None:

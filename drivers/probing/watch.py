@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 
 NMT_STATES = {0x00: "booting", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
 _SYNC = 0x80
-RATE_OVER = 200
+RATE_OVER = 50
 """SYNCs over which their rate is taken."""
+STOPPED = 2.0
+"""Without a SYNC for so long there is no rate any more [s]."""
 
 
 @dataclass(slots=True)
@@ -85,6 +87,7 @@ class BusPicture:
     def __post_init__(self) -> None:
         self.axes = [AxisPicture(axis.name, axis.node) for axis in self.drives.axes]
         self._syncs: deque[float] = deque(maxlen=RATE_OVER)
+        self._last_sync = -math.inf
         self._tpdos = {
             pdo.cob_id: (number, pdo.entries, pdo.size)
             for number, axis in enumerate(self.drives.axes)
@@ -93,9 +96,10 @@ class BusPicture:
         self._of_node = {axis.node: number for number, axis in enumerate(self.drives.axes)}
         self._scales = [AxisScale.of(axis) for axis in self.drives.axes]
 
-    @property
-    def sync_rate(self) -> float:
-        """Of the last SYNCs [1/s], 0 if there are none."""
+    def sync_rate(self, now: float) -> float:
+        """Rate of the last SYNCs [1/s], 0 if there are none any more at `now` [s]."""
+        if now - self._last_sync > STOPPED:
+            return 0.0
         span = self._syncs[-1] - self._syncs[0] if len(self._syncs) > 1 else 0.0
         return (len(self._syncs) - 1) / span if span > 0 else 0.0
 
@@ -106,6 +110,7 @@ class BusPicture:
         number, data = frame.arbitration_id, bytes(frame.data)
         if number == _SYNC:
             self._syncs.append(frame.timestamp or now)
+            self._last_sync = now
         elif number in self._tpdos:
             self._take_tpdo(number, data, now)
         elif number & 0x780 in {0x080, 0x700} and number & 0x7F in self._of_node and data:

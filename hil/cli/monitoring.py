@@ -62,7 +62,7 @@ def _listen(bus: can.BusABC, picture: BusPicture, duration: float) -> None:
 
 def _snapshot(picture: BusPicture, drives: DrivesFile) -> monitor_view.Snapshot:
     rows = [_row(axis, drive) for axis, drive in zip(picture.axes, drives.axes, strict=True)]
-    return monitor_view.Snapshot(rows, picture.sync_rate)
+    return monitor_view.Snapshot(rows, picture.sync_rate(monotonic()))
 
 
 def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.Row:

@@ -24,8 +24,9 @@ from sim_plant.drive.cia402_states import (
     command_of,
 )
 from sim_plant.drive.drive_objects import declare, present
+from sim_plant.drive.homing import Homing
 from sim_plant.drive.lagging_bit import LaggingBit
-from sim_plant.drive.mode import ModeOfOperation
+from sim_plant.drive.mode import HOMING, ModeOfOperation
 from sim_plant.drive.motion import Motion, Ramp
 from sim_plant.drive.profile_position import ProfilePosition, StatusLags
 from sim_plant.drive.target_window import TargetWindow
@@ -83,7 +84,9 @@ class Cia402Node(CanopenNode):
         self._position = ProfilePosition(
             self.dictionary, self._motion, self._window, self.emergencies, self._lags(personality)
         )
-        self._mode = ModeOfOperation(self.dictionary, timers, personality)
+        self._homing = Homing(self.dictionary, self._motion, settings, image)
+        self._follower: ProfilePosition | Homing = self._position
+        self._mode = ModeOfOperation(self.dictionary, timers, personality, self._change_mode)
         declare(self.dictionary, settings)
         present(self.dictionary, image, settings)
         self._connect_objects()
@@ -96,7 +99,7 @@ class Cia402Node(CanopenNode):
         reading = self._image.reading
         self._take_events(reading.events)
         if self._follows_set_points:
-            self._position.observe(reading)
+            self._follower.observe(reading)
         self._refresh()
 
     def handle_events(self, events: int) -> None:
@@ -110,7 +113,7 @@ class Cia402Node(CanopenNode):
             self.fail(ErrorCode.FOLLOWING_ERROR)
         self._leave_at_rest()
         if self._follows_set_points:
-            self._position.progress()
+            self._follower.progress()
 
     # What may happen to a drive
 
@@ -148,7 +151,7 @@ class Cia402Node(CanopenNode):
         elif self.state is not State.FAULT_REACTION_ACTIVE:
             self._command(command_of(controlword))
             if self._follows_set_points:
-                self._position.control(controlword)
+                self._follower.control(controlword)
         self._refresh()
 
     def _command(self, command: Command) -> None:
@@ -163,6 +166,18 @@ class Cia402Node(CanopenNode):
             self._resume()
         elif target is not None:
             self._enter(target)
+
+    def _change_mode(self) -> None:
+        """Leave what the old mode had under way; an axis in motion comes to rest."""
+        homing = self.dictionary.get(0x6060) == HOMING
+        following = self._homing if homing else self._position
+        if following is self._follower:
+            return
+        self._follower.abandon()
+        self._follower = following
+        if self._follows_set_points:
+            self._motion.stop(Ramp.PROFILE)
+            self._follower.start(self._image.reading.demand, self._controlword)
 
     def _quick_stop(self) -> None:
         option = self.dictionary.get(0x605A)
@@ -179,7 +194,7 @@ class Cia402Node(CanopenNode):
             return
         self._next_state = None
         self.state = State.OPERATION_ENABLED
-        self._position.start(self._image.reading.demand, self._controlword)
+        self._follower.start(self._image.reading.demand, self._controlword)
 
     # States
 
@@ -191,18 +206,18 @@ class Cia402Node(CanopenNode):
         was_powered = self.state in POWERED
         self.state, self._next_state = state, None
         if was_powered and state not in POWERED:
-            self._position.abandon()
+            self._follower.abandon()
             self._motion.disable()
         elif not was_powered and state in POWERED:
             self._motion.apply_torque_limit()
             self._motion.apply_following_window()
             self._motion.enable()
             position = self._image.reading.position
-            self._position.start(position, self._controlword)
+            self._follower.start(position, self._controlword)
 
     def _slow_down(self, ramp: Ramp, then: State | None) -> None:
         """Stop, and go to state `then` when at rest."""
-        self._position.abandon()
+        self._follower.abandon()
         if ramp is Ramp.NONE and then is not None:
             self._enter(then)
         else:
@@ -219,7 +234,7 @@ class Cia402Node(CanopenNode):
         events = self._motion.events
         if self.state in POWERED:
             if self._follows_set_points:
-                status |= self._position.show()
+                status |= self._follower.show()
             elif self._motion.at_rest:
                 status |= Status.TARGET_REACHED
             if events & AxisEvent.SATURATED:
@@ -246,6 +261,7 @@ class Cia402Node(CanopenNode):
 
     def _reset_profile(self) -> None:
         self._enter(State.SWITCH_ON_DISABLED)
+        self._change_mode()
         self._controlword = 0
         self._motion.apply_torque_limit()
         self._motion.apply_following_window()

@@ -1,7 +1,7 @@
 """Modes of operation: what 6060h takes and what 6061h shows, which may lag behind.
 
-Profile position is the only mode there is. While a change is under way a slow drive shows -1, and
-some refuse a change as long as halt (controlword bit 8) is set.
+There are profile position and homing. While a change is under way a slow drive shows -1, and some
+refuse a change as long as halt (controlword bit 8) is set.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.drive.cia402_states import Control
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sim_plant.canopen.object_dictionary import ObjectDictionary
     from sim_plant.canopen.timers import Timers
     from sim_plant.personality import Personality
 
-PROFILE_POSITION = 1
+PROFILE_POSITION, HOMING = 1, 6
 _CHANGING = -1
 
 
@@ -28,16 +30,23 @@ class ModeOfOperation:
     dictionary : ObjectDictionary
     timers : Timers
     personality : Personality
+    changed : callable
+        Told when a mode was chosen.
     """
 
     def __init__(
-        self, dictionary: ObjectDictionary, timers: Timers, personality: Personality
+        self,
+        dictionary: ObjectDictionary,
+        timers: Timers,
+        personality: Personality,
+        changed: Callable[[], None],
     ) -> None:
         self._dictionary = dictionary
         self._timers = timers
         self._lag = personality.mode_display_lag
         self._changing = False
-        dictionary.allow(0x6060, (PROFILE_POSITION,))
+        self._changed = changed
+        dictionary.allow(0x6060, (PROFILE_POSITION, HOMING))
         if personality.mode_locked_by_halt:
             dictionary.guard(0x6060, self._refuse_while_halted)
         dictionary.react(0x6060, self._change)
@@ -48,6 +57,7 @@ class ModeOfOperation:
             raise SdoAbort(AbortCode.DEVICE_STATE)
 
     def _change(self, _subindex: int, _mode: int) -> None:
+        self._changed()
         if self._lag:
             self._changing = True
             self._timers.start((self._dictionary.node_id, "mode"), self._lag, self._settle)

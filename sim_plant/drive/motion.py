@@ -100,6 +100,15 @@ class Motion:
         motor = max(1, self._dictionary.get(0x6080) * self._counts_per_rev // 60)
         return min(self._limited(0x6081, 0x607F) * self._units.velocity, motor)
 
+    def homing_pace(self, subindex: int) -> tuple[float, float]:
+        """6099h:`subindex` and 609Ah within the drive's limits [increments/s, increments/s^2]."""
+        velocity = min(self._dictionary.get(0x6099, subindex), self._dictionary.get(0x607F))
+        return velocity * self._units.velocity, self.acceleration(0x609A, 0x60C5)
+
+    def rebase(self, shift: int) -> None:
+        """Show positions that are by `shift` greater from now on."""
+        self._axis.rebase(shift)
+
     def apply_torque_limit(self) -> None:
         """Hand on 6072h and 6073h; torque and current are the same per mille."""
         self._axis.set_torque_limit(self._limited(0x6072, 0x6073))

@@ -75,6 +75,10 @@ class FaultyAxis:
         """Set the following error window."""
         self._axis.set_following_window(window, timeout)
 
+    def rebase(self, shift: int) -> None:
+        """Count from elsewhere."""
+        self._axis.rebase(shift)
+
     @property
     def _strength(self) -> int:
         return self._limit if self.strength is None else self.strength
