@@ -98,7 +98,8 @@ def drive_entries(personality: Personality = PLAIN) -> dict[int, Entry]:
 
 def inner_entries(personality: Personality) -> dict[int, Entry]:
     """Entries that the firmware works with, those that the drive hides from the bus included."""
-    return drive_entries(personality.model_copy(update={"missing": (), "mapping_entries": 8}))
+    whole = personality.model_copy(update={"missing": (), "mapping_entries": 8})
+    return {**drive_entries(whole), **drive_entries(personality)}
 
 
 def _entries(text: str) -> Iterator[Entry]:
