@@ -50,7 +50,7 @@ class NodeRow(NamedTuple):
 def render(rows: Sequence[NodeRow], console: Console) -> None:
     """Print the nodes and their remarks."""
     title = "1 node" if len(rows) == 1 else f"{len(rows)} nodes"
-    table = Table("node", "heard by", "device", "vendor, product, revision", title=title)
+    table = Table("node", "heard by", "device", "identity (1018)", title=title)
     table.add_column("modes")
     table.add_column("state")
     table.add_column("serves")
