@@ -36,7 +36,14 @@ OFF_ATTEMPTS = 2
 SETTLED = 10
 """Samples without motion after which an axis counts as resting when powering off."""
 
-_ENERGISED = frozenset({State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE})
+_ENERGISED = frozenset(
+    {
+        State.SWITCHED_ON,
+        State.OPERATION_ENABLED,
+        State.QUICK_STOP_ACTIVE,
+        State.FAULT_REACTION_ACTIVE,
+    }
+)
 _SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT})
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _STOPPING = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE})

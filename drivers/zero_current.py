@@ -50,9 +50,10 @@ def offsets(
         torque = abs(float(current) * AxisScale.of(axis).torque)
         if torque > OFFSET * axis.limits.torque:
             unit = "N m" if axis.joint == "revolute" else "N"
+            bound = OFFSET * axis.limits.torque
             found.append(
                 f"{axis.name} (node {axis.node}): {when} its current reads {torque:.3g} {unit}, at "
-                f"most {OFFSET * axis.limits.torque:.3g} {unit} may be; have the sensor's offset "
-                "adjusted, and mind that torques of this axis carry it"
+                f"most {bound:.3g} {unit} may be; the torques of this axis carry that offset: have "
+                "it adjusted, and measure the axis again if it was not there from the start"
             )
     return found

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 CHANCE = 1e-6
 """Of a sound sensor to show so long a run."""
 
-RARE, OFTEN = 0.05, 0.95
+RARE, OFTEN = 0.05, 0.9
 """Bounds of the share of equal neighbours that counts as the sensor's own."""
 
 

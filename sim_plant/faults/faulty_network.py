@@ -97,6 +97,11 @@ class FaultyNetwork:
         """The drives in joint order."""
         return self._network.nodes
 
+    @property
+    def present(self) -> tuple[Fault, ...]:
+        """What is wrong now."""
+        return tuple(injection.fault for _, injection in self._present)
+
     def add(self, fault: Fault) -> None:
         """Let one more thing go wrong."""
         injection = _INJECTIONS[fault.what](fault, self._network, self.machine)

@@ -1,0 +1,1 @@
+"""Every fault of the plant over real frames: harness, cases, table."""
