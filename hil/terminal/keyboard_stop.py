@@ -48,7 +48,7 @@ class KeyboardStop:
         self._keys = Keys() if keys is None else keys
         self._paused = False
         self._wanted = False
-        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread = threading.Thread(target=self._listen, name="keyboard", daemon=True)
 
     @property
     def listening(self) -> bool:
