@@ -81,7 +81,9 @@ def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
     if axis.current.amplitude != axis.torque_constant_amplitude:
         product *= math.sqrt(2 if axis.current.amplitude == "rms" else 0.5)
     ratio = product / axis.rated_torque
-    confused = min(abs(ratio * root - 1) for root in (math.sqrt(2), math.sqrt(0.5))) < CONSISTENT
+    confused = (
+        min(abs(ratio * root - 1) for root in (math.sqrt(2), math.sqrt(0.5))) < CONSISTENT / 3
+    )
     return graded(
         abs(ratio - 1) <= CONSISTENT,
         Grade.WARNING,

@@ -66,8 +66,6 @@ def _snapshot(picture: BusPicture, drives: DrivesFile) -> monitor_view.Snapshot:
 
 
 def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.Row:
-    from drivers.probing.jog import shown  # noqa: PLC0415 - slow to import
-
     silent = monotonic() - axis.heard
     unit = "N m" if drive.joint == "revolute" else "N"
     return monitor_view.Row(
@@ -75,11 +73,15 @@ def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.Row:
         str(axis.node),
         axis.nmt,
         axis.state.value if axis.state else "",
-        "" if math.isnan(axis.q) else shown(drive, axis.q),
+        "" if math.isnan(axis.q) else _position(drive, axis.q),
         "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {unit}",
-        "never" if math.isinf(silent) else f"{silent:.1f} s ago",
+        "never" if math.isinf(silent) else f"{silent:.1f} s",
         _alarm(axis),
     )
+
+
+def _position(drive: AxisDrive, q: float) -> str:
+    return f"{1000 * q:.2f} mm" if drive.joint == "prismatic" else f"{math.degrees(q):.2f}°"
 
 
 def _alarm(axis: AxisPicture) -> str:

@@ -91,7 +91,7 @@ def table(snapshot: Snapshot, hint: str) -> Table:
     rate = f"SYNC at {snapshot.sync_rate:.4g} Hz" if snapshot.sync_rate else "no SYNC"
     drawn = Table(title=rate, caption=hint)
     for heading in ("axis", "node", "NMT", "state"):
-        drawn.add_column(heading, no_wrap=True)
+        drawn.add_column(heading)
     for heading in ("position", "torque", "heard"):
         drawn.add_column(heading, no_wrap=True, justify="right")
     drawn.add_column("emergency")
