@@ -191,6 +191,17 @@ def test_malformed_answers_are_no_drive_and_no_crash(data: bytes) -> None:
     assert all(node.review is None for node in found.nodes.values())
 
 
+def test_an_answer_without_end_is_given_up() -> None:
+    def endless(_: int, request: bytes) -> list[bytes]:
+        if request[0] >> 5 == 3:
+            return [bytes([request[0] & 0x10]) + b"forever"]
+        return [b"\x40" + request[1:4] + bytes(4)]
+
+    found = scanned(Several({6}, endless)).nodes[6]
+    assert found.dictionary is not None
+    assert not found.dictionary.entries
+
+
 def test_drives_in_real_time_are_heard_and_asked(ideal_machine) -> None:
     stop = threading.Event()
     with (

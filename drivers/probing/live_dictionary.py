@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from canopen.sdo.exceptions import SdoAbortedError, SdoError
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 from drivers import objects
 from drivers.network import PumpedSdoClient
@@ -32,6 +32,8 @@ PATIENCE = 5
 MAPPED = 8
 """Mapping entries that are looked at."""
 TEXT_LIMIT = 60
+EXCHANGES = 64
+"""Longest answer that is waited for [frames of 7 bytes]."""
 
 _CURRENTS = (
     Entry(0x6077, 0, "i16", "torque actual value"),
@@ -65,7 +67,7 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
     timeout : float
         How long each answer may take [s].
     """
-    reading = _Reading(PumpedSdoClient(network, node, timeout))
+    reading = _Reading(_BriefClient(network, node, timeout))
     for entry in asked():
         reading.ask(entry)
     for mapping in (0x1600, 0x1A00, 0x1A01):
@@ -90,6 +92,25 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
         serial=identity[3],
         model=model,
     )
+
+
+class _BriefClient(PumpedSdoClient):
+    """Gives up on an answer without end."""
+
+    exchanges = 0
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object, as canopen does."""
+        self.exchanges = 0
+        data: bytes = super().upload(index, subindex)
+        return data
+
+    def request_response(self, sdo_request: bytes) -> bytes:
+        """Send a request and wait for its answer, unless there were too many already."""
+        self.exchanges += 1
+        if self.exchanges > EXCHANGES:
+            raise SdoCommunicationError(f"no end after {EXCHANGES} frames")
+        return super().request_response(sdo_request)
 
 
 @dataclass
