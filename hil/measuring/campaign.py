@@ -13,6 +13,7 @@ from hil.measuring.events import Recorded
 from hil.measuring.recording_file import Measured
 from hil.measuring.rehearsal import rehearse
 from hil.measuring.sequencer import measure, never
+from hil.measuring.sync_timing import SyncTiming
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator
@@ -52,6 +53,7 @@ def run_campaign(
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
     with folder.session(bus_name) as session, _notes_kept(folder, bus), bus:
         folder.note_axes(bus.axes)
+        timing = SyncTiming()
         for event in measure(folder.plan, folder.robot, bus, done, pause):
             if isinstance(event, Recorded):
                 folder.write(
@@ -63,6 +65,8 @@ def run_campaign(
                         session,
                     )
                 )
+                timing = timing.with_recording(event.recording)
+                folder.keep_timing(timing)
             yield event
 
 

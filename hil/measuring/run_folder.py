@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from drivers.drive_bus import AxisInfo
+    from hil.measuring.sync_timing import SyncTiming
     from hil.planning.measurement import Measurement
 
 DAMAGED = ".damaged"
@@ -234,6 +235,10 @@ class RunFolder:
     def keep_notes(self, notes: Sequence[str]) -> None:
         """Note what the operator should know; goes to the disk with the session's end."""
         self.journal = self.journal.with_last(notes=tuple(notes))
+
+    def keep_timing(self, timing: SyncTiming) -> None:
+        """Note how SYNC kept its period; goes to the disk with the session's end."""
+        self.journal = self.journal.with_last(sync=timing)
 
     def _note(self, journal: Journal) -> None:
         self.journal = journal

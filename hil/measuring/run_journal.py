@@ -16,6 +16,7 @@ from pydantic import Field, ValidationError
 
 from drivers.yaml_file import FileError, FileModel
 from hil.measuring.atomic_file import operator_told, write_file
+from hil.measuring.sync_timing import SyncTiming
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,6 +57,7 @@ class Session(FileModel):
     reason: str = "was killed"
     bus: str
     axes: tuple[Axis, ...] = ()
+    sync: SyncTiming = SyncTiming()
     notes: tuple[str, ...] = ()
     host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
     versions: dict[str, str] = Field(default_factory=versions)

@@ -156,7 +156,8 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
     return (
         f"{last.recorded} measurements in {folder.path}"
-        f" ({clock(last.time)} of robot time){kept if last.gave_up else ''}"
+        f" ({clock(last.time)} of robot time){kept if last.gave_up else ''};"
+        f" {folder.journal.sessions[-1].sync}"
     )
 
 
