@@ -9,6 +9,7 @@ import can
 import typer
 
 from drivers.yaml_file import FileError
+from sim_plant.faults.fault_plan import load_fault_plan
 from sim_plant.plant import load_plant
 from sim_plant.server import serve
 from sim_plant.slave_network import CLOCKS, Clock
@@ -29,14 +30,16 @@ def main(
     bus_option: Annotated[
         list[str] | None, typer.Option(help="key=value for the interface; may be repeated.")
     ] = None,
+    faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
 ) -> None:
     """Serve the simulated plant's drives on a CAN bus."""
     try:
         options, passing = _options(bus_option or []), _clock(clock)
         machine = load_plant(plant, seed)
+        fault_plan = load_fault_plan(faults) if faults else None
         with _open(interface, channel, options) as bus:
             typer.echo(_announcement(machine, plant, bus, passing))
-            serve(bus, machine, passing, threading.Event())
+            serve(bus, machine, passing, threading.Event(), fault_plan)
     except KeyboardInterrupt:
         typer.echo("stopped")
     except (FileError, can.CanError, ValueError, OSError) as error:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import can
 
+from sim_plant.faults.faulty_network import FaultyNetwork
+from sim_plant.faults.frame_faults import BusOff
 from sim_plant.slave_network import SlaveNetwork
 from sim_plant.wall_clock import TICK, WallClock
 
@@ -14,7 +16,8 @@ if TYPE_CHECKING:
     import threading
     from collections.abc import Iterable
 
-    from sim_plant.axis import Machine
+    from sim_plant.faults.fault_plan import FaultPlan
+    from sim_plant.plant import Plant
     from sim_plant.slave_network import Clock, Frame
 
 IDLE = 0.1
@@ -24,24 +27,34 @@ RETRIES = 12
 """Doubling pauses from 0.1 ms: half a second for a full transmit queue to drain."""
 
 
-def serve(bus: can.BusABC, plant: Machine, clock: Clock, stop_event: threading.Event) -> None:
+def serve(
+    bus: can.BusABC,
+    plant: Plant,
+    clock: Clock,
+    stop_event: threading.Event,
+    faults: FaultPlan | None = None,
+) -> None:
     """Answer on `bus` as the plant's drives until `stop_event` is set.
 
     Parameters
     ----------
     bus : can.BusABC
         Left open.
-    plant : Machine
+    plant : Plant
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     stop_event : threading.Event
+    faults : FaultPlan, optional
+        What goes wrong. Bus-off of the master's adapter is here no more than a cut cable.
 
     Raises
     ------
     can.CanError
         The bus fails.
+    FileError
+        A fault of an axis that the plant does not have.
     """
-    network = SlaveNetwork(plant, clock)
+    network = SlaveNetwork(plant, clock) if faults is None else FaultyNetwork(plant, clock, faults)
     wall = WallClock()
     wait = TICK if clock == "wall" else IDLE
     _send(bus, network.power_on())
@@ -53,12 +66,15 @@ def serve(bus: can.BusABC, plant: Machine, clock: Clock, stop_event: threading.E
             _send(bus, _answer(network, message))
 
 
-def _answer(network: SlaveNetwork, message: can.Message) -> list[Frame]:
+def _answer(network: SlaveNetwork | FaultyNetwork, message: can.Message) -> list[Frame]:
     if message.is_extended_id or message.is_error_frame or message.is_fd:
         return []
     if message.is_remote_frame:
         return network.receive_remote(message.arbitration_id)
-    return network.receive(message.arbitration_id, bytes(message.data))
+    try:
+        return network.receive(message.arbitration_id, bytes(message.data))
+    except BusOff:
+        return []
 
 
 def _send(bus: can.BusABC, frames: Iterable[Frame]) -> None:
