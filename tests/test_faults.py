@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import logging
 import struct
+import threading
 from typing import TYPE_CHECKING, Any
 
+import can
 import pytest
 from fault_table.cases import CASES
 from fault_table.promise import tried
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from drivers.yaml_file import FileError, parse_yaml
+from sim_plant import __main__ as command
 from sim_plant.faults.fault_plan import Fault, FaultPlan, What, load_fault_plan
 from sim_plant.faults.faulty_network import FaultyNetwork
 from sim_plant.faults.frame_faults import BusOff
 from sim_plant.faults.moment import Progress, Watch
 from sim_plant.plant import load_plant
+from sim_plant.server import serve
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -242,3 +247,37 @@ def test_an_encoder_that_jumps_back_shows_the_old_angle() -> None:
         faulty.receive(*SYNC)
         shown.append(readings(faulty, 0)[0])
     assert [round(value - shown[0], -2) for value in shown] == [0, 500, 500, 0]
+
+
+# The plant served with a plan
+
+
+def test_a_served_plant_takes_a_plan() -> None:
+    stop, faults = threading.Event(), plan("{what: node-reset, axis: 2, at: {sync: 3}}")
+    with (
+        can.Bus("faults", "virtual", ignore_config=True) as theirs,
+        can.Bus("faults", "virtual", ignore_config=True) as ours,
+    ):
+        arguments = (theirs, load_plant("manutec-r15"), "sync", stop, faults)
+        server = threading.Thread(target=serve, args=arguments)
+        server.start()
+        try:
+            boots = [ours.recv(20.0) for _ in range(6)]
+            for _ in range(3):
+                ours.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+            again = ours.recv(20.0)
+        finally:
+            stop.set()
+            server.join()
+    assert [boot.arbitration_id for boot in boots if boot] == [0x701 + n for n in range(6)]
+    assert again is not None
+    assert (again.arbitration_id, again.data) == (0x702, b"\0")
+
+
+def test_the_command_refuses_a_plan_that_does_not_fit(tmp_path: Path) -> None:
+    path = tmp_path / "faults.yaml"
+    path.write_text("faults:\n  - {what: fault, axis: 1, at: {sync: 1}}\n")
+    options = ["--interface", "virtual", "--channel", "x", "--faults", str(path)]
+    result = CliRunner().invoke(command.app, options)
+    assert result.exit_code == 1
+    assert "faults.yaml:2: faults.0: fault needs code" in result.output
