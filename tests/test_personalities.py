@@ -207,3 +207,24 @@ def test_axes_of_one_plant_may_have_different_personalities(tmp_path: Path) -> N
             "plain",
             "milliampere",
         ]
+
+
+@pytest.mark.parametrize(
+    ("index", "default", "words"),
+    [(0x6007, 0, "6007:00"), (0x605A, 0, "605A:00"), (0x607F, 1, "607F:00")],
+)
+def test_a_fixed_value_that_is_not_safe_is_refused(
+    index: int, default: int, words: str, tmp_path: Path
+) -> None:
+    personality = tmp_path / "stubborn.yaml"
+    change = {"index": index, "access": "ro", "default": default}
+    personality.write_text(yaml.safe_dump({"name": "stubborn", "objects": [change]}))
+    channel = plant_file(tmp_path, "plain", **CLEAN)
+    plant = yaml.safe_load((tmp_path / "plain.yaml").read_text())
+    plant["axes"][3]["drive"]["personality"] = "stubborn.yaml"
+    (tmp_path / "plain.yaml").write_text(yaml.safe_dump(plant))
+    with (
+        can.Bus(channel, "sim_plant", ignore_config=True) as bus,
+        pytest.raises(DriveRefused, match=rf"^joint 4 .*{words}.*commissioning tool$"),
+    ):
+        CanopenDriveBus(bus, drives_for("plain")).__enter__()
