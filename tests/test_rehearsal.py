@@ -2,6 +2,7 @@
 
 import os
 import pty
+import signal
 import subprocess
 import sys
 import threading
@@ -12,7 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from hil import cli
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
 from hil.measuring.motion import travel
 from hil.measuring.rehearsal import rehearse
@@ -92,13 +95,6 @@ def test_a_slow_travel_takes_the_same_path(small_plan: Plan, manutec: Robot, ide
 # The folder
 
 
-def hil(*arguments: object) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "hil", *map(str, arguments)]
-    return subprocess.run(  # noqa: S603 - our own program
-        command, check=False, capture_output=True, text=True, timeout=120
-    )
-
-
 @pytest.fixture
 def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
     path = tmp_path / "plan.yaml"
@@ -107,23 +103,33 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 
 
 def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
-    plan_file: Path, tmp_path: Path
+    plan_file: Path,
+    tmp_path: Path,
+    ideal_bus,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    def hil(*arguments: object) -> tuple[int, str]:
+        with pytest.raises(SystemExit) as left:
+            cli.main(["run", *map(str, arguments)])
+        printed = capsys.readouterr()
+        return int(left.value.code or 0), printed.out + printed.err
+
+    monkeypatch.setattr(cli, "out", Console(width=200))
+    monkeypatch.setattr(cli, "_open_bus", lambda *_: ideal_bus)
     folder = tmp_path / "first"
-    rehearsed = hil("run", plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
-    assert (rehearsed.returncode, rehearsed.stderr) == (0, "")
-    assert "all ways of the plan passed at 50% of the speed limits" in rehearsed.stdout
+    status, told = hil(plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
+    assert (status, len(RunFolder.open(folder).missing)) == (0, 3)
+    assert "all ways of the plan passed at 50% of the speed limits" in told
     assert RunFolder.open(folder).journal.rehearsed == 0.5
-    assert len(RunFolder.open(folder).missing) == 3
 
     other = tmp_path / "other.yaml"
     other.write_text(plan_file.read_text().replace("velocity: 0.4", "velocity: 0.5", 1))
-    refused = hil("run", other, "-o", folder)
-    assert refused.returncode == 1
-    assert "the plan differs from the one that the run was started with" in refused.stderr
+    status, told = hil(other, "-o", folder)
+    assert status == 1
+    assert "the plan differs from the one that the run was started with" in told
 
-    measured = hil("run", plan_file, "-o", folder)
-    assert (measured.returncode, measured.stderr) == (0, "")
+    assert hil(plan_file, "-o", folder)[0] == 0
     assert RunFolder.open(folder).missing == ()
     assert RunFolder.open(folder).journal.rehearsed == 0.5
 
@@ -160,6 +166,19 @@ def test_a_stop_key_interrupts_the_main_thread_wherever_it_is(terminal, key: byt
         with pytest.raises(KeyboardInterrupt):
             time.sleep(20)
     assert not listens()
+
+
+def test_a_stop_key_works_where_interrupts_were_ignored_before(terminal) -> None:
+    hand, keys = terminal
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with KeyboardStop(keys):
+            threading.Timer(0.05, os.write, (hand, b"s")).start()
+            with pytest.raises(KeyboardInterrupt):
+                time.sleep(20)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_p_pauses_and_any_key_goes_on(terminal) -> None:

@@ -47,7 +47,7 @@ class KeyboardStop:
     def __init__(self, keys: Keys | None = None) -> None:
         self._keys = Keys() if keys is None else keys
         self._paused = False
-        self._wanted = False
+        self._wanted = self._started = False
         self._thread = threading.Thread(target=self._listen, name="keyboard", daemon=True)
 
     @property
@@ -59,7 +59,9 @@ class KeyboardStop:
         """Begin to listen, where there is a terminal."""
         self._keys.__enter__()
         if self.listening:
-            self._wanted = True
+            # A shell may have started us with interrupts ignored; a stop must work all the same.
+            self._before = signal.signal(signal.SIGINT, signal.default_int_handler)
+            self._wanted = self._started = True
             self._thread.start()
         return self
 
@@ -70,9 +72,10 @@ class KeyboardStop:
         traceback: TracebackType | None,
     ) -> None:
         """Stop listening and leave the terminal as it was found."""
-        if self._wanted:
-            self._wanted = False
+        self._wanted = False
+        if self._started:
             self._thread.join()
+            signal.signal(signal.SIGINT, self._before)
         self._keys.__exit__(exc_type, exc, traceback)
 
     def pause(self) -> bool:
