@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +19,9 @@ from hil.model.robot import ROBOTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-NO_VCAN = "no vcan0 here; where qemu is: tools/can_guest.py .venv/bin/pytest tests/test_on_vcan.py"
+NO_VCAN = (
+    "no vcan0 here; where qemu is: tools/can_guest.py .venv/bin/pytest tests/test_real_time.py"
+)
 DRIVES = ROBOTS / "manutec-r15.drives.yaml"
 
 needs_vcan = pytest.mark.skipif(not Path("/sys/class/net/vcan0").exists(), reason=NO_VCAN)
@@ -48,6 +51,17 @@ def open_bus(place: Place) -> can.BusABC:
     """Join a bus, as a master or to listen."""
     interface, channel = place
     return can.Bus(channel, interface, ignore_config=True)
+
+
+def wake(place: Place) -> None:
+    """Let the plant compile or load what its first SYNC needs, so that it is up to real time."""
+    identity = bytes.fromhex("4018100100000000")
+    with open_bus(place) as bus:
+        for identifier, data in ((0x80, b""), (0x601, identity)):
+            bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        ends = time.monotonic() + 120.0
+        while (frame := bus.recv(1.0)) is None or frame.arbitration_id != 0x581:
+            assert time.monotonic() < ends
 
 
 def slow_drives(period: float) -> DrivesFile:
