@@ -212,6 +212,9 @@ class IdealAxis:
     def set_following_window(self, window: float, timeout: float) -> None:
         self.calls.append(("window", window, timeout))
 
+    def rebase(self, shift: int) -> None:
+        self.demand += shift
+
     @property
     def events(self) -> int:
         done = AxisEvent.DONE if self._goal is None and not self._stopping else AxisEvent(0)
@@ -301,7 +304,7 @@ def ideal_network(ideal_machine: IdealMachine) -> SlaveNetwork:
 @pytest.fixture
 def ideal_channel(monkeypatch: pytest.MonkeyPatch, ideal_machine: IdealMachine) -> str:
     """Name of a `sim_plant` channel with an ideal machine behind it."""
-    monkeypatch.setattr(plant_channel, "load_plant", lambda _name, _seed=None: ideal_machine)
+    monkeypatch.setattr(plant_channel, "load_machine", lambda *_: ideal_machine)
     return "ideal"
 
 
