@@ -211,6 +211,7 @@ def test_drives_in_real_time_are_heard_and_asked(ideal_machine) -> None:
         server = threading.Thread(target=serve, args=(theirs, ideal_machine, "wall", stop))
         server.start()
         try:
+            assert ours.recv(60.0)  # the first boot-up: the plant is ready
             found = scanned(ours, answering=1.0, timeout=5.0).nodes
         finally:
             stop.set()
