@@ -129,6 +129,12 @@ class TestModelNote:
 
 
 class TestOtherRuns:
+    def test_what_a_session_noted_is_told(self, copy):
+        journal = copy / "run.json"
+        note = "joint 2 <node 2>: warning 4210"
+        journal.write_text(journal.read_text().replace('"notes": []', f'"notes": ["{note}"]'))
+        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(copy).read_text()
+
     def test_a_run_on_hardware_is_not_called_simulated(self, copy):
         journal = copy / "run.json"
         journal.write_text(journal.read_text().replace(SIMULATED, "socketcan <can0>"))

@@ -242,10 +242,12 @@ def test_ctrl_c_switches_off_and_keeps_what_was_measured(folder: RunFolder, idea
         return sample
 
     ideal_bus.tamper = interrupt
+    ideal_bus.notes = ("axis 1: warning 4210",)
     with pytest.raises(KeyboardInterrupt):
         list(run_campaign(folder, ideal_bus))
     assert ideal_bus.log[-1] == "powered off"
     again = RunFolder.open(folder.path)
+    assert again.journal.sessions[0].notes == ("axis 1: warning 4210",)
     assert again.journal.sessions[0].reason == "interrupted by the operator"
     assert len(list(again)) == 3 - len(again.missing) > 0
 
