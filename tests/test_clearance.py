@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.yaml_file import FileError
@@ -68,14 +68,15 @@ def somewhere(rng: np.random.Generator) -> Workspace:
     return Workspace(boxes=(Box(name="box", low=tuple(low), high=tuple(high)),))
 
 
+@settings(max_examples=30)
 @given(SEEDS)
 def test_what_counts_as_clear_is_clear_wherever_one_looks(manutec: Robot, seed: int) -> None:
     rng = np.random.default_rng(seed)
     workspace = somewhere(rng)
     start, end = rng.uniform(manutec.q_min, manutec.q_max, size=(2, 1, 6))
     sweep = Travels(start, end, 0.3 * manutec.velocity_limit, 0.3 * manutec.acceleration_limit)
-    times = np.linspace(0, sweep.high[0, 0], 3000)[:, None]
-    depth = sampled_depth(manutec, workspace, sweep.at(np.zeros(3000, dtype=int), times))
+    times = np.linspace(0, sweep.high[0, 0], 1000)[:, None]
+    depth = sampled_depth(manutec, workspace, sweep.at(np.zeros(1000, dtype=int), times))
     hits = find_hits(manutec, workspace, sweep)
     if hits:
         assert depth > -0.3  # the slack in time, and no more
@@ -85,6 +86,7 @@ def test_what_counts_as_clear_is_clear_wherever_one_looks(manutec: Robot, seed: 
     assert bool(are_clear(manutec, workspace, sweep)[0]) is not bool(hits)
 
 
+@settings(max_examples=30)
 @given(SEEDS)
 def test_all_angles_of_two_axes_at_once_are_looked_at(manutec: Robot, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -93,7 +95,7 @@ def test_all_angles_of_two_axes_at_once_are_looked_at(manutec: Robot, seed: int)
     end = start.copy()
     axes = rng.choice(6, 2, replace=False)
     end[0, axes] += rng.uniform(-1, 1, size=2)
-    between = start + (end - start) * rng.random((3000, 6))
+    between = start + (end - start) * rng.random((1000, 6))
     depth = sampled_depth(manutec, workspace, between)
     hits = find_hits(manutec, workspace, Strokes(start, end))
     assert hits or depth <= 0
