@@ -231,6 +231,29 @@ def test_the_stopwatch_takes_the_last_answer_to_each_sync() -> None:
         assert bus.answers == pytest.approx([0.003, 0.002])
 
 
+def on_personality(name: str) -> list[Verdict]:
+    with can.Bus("manutec-r15", "sim_plant", ignore_config=True, personality=name) as bus:
+        return checked(bus, drives_of(1))
+
+
+def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
+    verdicts = on_personality("bare")
+    assert refusals(verdicts) == {}
+    told = [v for v in verdicts if v.grade is Grade.WARNING and "6007" in str(v)]
+    assert len(told) == 1
+    assert "when our heartbeat is lost" in told[0].remedy
+
+
+def test_a_drive_that_cannot_watch_our_heartbeat_is_refused() -> None:
+    assert "1016" in str(refusals(on_personality("no-watchdog")))
+
+
+def test_a_drive_in_rpm_that_the_file_takes_for_increments_is_refused_before_it_moves() -> None:
+    found = refusals(on_personality("tenth-rpm"))
+    assert "max profile velocity (607F)" in found
+    assert "nothing was powered on" in found["motion"]
+
+
 def test_rms_and_peak_confused_show_in_the_torque_constant() -> None:
     with bench() as bus:
         constant = drives_of(1).axes[0].torque_constant

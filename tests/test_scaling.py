@@ -117,6 +117,14 @@ def test_the_sign_turns_position_and_torque_alike() -> None:
     assert forth.torque_from_counts(100.0) == -back.torque_from_counts(100.0)
 
 
+def test_the_sign_of_the_current_turns_torque_alone() -> None:
+    basis = "per mille of rated current"
+    with_it, against = scale(), scale(current={**current(basis), "sign": -1})
+    assert against.position_from_counts(100.0) == with_it.position_from_counts(100.0)
+    assert against.torque_from_counts(100.0) == -with_it.torque_from_counts(100.0)
+    assert against.torque_limit == with_it.torque_limit
+
+
 def test_per_mille_of_rated_current_is_torque_through_torque_constant_and_gear() -> None:
     assert scale().torque_from_counts(1000.0) == pytest.approx(2.0 * 0.5 * 100)
 
