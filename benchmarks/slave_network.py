@@ -72,7 +72,7 @@ def main() -> None:
     """Measure and print."""
     machine = idle_machine()
     with (
-        mock.patch.object(plant_channel, "load_plant", return_value=machine),
+        mock.patch.object(plant_channel, "load_machine", return_value=machine),
         can.Bus(interface="sim_plant", channel="idle") as bus,
     ):
         configure("idle")

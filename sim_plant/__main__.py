@@ -10,9 +10,9 @@ import typer
 
 from drivers.yaml_file import FileError
 from sim_plant.faults.fault_plan import load_fault_plan
-from sim_plant.plant import load_plant
+from sim_plant.machine import load_machine
 from sim_plant.server import serve
-from sim_plant.slave_network import CLOCKS, Clock
+from sim_plant.slave_network import CLOCKS, CYCLE_DEFAULT, Clock
 
 if TYPE_CHECKING:
     from sim_plant.axis import Machine
@@ -30,16 +30,20 @@ def main(
     bus_option: Annotated[
         list[str] | None, typer.Option(help="key=value for the interface; may be repeated.")
     ] = None,
+    personality: Annotated[str | None, typer.Option(help="Of all drives, by name or path.")] = None,
+    cycle: Annotated[
+        float, typer.Option(min=1e-4, max=10, help="SYNC period of drives without 1006h [s].")
+    ] = CYCLE_DEFAULT,
     faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
 ) -> None:
     """Serve the simulated plant's drives on a CAN bus."""
     try:
         options, passing = _options(bus_option or []), _clock(clock)
-        machine = load_plant(plant, seed)
+        machine = load_machine(plant, seed, personality)
         fault_plan = load_fault_plan(faults) if faults else None
         with _open(interface, channel, options) as bus:
             typer.echo(_announcement(machine, plant, bus, passing))
-            serve(bus, machine, passing, threading.Event(), fault_plan)
+            serve(bus, machine, passing, threading.Event(), fault_plan, cycle)
     except KeyboardInterrupt:
         typer.echo("stopped")
     except (FileError, can.CanError, ValueError, OSError) as error:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from sim_plant.plant_channel import BITRATE, PlantChannel, close_channel, open_channel
+from sim_plant.plant_channel import PlantChannel, close_channel, open_channel
 from sim_plant.plant_file import packaged_plants
 
 if TYPE_CHECKING:
@@ -42,12 +42,8 @@ class PlantBus(can.BusABC):
         As everywhere in python-can.
     receive_own_messages : bool
         Whether sent frames come back.
-    seed : int or str, optional
-        Seed of the plant's randomness instead of the plant file's.
-    clock : {"sync", "wall"}, optional
-        See `sim_plant.slave_network`; "sync" unless told otherwise.
-    bitrate : int or str
-        Spaces the time stamps of frames [bit/s].
+    **options
+        seed, clock, cycle, personality, faults, bitrate: see `sim_plant.plant_options`.
 
     Attributes
     ----------
@@ -68,25 +64,15 @@ class PlantBus(can.BusABC):
         can_filters: CanFilters | None = None,
         *,
         receive_own_messages: bool = False,
-        seed: int | str | None = None,
-        clock: str | None = None,
-        bitrate: int | str = BITRATE,
-        **unknown: Any,
+        **options: Any,
     ) -> None:
-        if unknown:
-            raise can.CanInitializationError(
-                f"{', '.join(unknown)}: the simulated plant knows no such option; it knows"
-                " seed, clock, bitrate and receive_own_messages"
-            )
         self._inbox: queue.SimpleQueue[can.Message | Block] = queue.SimpleQueue()
         self._unpacked: deque[can.Message] = deque()
         self._echo = receive_own_messages
-        self._plant: PlantChannel | None = open_channel(
-            str(channel), self._inbox, seed=seed, clock=clock, bitrate=bitrate
-        )
+        self._plant: PlantChannel | None = open_channel(str(channel), self._inbox, options)
         self._direct = True
         self.idle = self._inbox.empty
-        self.lock_step = self._plant.clock == "sync"
+        self.lock_step = self._plant.options.clock == "sync"
         self.channel_info = f"simulated plant {channel}"
         super().__init__(channel, can_filters)
 

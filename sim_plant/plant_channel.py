@@ -14,8 +14,11 @@ from typing import TYPE_CHECKING, TypeAlias
 import can
 
 from drivers.yaml_file import FileError
-from sim_plant.plant import load_plant
-from sim_plant.slave_network import CLOCKS, FRAME, Clock, SlaveNetwork
+from sim_plant.faults.fault_plan import load_fault_plan
+from sim_plant.faults.faulty_network import FaultyNetwork
+from sim_plant.machine import load_machine
+from sim_plant.plant_options import PlantOptions
+from sim_plant.slave_network import FRAME, SlaveNetwork
 from sim_plant.wall_clock import TICK, WallClock
 
 Block: TypeAlias = tuple[float, bytes]
@@ -29,8 +32,6 @@ if TYPE_CHECKING:
 
     Inbox = queue.SimpleQueue[can.Message | Block]
 
-BITRATE = 1_000_000
-
 _channels: dict[str, PlantChannel] = {}
 _channels_lock = threading.Lock()
 
@@ -38,14 +39,13 @@ _channels_lock = threading.Lock()
 class PlantChannel:
     """One plant and the inboxes of the buses on it."""
 
-    def __init__(self, name: str, seed: int | None, clock: Clock, bitrate: int) -> None:
+    def __init__(self, name: str, options: PlantOptions) -> None:
         self.name = name
-        self.seed = seed
-        self.clock = clock
+        self.options = options
         self.inboxes: list[Inbox] = []
         self._lock = threading.Lock()
-        self._network = SlaveNetwork(load_plant(name, seed), clock)
-        self._durations = [(47 + 8 * n) / bitrate for n in range(9)]
+        self._network = _network(name, options)
+        self._durations = [(47 + 8 * n) / options.bitrate for n in range(9)]
         self._wire_free = 0.0
         self._block_sizes = b""
         self._block_duration = 0.0
@@ -56,7 +56,7 @@ class PlantChannel:
         """Boot the drives and start the clock."""
         with self._lock:
             self._deliver(self._network.power_on())
-        if self.clock == "wall":
+        if self.options.clock == "wall":
             self._follower.start()
 
     def power_off(self) -> None:
@@ -147,33 +147,31 @@ def _message(timestamp: float, identifier: int, data: bytes, channel: str) -> ca
     return can.Message(timestamp, identifier, is_extended_id=False, data=data, channel=channel)
 
 
-def open_channel(
-    name: str,
-    inbox: Inbox,
-    *,
-    seed: int | str | None,
-    clock: str | None,
-    bitrate: int | str,
-) -> PlantChannel:
+def open_channel(name: str, inbox: Inbox, given: dict[str, object]) -> PlantChannel:
     """Join the plant on a channel, or switch it on.
+
+    Parameters
+    ----------
+    name : str
+    inbox : SimpleQueue
+        Where frames for the bus that joins are put.
+    given : dict
+        See `PlantOptions`.
 
     Raises
     ------
     can.CanInitializationError
         An unknown channel, an option without meaning, or a channel open with other options.
     """
-    wanted_seed = None if seed is None else _whole("seed", seed, 0)
-    wanted_rate = _whole("bitrate", bitrate, 1)
-    if clock is not None and clock not in CLOCKS:
-        raise can.CanInitializationError(f"clock={clock!r}: must be one of {', '.join(CLOCKS)}")
+    options = PlantOptions.of(given)
     with _channels_lock:
         channel = _channels.get(name)
         if channel is not None:
-            _check_same(channel, wanted_seed, clock)
+            channel.options.refuse_others(given, name)
             channel.inboxes.append(inbox)
             return channel
         try:
-            made = PlantChannel(name, wanted_seed, clock or "sync", wanted_rate)
+            made = PlantChannel(name, options)
         except FileError as error:
             raise can.CanInitializationError(str(error)) from error
         made.inboxes.append(inbox)
@@ -191,22 +189,9 @@ def close_channel(channel: PlantChannel, inbox: Inbox) -> None:
             _channels.pop(channel.name, None)
 
 
-def _check_same(channel: PlantChannel, seed: int | None, clock: str | None) -> None:
-    for option, wanted, present in (("seed", seed, channel.seed), ("clock", clock, channel.clock)):
-        if wanted is not None and wanted != present:
-            raise can.CanInitializationError(
-                f"{channel.name}: is open in this process with {option}={present}, "
-                f"not {option}={wanted}; leave {option} out or shut the other bus down"
-            )
-
-
-def _whole(option: str, value: int | str, least: int) -> int:
-    try:
-        number = int(value)
-    except ValueError:
-        number = least - 1
-    if number < least:
-        raise can.CanInitializationError(
-            f"{option}={value!r}: must be a whole number from {least} up"
-        )
-    return number
+def _network(name: str, options: PlantOptions) -> SlaveNetwork | FaultyNetwork:
+    machine = load_machine(name, options.seed, options.personality)
+    if options.faults is None:
+        return SlaveNetwork(machine, options.clock, options.cycle)
+    plan = load_fault_plan(options.faults)
+    return FaultyNetwork(machine, options.clock, plan, options.cycle)

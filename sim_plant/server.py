@@ -9,7 +9,7 @@ import can
 
 from sim_plant.faults.faulty_network import FaultyNetwork
 from sim_plant.faults.frame_faults import BusOff
-from sim_plant.slave_network import SlaveNetwork
+from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
 from sim_plant.wall_clock import TICK, WallClock
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def serve(
     clock: Clock,
     stop_event: threading.Event,
     faults: FaultPlan | None = None,
+    cycle: float = CYCLE_DEFAULT,
 ) -> None:
     """Answer on `bus` as the plant's drives until `stop_event` is set.
 
@@ -47,6 +48,9 @@ def serve(
     faults : FaultPlan, optional
         What goes wrong. Bus-off of the master's adapter is here no more than a cut cable.
 
+    cycle : float
+        See `sim_plant.slave_network`.
+
     Raises
     ------
     can.CanError
@@ -54,7 +58,11 @@ def serve(
     FileError
         A fault of an axis that the plant does not have.
     """
-    network = SlaveNetwork(plant, clock) if faults is None else FaultyNetwork(plant, clock, faults)
+    network: SlaveNetwork | FaultyNetwork
+    if faults is None:
+        network = SlaveNetwork(plant, clock, cycle)
+    else:
+        network = FaultyNetwork(plant, clock, faults, cycle)
     wall = WallClock()
     wait = TICK if clock == "wall" else IDLE
     _send(bus, network.power_on())

@@ -61,16 +61,23 @@ class SlaveNetwork:
     ----------
     machine : Machine
     clock : {"sync", "wall"}
+    cycle : float
+        SYNC period while no drive was told one (1006h) [s].
 
     Attributes
     ----------
     nodes : tuple of Cia402Node
     time : float
         Time since power-on [s].
+    cycle : float
+        What a SYNC lets pass of it [s].
     """
 
-    def __init__(self, machine: Machine, clock: Clock = "sync") -> None:
+    def __init__(
+        self, machine: Machine, clock: Clock = "sync", cycle: float = CYCLE_DEFAULT
+    ) -> None:
         self._machine = machine
+        self.cycle = self._untold = cycle
         self._clock = clock
         self._timers = Timers()
         self._past: list[Frame] = []
@@ -144,7 +151,7 @@ class SlaveNetwork:
 
     def _sync(self, synced: _Synced) -> tuple[list[Frame], bytes]:
         if self._clock == "sync":
-            self._advance(self._cycle)
+            self._advance(self.cycle)
         actions, reports, block = synced
         if block is None:
             self._latch()
@@ -238,7 +245,7 @@ class SlaveNetwork:
         }
         self._event_actions = [act for node in self.nodes for act in node.event_actions()]
         longest = max(node.dictionary.get(0x1006) for node in self.nodes)
-        self._cycle = longest * 1e-6 or CYCLE_DEFAULT
+        self.cycle = longest * 1e-6 or self._untold
 
     def _block(self, reports: Sequence[Report]) -> FrameBlock | None:
         frames = [

@@ -24,7 +24,6 @@ from hil.measuring.events import Recorded
 from hil.measuring.sequencer import measure
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.experiment_design import design
-from sim_plant import plant_channel
 from sim_plant.machine import load_machine
 
 if TYPE_CHECKING:
@@ -41,11 +40,6 @@ if TYPE_CHECKING:
 COUNTS = (3, 14, 1)
 """The fewest measurements that tell the 14 base parameters apart."""
 CLEAN = {"drift": False, "symmetric": True, "noise": {"torque": 5e-4, "ripple": 0.0}}
-
-
-@pytest.fixture(autouse=True)
-def _personal_drives(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plant_channel, "load_plant", load_machine, raising=False)
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +66,7 @@ def campaign(
 
 @pytest.fixture(scope="module")
 def plain(campaign: Callable[[str], Recorded_], manutec: Robot) -> Estimate:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plant_channel, "load_plant", load_machine, raising=False)
-        return estimate(manutec, campaign("plain"))
+    return estimate(manutec, campaign("plain"))
 
 
 def bus_of(folder: Path, name: str) -> can.BusABC:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import struct
 import threading
 import time
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ from sim_plant.server import serve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from conftest import IdealMachine
 
@@ -171,6 +173,7 @@ def test_an_unknown_channel_is_refused_with_the_known_ones() -> None:
     [
         ({"seed": "x"}, "seed='x'"),
         ({"seed": -1}, "seed=-1"),
+        ({"cycle": "0"}, "cycle='0'"),
         ({"colour": "red"}, "colour: the simulated plant knows no such option"),
         ({"clock": "sundial"}, "sync, wall"),
         ({"bitrate": 0}, "bitrate=0"),
@@ -183,7 +186,7 @@ def test_an_option_without_meaning_is_refused(
         PlantBus(ideal_channel, **options)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("options", [{"seed": 2}, {"clock": "wall"}])
+@pytest.mark.parametrize("options", [{"seed": 2}, {"clock": "wall"}, {"cycle": 1}])
 def test_a_channel_cannot_be_joined_with_other_options(
     ideal_channel: str, options: dict[str, object]
 ) -> None:
@@ -270,3 +273,34 @@ def test_the_command_says_that_it_simulates_and_ends_on_ctrl_c(
     assert result.exit_code == 0
     assert "Simulated plant manutec-r15" in result.output
     assert "no real machine moves" in result.output
+
+
+def test_drives_are_given_a_personality_by_option() -> None:
+    with PlantBus("manutec-r15", personality="torque-only") as bus:
+        assert read_object(bus, 3, 0x6078) is None
+        assert read_object(bus, 3, 0x6077) is not None
+
+
+@pytest.mark.parametrize(("option", "what"), [("personality", "grumpy"), ("faults", "none.yaml")])
+def test_an_unknown_personality_or_fault_plan_is_refused(option: str, what: str) -> None:
+    with pytest.raises(can.CanInitializationError, match=what):
+        PlantBus("manutec-r15", **{option: what})
+
+
+def test_a_fault_plan_goes_wrong_on_the_bus(tmp_path: Path) -> None:
+    plan = tmp_path / "faults.yaml"
+    plan.write_text("faults:\n  - {what: sdo-silent, axis: 2, at: {time: 0}}\n")
+    with PlantBus("manutec-r15", faults=str(plan)) as bus:
+        assert read_object(bus, 1, 0x1000) is not None
+        with pytest.raises(TimeoutError):
+            read_object(bus, 2, 0x1000)
+
+
+def read_object(bus: PlantBus, node: int, index: int) -> bytes | None:
+    """Upload an object by SDO; None where there is none."""
+    request = struct.pack("<BHB4x", 0x40, index, 0)
+    bus.send(can.Message(arbitration_id=0x600 + node, data=request, is_extended_id=False))
+    while (frame := bus.recv(0)) is not None:
+        if frame.arbitration_id == 0x580 + node:
+            return None if frame.data[0] == 0x80 else bytes(frame.data[4:])
+    raise TimeoutError

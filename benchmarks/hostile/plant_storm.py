@@ -113,7 +113,7 @@ def _observed_plant() -> Iterator[tuple[PlantBus, Plant, PlantAudit]]:
         return networks[0]
 
     with (
-        mock.patch.object(plant_channel, "load_plant", return_value=plant),
+        mock.patch.object(plant_channel, "load_machine", return_value=plant),
         mock.patch.object(plant_channel, "SlaveNetwork", network),
         PlantBus(ROBOT) as bus,
     ):

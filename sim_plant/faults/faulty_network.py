@@ -59,6 +59,8 @@ class FaultyNetwork:
         See `sim_plant.slave_network`.
     plan : FaultPlan
         May be empty; more can be added by `add`.
+    cycle : float
+        As for `SlaveNetwork`.
 
     Attributes
     ----------
@@ -73,12 +75,14 @@ class FaultyNetwork:
         A fault of an axis that the plant does not have.
     """
 
-    def __init__(self, plant: Plant, clock: Clock, plan: FaultPlan) -> None:
+    def __init__(
+        self, plant: Plant, clock: Clock, plan: FaultPlan, cycle: float = CYCLE_DEFAULT
+    ) -> None:
         plan.check_axes(len(plant.axes))
         self.machine = FaultyMachine(plant)
         self.progress = Progress()
         self._clock = clock
-        self._network = SlaveNetwork(self.machine, clock)
+        self._network = SlaveNetwork(self.machine, clock, cycle)
         self._waiting: list[tuple[Watch, Injection]] = []
         self._present: list[tuple[Watch, Injection]] = []
         self._controlwords = [0] * len(self.nodes)
@@ -130,10 +134,12 @@ class FaultyNetwork:
         else:
             return held + self._passed_on(self._network.receive(identifier, data))
         if sync and self._clock == "sync":  # time passes although the drives do not hear of it
-            self._network.elapse(self._cycle)
+            self._network.elapse(self._network.cycle)
         return held + answer
 
-    answer = receive
+    def answer(self, identifier: int, data: bytes) -> tuple[list[Frame], bytes]:
+        """Do as `receive`; no frames come as a block here, each may meet its fault."""
+        return self.receive(identifier, data), b""
 
     def receive_remote(self, identifier: int) -> list[Frame]:
         """Take a remote frame; return what the drives send."""
@@ -145,10 +151,6 @@ class FaultyNetwork:
         """Let time pass without SYNC [s]; return what the drives send meanwhile."""
         held = self._update()
         return held + self._passed_on(self._network.elapse(duration))
-
-    @property
-    def _cycle(self) -> float:
-        return max(n.dictionary.get(0x1006) for n in self.nodes) * 1e-6 or CYCLE_DEFAULT
 
     def _update(self) -> list[Frame]:
         """Let faults begin and end; return frames that those which end have held back."""

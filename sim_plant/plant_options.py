@@ -1,0 +1,114 @@
+"""What can be asked of a simulated plant besides its name, as python-can hands options over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import can
+
+from sim_plant.slave_network import CLOCKS, CYCLE_DEFAULT
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from sim_plant.slave_network import Clock
+
+BITRATE = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class PlantOptions:
+    """Options of one plant.
+
+    Attributes
+    ----------
+    seed : int, optional
+        Of the plant's randomness, instead of the plant file's.
+    clock : {"sync", "wall"}
+        See `sim_plant.slave_network`.
+    cycle : float
+        SYNC period while no drive was told one (1006h) [s].
+    personality : str, optional
+        Of all drives, by name or path, instead of those of the plant file.
+    faults : str, optional
+        Path of a fault plan.
+    bitrate : int
+        Spaces the time stamps of frames [bit/s].
+    """
+
+    seed: int | None = None
+    clock: Clock = "sync"
+    cycle: float = CYCLE_DEFAULT
+    personality: str | None = None
+    faults: str | None = None
+    bitrate: int = BITRATE
+
+    @classmethod
+    def of(cls, given: dict[str, object]) -> Self:
+        """Take what was given by name, as text or as values.
+
+        Raises
+        ------
+        can.CanInitializationError
+            An unknown option, or a value that it cannot take.
+        """
+        known = [field.name for field in fields(cls)]
+        unknown = [name for name in given if name not in known]
+        if unknown:
+            raise can.CanInitializationError(
+                f"{', '.join(unknown)}: the simulated plant knows no such option; it knows"
+                f" {', '.join(known)} and receive_own_messages"
+            )
+        return cls(**{name: _read(name, value) for name, value in given.items()})  # type: ignore[arg-type]
+
+    def refuse_others(self, given: dict[str, object], name: str) -> None:
+        """Refuse options that differ from those with which a plant is open already.
+
+        Raises
+        ------
+        can.CanInitializationError
+        """
+        for option, value in given.items():
+            wanted, present = _read(option, value), getattr(self, option)
+            if option != "bitrate" and wanted != present:
+                raise can.CanInitializationError(
+                    f"{name}: is open in this process with {option}={present}, "
+                    f"not {option}={wanted}; leave {option} out or shut the other bus down"
+                )
+
+
+def _read(option: str, value: object) -> object:
+    match option:
+        case "seed":
+            return _number(option, value, 0)
+        case "bitrate":
+            return _number(option, value, 1)
+        case "cycle":
+            return _seconds(option, value)
+        case "clock" if value not in CLOCKS:
+            raise can.CanInitializationError(f"clock={value!r}: must be one of {', '.join(CLOCKS)}")
+        case _:
+            return str(value)
+
+
+def _number(option: str, value: object, least: int) -> int:
+    try:
+        number = int(str(value))
+    except ValueError:
+        number = least - 1
+    if number < least:
+        raise can.CanInitializationError(
+            f"{option}={value!r}: must be a whole number from {least} up"
+        )
+    return number
+
+
+def _seconds(option: str, value: object) -> float:
+    try:
+        seconds = float(str(value))
+    except ValueError:
+        seconds = 0.0
+    if not 1e-4 <= seconds <= 10.0:
+        raise can.CanInitializationError(f"{option}={value!r}: must be from 0.0001 to 10 seconds")
+    return seconds
