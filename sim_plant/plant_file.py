@@ -7,11 +7,10 @@ truth afterwards, never by what measures or estimates.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from drivers.yaml_file import FileError, FileModel, load_yaml
 
@@ -85,7 +84,7 @@ class Drive(FileModel):
     peak_torque: Positive
     """At the joint [N m]."""
     increments: Annotated[int, Field(gt=0)] = 4096
-    direction: Annotated[int, Field(ge=-1, le=1)] = 1
+    direction: Literal[-1, 1] = 1
     zero: int = 0
     """Increments at q = 0."""
     velocity_max: Positive
@@ -168,6 +167,14 @@ class PlantFile(FileModel):
     payload: Payload | None = None
     axes: Annotated[tuple[Axis, ...], Field(min_length=1)]
 
+    @field_validator("axes")
+    @classmethod
+    def _nodes_differ(cls, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+        nodes = [axis.drive.node for axis in axes]
+        if len(set(nodes)) < len(nodes):
+            raise ValueError(f"nodes {nodes} must differ from one another")
+        return axes
+
     def bodies(self) -> list[Body]:
         """Links as the arm carries them, the payload included."""
         bodies = [axis.link for axis in self.axes]
@@ -200,13 +207,4 @@ def load_plant_file(name_or_path: str) -> PlantFile:
         raise FileError(
             f"{name_or_path}: neither a packaged plant ({known}) nor the path of a plant file"
         )
-    plant = load_yaml(path, PlantFile)
-    nodes = [axis.drive.node for axis in plant.axes]
-    if len(set(nodes)) < len(nodes):
-        raise FileError(f"{path}: axes: nodes {nodes} must differ from one another")
-    for axis in plant.axes:
-        if not math.isclose(abs(axis.drive.direction), 1):
-            raise FileError(
-                f"{path}: {axis.name}: direction {axis.drive.direction} must be 1 or -1"
-            )
-    return plant
+    return load_yaml(path, PlantFile)

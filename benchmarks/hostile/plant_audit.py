@@ -126,15 +126,17 @@ class PlantAudit:
     def _justify(self, call: Call, frame: can.Message, released: set[int]) -> None:
         axis, before = call.axis, self._before[call.axis]
         words = [word for taker, word in self._taken if taker == axis]
+        twice = len(words) > 1  # an RPDO that maps 6040h twice leads through two states
         if call.what == "enable":
             self.enabled += 1
             ready = before in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
-            if not (ready and any(word & 0x0F == 0x0F for word in words)):
+            if not ((ready or twice) and any(word & 0x0F == 0x0F for word in words)):
                 raise Harm(f"{frame}: axis {axis + 1} was enabled in {before} by {words}")
             return
         self.moved += 1
         self._accepted[axis] -= axis not in released
-        if before is not State.OPERATION_ENABLED or self._accepted[axis] < 0:
+        enabled = before is State.OPERATION_ENABLED or twice
+        if not enabled or self._accepted[axis] < 0:
             raise Harm(f"{frame}: axis {axis + 1} moved in {before} by {words} without set-point")
         self._check_limits(call)
 

@@ -12,10 +12,10 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from drivers.yaml_file import FileError, FileModel
-from hil.measuring.atomic_file import operator_told, write_file
+from drivers.yaml_file import FileError, FileModel, load_yaml
+from hil.measuring.atomic_file import write_file
 from hil.measuring.sync_timing import SyncTiming
 
 if TYPE_CHECKING:
@@ -115,16 +115,10 @@ def read_journal(path: Path) -> Journal:
     FileError
         It is missing or damaged.
     """
-    with operator_told(path, "read"):
-        content = path.read_bytes()
     try:
-        return Journal.model_validate_json(content)
-    except ValidationError as error:
-        problem = error.errors()[0]
-        place = ".".join(str(part) for part in problem["loc"])
-        raise FileError(
-            f"{path}: {place}: {problem['msg']}; is this the folder of a run?"
-        ) from error
+        return load_yaml(path, Journal)  # JSON is YAML, and so an error has its line
+    except FileError as error:
+        raise FileError(f"{error}; is this the folder of a run?") from error
 
 
 def write_journal(path: Path, journal: Journal) -> None:

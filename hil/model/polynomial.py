@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import math
+import warnings
 from collections import Counter
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,10 @@ Monomial = tuple[str, ...]
 """Sorted names, each as often as its power: ``("l1", "l1")`` is l1^2, ``()`` is 1."""
 
 
+_LENGTH_MAX = 200
+"""Longest expression that a file may write; nested products of sums have no end otherwise."""
+_TERMS_MAX = 100
+"""Most terms that a product may have."""
 _ROUNDING = 1e-12
 """Coefficients this near to a whole number are meant to be it."""
 
@@ -110,16 +115,31 @@ def parse(text: str) -> Polynomial:
         The text is no such expression; the message says what may be written.
     """
     try:
-        return _convert(ast.parse(text.strip(), mode="eval").body)
-    except (SyntaxError, ZeroDivisionError, _NotArithmetic, RecursionError, MemoryError):
+        return _finite(_convert(_tree(text)))
+    except (SyntaxError, ArithmeticError, _NotArithmetic, RecursionError, MemoryError):
+        shown = text if len(text) <= _LENGTH_MAX else f"{text[:_LENGTH_MAX]}..."
         raise ValueError(
-            f"{text!r} is no expression; write a number, pi, a length's name, or sums, products"
+            f"{shown!r} is no expression; write a number, pi, a length's name, or sums, products"
             " and quotients by numbers of these"
         ) from None
 
 
 class _NotArithmetic(Exception):
     """A construct that the file may not write."""
+
+
+def _finite(polynomial: Polynomial) -> Polynomial:
+    if not all(map(math.isfinite, polynomial.terms.values())):
+        raise _NotArithmetic
+    return polynomial
+
+
+def _tree(text: str) -> ast.expr:
+    if len(text) > _LENGTH_MAX:
+        raise _NotArithmetic
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Python's advice on its own style
+        return ast.parse(text.strip(), mode="eval").body
 
 
 def _convert(node: ast.expr) -> Polynomial:
@@ -145,7 +165,7 @@ def _combine(left: Polynomial, operator: ast.operator, right: Polynomial) -> Pol
             return left + right
         case ast.Sub():
             return left - right
-        case ast.Mult():
+        case ast.Mult() if len(left.terms) * len(right.terms) <= _TERMS_MAX:
             return left * right
         case ast.Div() if not right.names:
             divisor = right.evaluate({})
