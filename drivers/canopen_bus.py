@@ -213,7 +213,9 @@ class CanopenDriveBus:
         network = PumpedNetwork(self._channel, synchronous=self._pacing.synchronous)
         if isinstance(self._channel, KernelSync):
             self._channel.deliver = network.dispatch
-        self._servers = [SdoServer(network, axis.node, axis.name) for axis in drives.axes]
+        self._servers = [
+            SdoServer(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
+        ]
         self._supervision = Supervision(network, self._servers)
         self._exchange = Exchange(network, drives.axes, self._pacing)
         now = self._pacing.now

@@ -227,6 +227,8 @@ class DrivesFile(FileModel):
         Our own node number, whose heartbeat the drives watch.
     heartbeat_period, heartbeat_timeout : float
         How often a heartbeat is sent, and how long it may stay away [s], both ways.
+    sdo_timeout : float
+        How long a drive may take to answer a request [s].
     quick_stop_option : int
         605A: 2 = quick stop ramp, then off; 6 = quick stop ramp, then QUICK STOP ACTIVE.
     """
@@ -237,6 +239,7 @@ class DrivesFile(FileModel):
     master_node: Annotated[int, Field(ge=1, le=127)] = 127
     heartbeat_period: Annotated[float, Field(ge=0.001, le=10)] = 0.1
     heartbeat_timeout: Annotated[float, Field(ge=0.002, le=65)] = 0.5
+    sdo_timeout: Annotated[float, Field(ge=0.01, le=30)] = 0.5
     quick_stop_option: Literal[2, 6] = 2
 
     @model_validator(mode="after")

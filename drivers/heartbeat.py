@@ -21,7 +21,12 @@ if TYPE_CHECKING:
     from drivers.network import PumpedNetwork
 
 OPERATIONAL = 0x05
-_STATES = {0x00: "has restarted (boot-up)", 0x04: "is stopped", 0x7F: "is pre-operational"}
+PRE_OPERATIONAL = 0x7F
+_STATES = {
+    0x00: "has restarted (boot-up)",
+    0x04: "is stopped",
+    PRE_OPERATIONAL: "is pre-operational",
+}
 
 
 class Heartbeats:
@@ -69,12 +74,18 @@ class Heartbeats:
         self._timeout = timeout
         self._now = now
         self._heard: dict[int, float] = {}
+        self._starting: set[int] = set()
         for node in labels:
             network.subscribe(0x700 + node, self._on_heartbeat)
 
     def watch(self) -> None:
-        """Begin to expect the drives' heartbeats; they are OPERATIONAL from now on."""
+        """Begin to expect the drives' heartbeats; they are OPERATIONAL from now on.
+
+        A heartbeat from before may still be under way, so the first that says pre-operational
+        does not count.
+        """
         self.trouble = None
+        self._starting = set(self._labels)
         self._heard = dict.fromkeys(self._labels, self._now())
 
     def beat(self) -> None:
@@ -105,8 +116,12 @@ class Heartbeats:
         node = can_id - 0x700
         if node not in self._heard or not data:
             return
-        self._heard[node] = self._now()
         state = data[0] & 0x7F
+        starting = node in self._starting
+        self._starting.discard(node)
+        if starting and state == PRE_OPERATIONAL:
+            return
+        self._heard[node] = self._now()
         if state != OPERATIONAL and self.trouble is None:
             what = _STATES.get(state, f"shows NMT state {state:02X}h")
             self.trouble = NodeSilent(

@@ -44,7 +44,10 @@ class StandingDrives:
     def __init__(self, bus: can.BusABC, drives: DrivesFile, pacing: PacingName = "auto") -> None:
         self._pacing = choose_pacing(bus, pacing, drives.sync_period)
         self.network = PumpedNetwork(bus, synchronous=self._pacing.synchronous)
-        self.servers = tuple(SdoServer(self.network, axis.node, axis.name) for axis in drives.axes)
+        self.servers = tuple(
+            SdoServer(self.network, axis.node, axis.name, drives.sdo_timeout)
+            for axis in drives.axes
+        )
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]."""
