@@ -6,6 +6,7 @@ and the folder's journal says how. A recording is on the disk before its event i
 
 from __future__ import annotations
 
+import gc
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,7 @@ def run_campaign(
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
-    with folder.session(bus_name) as session, _notes_kept(folder, bus), bus:
+    with folder.session(bus_name) as session, _notes_kept(folder, bus), _collector_spared(), bus:
         folder.note_axes(bus.axes)
         timing = SyncTiming()
         for event in measure(folder.plan, folder.robot, bus, done, pause):
@@ -81,7 +82,7 @@ def rehearse_campaign(
 
     Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
     """
-    with folder.session(bus_name), _notes_kept(folder, bus), bus:
+    with folder.session(bus_name), _notes_kept(folder, bus), _collector_spared(), bus:
         folder.note_axes(bus.axes)
         yield from rehearse(folder.plan, folder.robot, bus, speed, pause)
     folder.note_rehearsed(speed)
@@ -94,3 +95,14 @@ def _notes_kept(folder: RunFolder, bus: DriveBus) -> Iterator[None]:
         yield
     finally:
         folder.keep_notes(bus.notes)
+
+
+@contextmanager
+def _collector_spared() -> Iterator[None]:
+    """Keep what is loaded by now out of the garbage collector's rounds, which last many SYNCs."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
