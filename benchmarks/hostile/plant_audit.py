@@ -138,7 +138,8 @@ class PlantAudit:
         enabled = before is State.OPERATION_ENABLED or twice
         if not enabled or self._accepted[axis] < 0:
             raise Harm(f"{frame}: axis {axis + 1} moved in {before} by {words} without set-point")
-        self._check_limits(call)
+        if any(word & NEW_SET_POINT for word in words):  # a buffered one was bounded when it came
+            self._check_limits(call)
 
     def _check_limits(self, call: Call) -> None:
         dictionary = self._network.nodes[call.axis].dictionary
