@@ -2,7 +2,7 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench clean
+.PHONY: help demo test vcan lint bench clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -17,6 +17,7 @@ DEV := $(VENV)/installed-dev
 help:
 	@echo 'make demo   measure, identify and report on the virtual manutec-r15, into runs/'
 	@echo 'make test   every check and every test'
+	@echo 'make vcan   the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
 	@echo 'make lint   the checks alone: ruff, mypy, import-linter'
 	@echo 'make bench  the benchmarks'
 	@echo 'make clean  remove .venv and caches; runs/ stays'
@@ -26,6 +27,9 @@ demo: $(RUNTIME)
 
 test: lint
 	$(BIN)/pytest -n auto
+
+vcan: $(DEV)
+	@sh tools/test_on_vcan.sh
 
 lint: $(DEV)
 	$(BIN)/ruff check .

@@ -1,0 +1,63 @@
+"""Lock-step with the plant in a process of its own, against one process: SYNCs a second.
+
+Over a local channel, and over vcan0 where there is one::
+
+    python benchmarks/two_processes.py
+    python tools/can_guest.py .venv/bin/python benchmarks/two_processes.py
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from drivers.canopen_bus import open_drive_bus
+from drivers.drives_file import load_drives
+from hil.model.robot import ROBOTS
+
+DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml")
+DURATION = 3.0
+CHUNK = 100
+
+
+def cycles_per_second(interface: str, channel: str) -> float:
+    """Return the best of several chunks of SYNCs while all axes hold their position."""
+    best = 0.0
+    with open_drive_bus(DRIVES, interface, channel, pacing="lock-step") as axes:
+        ends = time.perf_counter() + DURATION
+        while time.perf_counter() < ends:
+            begun = time.perf_counter()
+            assert not any(any(axes.sample().flags) for _ in range(CHUNK))
+            best = max(best, CHUNK / (time.perf_counter() - begun))
+    return best
+
+
+def apart(interface: str, channel: str) -> float:
+    """Return the same with the plant in another process."""
+    command = [sys.executable, "-m", "sim_plant", "--interface", interface, "--channel", channel]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as plant:
+        try:
+            assert plant.stdout is not None
+            assert plant.stdout.readline(), "the plant did not start"
+            return cycles_per_second(interface, channel)
+        finally:
+            plant.kill()
+
+
+def main() -> None:
+    """Print the rates."""
+    together = cycles_per_second("sim_plant", "manutec-r15")
+    print(f"{'one process':24s} {together:8.0f} SYNC/s")
+    places = [("local", "benchmark"), ("socketcan", "vcan0")]
+    for interface, channel in places:
+        if interface == "socketcan" and not Path(f"/sys/class/net/{channel}").exists():
+            print(f"{interface} {channel}: not here; see tools/can_guest.py")
+            continue
+        rate = apart(interface, channel)
+        print(f"{interface + ' ' + channel:24s} {rate:8.0f} SYNC/s, ratio {rate / together:.3f}")
+
+
+if __name__ == "__main__":
+    main()
