@@ -16,6 +16,7 @@ from drivers.admission import admit
 from drivers.cia402 import State
 from drivers.drive_bus import AxisInfo, DriveError, DriveFault, NodeSilent
 from drivers.exchange import Exchange
+from drivers.frame_log import logged
 from drivers.gaps import Gaps
 from drivers.heartbeat import Heartbeats
 from drivers.interrupts import interrupts_held
@@ -36,6 +37,7 @@ from drivers.zero_current import offsets
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+    from pathlib import Path
     from types import TracebackType
     from typing import Self
 
@@ -322,6 +324,8 @@ class CanopenDriveBus:
             if self._owns_bus:
                 self._bus.shutdown()
             text = "powering off is incomplete, press the emergency stop: " + "; ".join(problems)
+            if getattr(self._bus, "recorded", False):
+                problems = []
             if problems:
                 log.error("%s", text)
                 if error is not None:
@@ -336,6 +340,7 @@ def open_drive_bus(
     channel: str,
     bus_options: Mapping[str, object] | None = None,
     pacing: PacingName = "auto",
+    frame_log: Path | None = None,
 ) -> CanopenDriveBus:
     """Open a python-can bus and put a `CanopenDriveBus` on it, which shuts it down when left.
 
@@ -349,13 +354,18 @@ def open_drive_bus(
         Further arguments of the interface.
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.pacing.choose_pacing`.
+    frame_log : path, optional
+        Where to log all frames (see `drivers.frame_log`).
 
     Raises
     ------
     BusUnavailable
         No such interface or channel, or it cannot be opened, with the remedy.
+    FileError
+        The log of frames cannot be written.
     """
     options = {"bitrate": drives.bitrate, **(bus_options or {})}
-    return CanopenDriveBus(
-        open_can_bus(interface, channel, options), drives, pacing=pacing, owns_bus=True
-    )
+    bus = open_can_bus(interface, channel, options)
+    if frame_log is not None:
+        bus = logged(bus, frame_log)
+    return CanopenDriveBus(bus, drives, pacing=pacing, owns_bus=True)

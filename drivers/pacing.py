@@ -201,6 +201,30 @@ class KernelClock:
         return max(0.0, self._bus.instant + WINDOW * self._period - self._clock())
 
 
+class AsRecorded(WallClock):
+    """Deadlines of a recorded session: a SYNC is due when it was sent then.
+
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        The recording's time [s].
+    left : callable
+        How long until the next frame was sent [s].
+    """
+
+    def __init__(
+        self, period: float, *, clock: Callable[[], float], left: Callable[[], float]
+    ) -> None:
+        super().__init__(period, clock=clock)
+        self._left = left
+
+    def due(self) -> float:
+        """How long until the next SYNC [s]."""
+        return self._left()
+
+
 def clock_of(bus: can.BusABC) -> Callable[[], float]:
     """Return what tells a bus's time [s]: its own ``clock`` if it has one, as a replayed one."""
     clock: Callable[[], float] = getattr(bus, "clock", time.perf_counter)
@@ -246,4 +270,7 @@ def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Paci
     synchronous = getattr(bus, "lock_step", False) is True
     if requested == "lock-step" or (requested == "auto" and synchronous):
         return LockStep(period, synchronous=synchronous, clock=clock_of(bus))
+    left: Callable[[], float] | None = getattr(bus, "until_next_sent", None)
+    if left is not None:
+        return AsRecorded(period, clock=clock_of(bus), left=left)
     return WallClock(period, clock=clock_of(bus))

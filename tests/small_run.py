@@ -20,7 +20,7 @@ def write_run(path, robot):
     friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
     rng, begin = np.random.default_rng(1), 0.0
     with folder.session(SIMULATED) as session:
-        folder.note_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
+        folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
                           for n in range(1, 7)])  # fmt: skip
         for measurement in plan.measurements:
             recording = record(

@@ -22,6 +22,7 @@ from drivers.yaml_file import FileError
 from hil.cli import commissioning, first_steps, monitoring
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.rehearsal import SPEED
+from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.dry_run import BITRATE, dry_run
@@ -147,6 +148,9 @@ def run(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Measure what is missing.")] = False,
     pacing: Annotated[Pacing, typer.Option(help="Where SYNC's time comes from.")] = Pacing.AUTO,
+    frame_log: Annotated[
+        Path | None, typer.Option(help="Log all frames too: .asc, .log, .blf or the like.")
+    ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
     rehearse: Annotated[
@@ -167,7 +171,7 @@ def run(
     folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
     carry_out(
         folder,
-        lambda: _open_bus(drives, interface, channel, options, pacing),
+        lambda: _open_bus(drives, interface, channel, options, pacing, frame_log),
         f"{interface} {channel}",
         out,
         speed if rehearse else None,
@@ -186,6 +190,7 @@ def identify(
     begun = perf_counter()
     found = model_file.identify(folder, method.value)
     estimate_view.render(found, load_robot(folder / "robot.yaml"), out)
+    _tell_shortfall(folder)
     took = f"{perf_counter() - begun:.1f} s"
     out.print(f"model in {folder / model_file.NAME} ({took})", highlight=False, soft_wrap=True)
 
@@ -202,6 +207,7 @@ def report(
 
     begun = perf_counter()
     path = module.report(folder, figures)
+    _tell_shortfall(folder)
     out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
 
 
@@ -215,6 +221,12 @@ def compare(
     from hil.results import compare as module  # noqa: PLC0415 - slow to import, used here only
 
     module.compare(folder, truth, out, method.value)
+
+
+def _tell_shortfall(folder: Path) -> None:
+    told = RunFolder.open(folder).shortfall
+    if told:
+        out.print(f"[yellow]{told}[/]", soft_wrap=True)
 
 
 def _load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tuple[Plan, Robot]:
@@ -285,8 +297,13 @@ def _narrowed(drives: DrivesFile, workspace: Workspace | None) -> DrivesFile:
 
 
 def _open_bus(
-    drives: DrivesFile, interface: str, channel: str, options: dict[str, object], pacing: Pacing
+    drives: DrivesFile,
+    interface: str,
+    channel: str,
+    options: dict[str, object],
+    pacing: Pacing,
+    frame_log: Path | None,
 ) -> DriveBus:
     from drivers.canopen_bus import open_drive_bus  # noqa: PLC0415 - only where a bus is used
 
-    return open_drive_bus(drives, interface, channel, options, pacing.value)
+    return open_drive_bus(drives, interface, channel, options, pacing.value, frame_log)

@@ -7,7 +7,7 @@ entry flushed too: neither a kill nor a power cut leaves half a file under the r
 from __future__ import annotations
 
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from drivers.yaml_file import FileError
@@ -29,11 +29,16 @@ def write_file(path: Path, content: bytes) -> None:
     """
     part = path.with_name(path.name + PART)
     with operator_told(path, "written"):
-        with part.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
+        try:
+            with part.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        except OSError:
+            with suppress(OSError):  # what does not fit only fills the disk
+                part.unlink()
+            raise
         _flush_folder(path.parent)
 
 

@@ -1,15 +1,18 @@
 """A plan carried out on a bus into a run folder: the sequencer with its surroundings.
 
 The bus is entered and left here, so that the axes stop and power off however the campaign ends,
-and the folder's journal says how. A recording is on the disk before its event is passed on.
+and the folder's journal says how. Files are written in the background while the axes are on; the
+campaign is finished when all of them are on the disk.
 """
 
 from __future__ import annotations
 
 import gc
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
+from hil.measuring.background import Background
 from hil.measuring.events import Recorded
 from hil.measuring.recording_file import Measured
 from hil.measuring.rehearsal import rehearse
@@ -52,22 +55,28 @@ def run_campaign(
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
+<<<<<<< HEAD
     with folder.session(bus_name) as session, _notes_kept(folder, bus), _collector_spared(), bus:
         folder.note_axes(bus.axes)
+=======
+    with (
+        folder.session(bus_name) as session,
+        _notes_kept(folder, bus),
+        Background() as background,
+        bus,
+    ):
+        _note_axes(folder, bus, background)
+>>>>>>> ab77c91 (wip)
         timing = SyncTiming()
         for event in measure(folder.plan, folder.robot, bus, done, pause):
             if isinstance(event, Recorded):
-                folder.write(
-                    Measured(
-                        event.measurement,
-                        event.recording,
-                        event.attempts,
-                        event.findings,
-                        session,
-                    )
+                measured = Measured(
+                    event.measurement, event.recording, event.attempts, event.findings, session
                 )
+                background.do(partial(folder.write, measured))
                 timing = timing.with_recording(event.recording)
                 folder.keep_timing(timing)
+            background.check()
             yield event
 
 
@@ -82,10 +91,26 @@ def rehearse_campaign(
 
     Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
     """
+<<<<<<< HEAD
     with folder.session(bus_name), _notes_kept(folder, bus), _collector_spared(), bus:
         folder.note_axes(bus.axes)
+=======
+    with (
+        folder.session(bus_name),
+        _notes_kept(folder, bus),
+        Background() as background,
+        bus,
+    ):
+        _note_axes(folder, bus, background)
+>>>>>>> ab77c91 (wip)
         yield from rehearse(folder.plan, folder.robot, bus, speed, pause)
     folder.note_rehearsed(speed)
+
+
+def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> None:
+    folder.refuse_other_drives(bus.axes)
+    folder.keep_axes(bus.axes)
+    background.do(folder.save_journal)
 
 
 @contextmanager

@@ -7,7 +7,8 @@
     recordings/ID.h5  one file for each measurement that is done
 
 A measurement is done when its file is there and whole. To resume is to measure what has no such
-file; a damaged one is set aside under another name first.
+file; a damaged one is set aside under another name first. `run.json` comes last when a run is
+begun: a folder without it holds nothing that was measured, and is begun anew.
 """  # noqa: D400 - the summary leads into the listing
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
 
 DAMAGED = ".damaged"
+_STUB = {"recordings", "plan.yaml", "robot.yaml", "drives.yaml", "run.json"}
 
 
 class RunFolder:
@@ -75,7 +77,7 @@ class RunFolder:
             There is something at `path` already, or it cannot be written.
         """
         path = Path(path)
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        if path.exists() and not (cls.is_stub(path) or _is_empty(path)):
             raise FileError(
                 f"{path}: is there already; go on with --resume, or choose another folder with -o"
             )
@@ -104,14 +106,22 @@ class RunFolder:
         if not path.is_dir():
             raise FileError(f"{path}: is no run folder; make one with: hil run plan.yaml -o {path}")
         journal = read_journal(path / "run.json")
+        if _digest_of(path / "drives.yaml") != journal.drives_digest:
+            raise _changed(path / "drives.yaml")
         robot = load_robot(path / "robot.yaml")
         plan = load_plan(path / "plan.yaml", robot)
         if plan.digest != journal.plan_digest:
-            raise FileError(
-                f"{path / 'plan.yaml'}: was changed since the run was started; restore it or"
-                " start a new run"
-            )
+            raise _changed(path / "plan.yaml")
         return cls(path, plan, robot, journal)
+
+    @staticmethod
+    def is_stub(path: Path) -> bool:
+        """Tell whether a run folder was killed while it was made: there is nothing to resume."""
+        recordings = path / "recordings"
+        with operator_told(path, "read"):
+            if (path / "run.json").exists() or not recordings.is_dir() or any(recordings.iterdir()):
+                return False
+            return all(entry.name.removesuffix(PART) in _STUB for entry in path.iterdir())
 
     def refuse_changes(self, plan: Plan, robot: Robot, drives: str | None = None) -> None:
         """Refuse to resume with another plan, robot or drives than the run was started with.
@@ -130,6 +140,23 @@ class RunFolder:
                 raise FileError(
                     f"{self.path}: the {name} differs from the one that the run was started with;"
                     " resume with the same, or start a new run with -o"
+                )
+
+    def refuse_other_drives(self, axes: Sequence[AxisInfo]) -> None:
+        """Refuse to go on with other drives than those that the run was started on.
+
+        Raises
+        ------
+        FileError
+            The identity of one differs.
+        """
+        known = next((s.axes for s in self.journal.sessions if s.axes), ())
+        for then, present in zip(known, axis_records(axes), strict=False):
+            if then.identity != present.identity:
+                raise FileError(
+                    f"{self.path}: the drive of {present.name} was {then.identity} when the run was"
+                    f" started, now it is {present.identity}; resume on the same machine, or start"
+                    " a new run with -o"
                 )
 
     def recording_path(self, measurement: Measurement) -> Path:
@@ -168,6 +195,15 @@ class RunFolder:
         """Measurements without a recording, in the plan's order."""
         return tuple(m for m in self.plan.measurements if not self.recording_path(m).exists())
 
+    @property
+    def shortfall(self) -> str:
+        """What an estimate from this folder must be told with; empty when the run is whole."""
+        missing, planned = len(self.missing), len(self.plan.measurements)
+        if not missing:
+            return ""
+        are = "is" if missing == 1 else "are"
+        return f"{missing} of {planned} measurements {are} missing; measure them with --resume"
+
     def set_aside_damaged(self) -> list[str]:
         """Prepare to resume: rename damaged recordings, remove unfinished ones.
 
@@ -178,7 +214,7 @@ class RunFolder:
         """
         told = []
         with operator_told(self.path / "recordings", "cleaned up"):
-            for part in (self.path / "recordings").glob(f"*{PART}"):
+            for part in (*self.path.glob(f"*{PART}"), *self.path.glob(f"recordings/*{PART}")):
                 part.unlink()
         for measurement in self.plan.measurements:
             path = self.recording_path(measurement)
@@ -228,9 +264,9 @@ class RunFolder:
         """Note that all ways of the plan were passed at this share of the speed limits."""
         self._note(self.journal.model_copy(update={"rehearsed": speed}))
 
-    def note_axes(self, axes: Sequence[AxisInfo]) -> None:
-        """Note what the drives told about themselves."""
-        self._note(self.journal.with_last(axes=axis_records(axes)))
+    def keep_axes(self, axes: Sequence[AxisInfo]) -> None:
+        """Note what the drives told about themselves; goes to the disk with `save_journal`."""
+        self.journal = self.journal.with_last(axes=axis_records(axes))
 
     def keep_notes(self, notes: Sequence[str]) -> None:
         """Note what the operator should know; goes to the disk with the session's end."""
@@ -242,7 +278,11 @@ class RunFolder:
 
     def _note(self, journal: Journal) -> None:
         self.journal = journal
-        write_journal(self.path / "run.json", journal)
+        self.save_journal()
+
+    def save_journal(self) -> None:
+        """Write `run.json` as it is now."""
+        write_journal(self.path / "run.json", self.journal)
 
 
 def _reason(error: BaseException) -> str:
@@ -253,6 +293,22 @@ def _reason(error: BaseException) -> str:
 
 def _digest(text: str | None) -> str | None:
     return None if text is None else hashlib.sha256(text.encode()).hexdigest()
+
+
+def _digest_of(path: Path) -> str | None:
+    with operator_told(path, "read"):
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
+
+
+def _changed(path: Path) -> FileError:
+    return FileError(
+        f"{path}: was changed since the run was started; restore it or start a new run"
+    )
+
+
+def _is_empty(path: Path) -> bool:
+    with operator_told(path, "read"):
+        return path.is_dir() and not any(path.iterdir())
 
 
 def _unused(path: Path) -> Path:

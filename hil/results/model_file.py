@@ -56,6 +56,7 @@ class Provenance(FileModel):
     measured: str
     bus: str
     measurements: int
+    missing: int = 0
     left_out: tuple[str, ...]
     identified: str
     method: str
@@ -164,6 +165,7 @@ def _content(folder: RunFolder, result: Estimate) -> ModelFile:
         measured=sessions[-1].started if sessions else "",
         bus=sessions[-1].bus if sessions else "",
         measurements=len(result.local),
+        missing=len(folder.missing),
         left_out=result.left_out,
         identified=now(),
         method=result.method,

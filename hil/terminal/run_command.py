@@ -76,6 +76,7 @@ def prepare_folder(
     FileError
         There is a run already, or the one to resume measured something else.
     """
+    resume = resume and not RunFolder.is_stub(path)
     folder = RunFolder.open(path) if resume or (path / "run.json").exists() else None
     if folder is None or not (resume or folder.only_rehearsed):
         return RunFolder.create(path, the_plan, the_robot, drives)
