@@ -218,7 +218,9 @@ def test_a_lost_heartbeat_of_the_master_is_a_fault_that_it_can_reset(
     sync(master, 10)
     assert node.is_faulted()
     assert [error.code for error in node.emcy.active] == [0x8130]
+    assert node.sdo[0x1001].raw == 0x11  # pre-operational by now: SDO only
     master.send_message(0x77F, b"\x05")
+    node.nmt.state = "OPERATIONAL"
     for word in (0x00, 0x80):  # its own reset_from_fault waits for a TPDO that SYNC must call
         node.controlword = word
     sync(master)
