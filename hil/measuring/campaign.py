@@ -55,18 +55,14 @@ def run_campaign(
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
-<<<<<<< HEAD
-    with folder.session(bus_name) as session, _notes_kept(folder, bus), _collector_spared(), bus:
-        folder.note_axes(bus.axes)
-=======
     with (
         folder.session(bus_name) as session,
         _notes_kept(folder, bus),
+        _collector_spared(),
         Background() as background,
         bus,
     ):
         _note_axes(folder, bus, background)
->>>>>>> ab77c91 (wip)
         timing = SyncTiming()
         for event in measure(folder.plan, folder.robot, bus, done, pause):
             if isinstance(event, Recorded):
@@ -91,18 +87,14 @@ def rehearse_campaign(
 
     Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
     """
-<<<<<<< HEAD
-    with folder.session(bus_name), _notes_kept(folder, bus), _collector_spared(), bus:
-        folder.note_axes(bus.axes)
-=======
     with (
         folder.session(bus_name),
         _notes_kept(folder, bus),
+        _collector_spared(),
         Background() as background,
         bus,
     ):
         _note_axes(folder, bus, background)
->>>>>>> ab77c91 (wip)
         yield from rehearse(folder.plan, folder.robot, bus, speed, pause)
     folder.note_rehearsed(speed)
 
