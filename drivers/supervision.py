@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from drivers.network import PumpedNetwork
     from drivers.sdo import SdoServer
 
+CODE_SIZE = 2
+"""What an EMCY must hold at least: its error code [bytes]."""
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
@@ -110,6 +112,8 @@ class Supervision:
 
     def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp
+        if len(data) < CODE_SIZE:
+            return  # neither tells of an error nor of its end
         emergency = decode_emergency(data)
         if emergency.code & 0xFF00:
             self._emergencies[can_id - 0x80] = emergency

@@ -6,6 +6,7 @@ The storms are those of ``benchmarks/hostile_frames.py``, which sends a hundred 
 from __future__ import annotations
 
 import struct
+from collections import deque
 from typing import TYPE_CHECKING
 
 import can
@@ -18,7 +19,12 @@ from hostile.plant_storm import recorded_session, storm
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from drivers.drive_bus import NodeSilent
 from drivers.error_codes import decode_emergency
+from drivers.network import PumpedNetwork
+from drivers.objects import DEVICE_TYPE
+from drivers.sdo import SdoServer
+from drivers.supervision import Supervision
 from sim_plant.bus import PlantBus
 from sim_plant.slave_network import SlaveNetwork
 
@@ -161,3 +167,63 @@ def test_an_emergency_of_any_length_can_be_told(data: bytes) -> None:
     emergency = decode_emergency(data)
     assert emergency.code == int.from_bytes(data[:2], "little")
     assert f"{emergency.code:04X}" in str(emergency)
+
+
+# What the driver takes for an answer
+
+
+class Scripted(can.BusABC):
+    """Answers every frame with the same ones."""
+
+    lock_step = True
+
+    def __init__(self, answers: list[can.Message]) -> None:
+        super().__init__("scripted")
+        self.channel_info = "scripted"
+        self.answers, self.inbox = answers, deque[can.Message]()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.inbox += self.answers
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return (self.inbox.popleft() if self.inbox else None), False
+
+
+def answer(text: str, **flags: bool) -> can.Message:
+    return can.Message(
+        arbitration_id=0x581, data=bytes.fromhex(text), **{"is_extended_id": False, **flags}
+    )
+
+
+HONEST = answer("43 00 10 00 92 01 02 00")
+IMPOSTORS = [
+    answer("43 00 10 00 FF"),
+    answer("43 01 10 00 FF FF FF FF"),
+    answer("80 00 11 00 00 00 02 06"),
+    answer("43 00 10 00 FF FF FF FF", is_extended_id=True),
+    answer("43 00 10 00 FF FF FF FF", is_error_frame=True),
+    answer(""),
+]
+
+
+def test_an_sdo_answer_of_another_length_or_object_is_not_taken_for_ours() -> None:
+    with Scripted([*IMPOSTORS, HONEST]) as bus:
+        server = SdoServer(PumpedNetwork(bus, synchronous=True), 1, "axis")
+        assert server.get(DEVICE_TYPE) == 0x00020192
+
+
+def test_impostors_alone_are_no_answer() -> None:
+    with Scripted(IMPOSTORS) as bus:
+        server = SdoServer(PumpedNetwork(bus, synchronous=True), 1, "axis")
+        with pytest.raises(NodeSilent):
+            server.get(DEVICE_TYPE)
+
+
+@pytest.mark.parametrize("length", [0, 1])
+def test_an_emergency_without_a_code_takes_no_other_back(length: int) -> None:
+    with Scripted([]) as bus:
+        network = PumpedNetwork(bus, synchronous=True)
+        supervision = Supervision(network, [SdoServer(network, 1, "axis")])
+        network.notify(0x81, bytearray(b"\x10\x23"), 0.0)
+        network.notify(0x81, bytearray(length), 0.0)
+        assert "2310" in str(supervision.diagnose(SdoServer(network, 1, "axis"), 0x08))

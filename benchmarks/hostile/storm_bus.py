@@ -14,8 +14,8 @@ BURST = 12
 """Hostile frames for every frame that the driver sends, on average."""
 FORGED = 0.02
 """Share of frames that are TPDOs in a drive's name, with its true state and other values."""
-TROUBLE = 3e-3
-"""Share of the frames in a drive's name that would end a session which are let through."""
+TROUBLE = 1e-4
+"""Share of frames that tell, in a drive's name, of a reason to end the session."""
 SYNC, TPDO, RPDO, NEW_SET_POINT = 0x80, 0x180, 0x200, 0x10
 TPDO_SIZE = 8
 _CONTENT = struct.Struct("<Hih")
@@ -93,14 +93,20 @@ class StormBus(can.BusABC):
 
     def _draw(self) -> can.Message:
         """Draw a frame; one in a drive's name that would end the session only now and then."""
-        while True:
-            forged = self._random.random() < FORGED
-            frame = self._forge() if forged else next(self._frames)
-            if forged or not ends_session(frame):
-                return frame
-            if self._random.random() < TROUBLE:
-                self.suspect = True
-                return frame
+        chance = self._random.random()
+        if chance < TROUBLE:
+            self.suspect = True
+            return self._trouble()
+        if chance < FORGED:
+            return self._forge()
+        return next(frame for frame in self._frames if not ends_session(frame))
+
+    def _trouble(self) -> can.Message:
+        """Make an EMCY, a heartbeat or a TPDO that tells of a drive in trouble, of odd length."""
+        service, size = self._random.choice([(0x80, 2), (0x80, 8), (TPDO, TPDO_SIZE), (0x700, 1)])
+        data = self._random.randbytes(size - 1) + self._random.choice([b"\x10", b"\x81", b"\xff"])
+        node = self._random.choice(NODES)
+        return can.Message(arbitration_id=service + node, data=data, is_extended_id=False)
 
     def _forge(self) -> can.Message:
         """Make a TPDO that shows the drive's state and values near its own."""
