@@ -12,9 +12,11 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING, NoReturn
 
+import numpy as np
+
 from drivers.admission import admit
 from drivers.cia402 import State
-from drivers.drive_bus import AxisInfo, DriveError, DriveFault, NodeSilent
+from drivers.drive_bus import AxisInfo, DriveError, DriveFault, MoveFailed, NodeSilent
 from drivers.exchange import Exchange
 from drivers.frame_log import logged
 from drivers.gaps import Gaps
@@ -26,17 +28,19 @@ from drivers.move_check import check_move
 from drivers.network import PumpedNetwork
 from drivers.open_bus import open_can_bus
 from drivers.pacing import choose_pacing, sync_channel
+from drivers.path_check import check_path
 from drivers.pdo_mapping import transmitted
 from drivers.power import Power
 from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
+from drivers.streams import Streams
 from drivers.supervision import Supervision
 from drivers.trips import Trips
 from drivers.zero_current import offsets
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
@@ -161,6 +165,8 @@ class CanopenDriveBus:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         for axis, move in moves.items():
             check_move(move, self._drives.axes[axis], self._scales[axis], axis + 1)
+        if self._streams.cyclic:
+            self._change_mode(self._streams.leave)
         for axis, move in moves.items():
             moving = axis in self._motions.active
             self._trips.expect(axis, self._exchange.positions[axis], move.target, moving=moving)
@@ -168,6 +174,15 @@ class CanopenDriveBus:
             self._motions.start(moves)
         except DriveError as error:
             self._fail(error)
+
+    def stream(self, path: Sequence[Sequence[float]]) -> None:
+        """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
+        if self._motions.active or self._streams.moving:
+            raise MoveFailed("a path can only begin where all axes rest; wait until reached")
+        here = self._readout.sample(self._pacing.now(), self._exchange, reached=True).q
+        points = np.asarray(path, dtype=float)
+        check_path(points, self._drives.axes, here, self._period)
+        self._change_mode(lambda: self._streams.begin(points))
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
@@ -189,7 +204,12 @@ class CanopenDriveBus:
         tripped = self._trips.look(time, exchange)
         if tripped:
             self._fail(tripped)
-        return self._readout.sample(time, exchange, not motions.active)
+        streams = self._streams
+        if streams.cyclic:
+            failed = streams.advance()
+            if failed:
+                self._fail(failed)
+        return self._readout.sample(time, exchange, not (motions.active or streams.moving))
 
     def follow(self) -> Sample:
         """Return the next sample while a drive moves by itself, as in homing.
@@ -205,6 +225,7 @@ class CanopenDriveBus:
 
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+        self._streams.abandon()
         self._motions.halt()
 
     def _connect(self) -> None:
@@ -241,6 +262,9 @@ class CanopenDriveBus:
         self._running = False
         self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
         self._trips = Trips(drives.axes, self._period)
+        self._streams = Streams(
+            self._exchange, self._servers, drives.axes, self._trips, self._period, self.follow
+        )
         self._gaps = Gaps(network, self._servers, self._heartbeats)
         self._words: tuple[int, ...] = ()
 
@@ -293,6 +317,12 @@ class CanopenDriveBus:
             raise self._supervision.diagnose(self._servers[lost], words[lost])
         self._note(self._supervision.warnings())
 
+    def _change_mode(self, change: Callable[[], None]) -> None:
+        try:
+            change()
+        except DriveError as error:
+            self._fail(error)
+
     def _fail(self, trouble: DriveError) -> NoReturn:
         self._stop()
         raise trouble
@@ -300,6 +330,7 @@ class CanopenDriveBus:
     def _stop(self) -> None:
         self._words = ()
         self._motions.active.clear()
+        self._streams.abandon()
         self._power.stop()
 
     def _note(self, notes: Iterable[str]) -> None:

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from types import TracebackType
     from typing import Self
 
@@ -185,3 +185,28 @@ class DriveBus(Protocol):
 
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+
+
+@runtime_checkable
+class StreamingBus(DriveBus, Protocol):
+    """A `DriveBus` whose axes also follow set-points that the master sends at every SYNC."""
+
+    def stream(self, path: Sequence[Sequence[float]]) -> None:
+        """Begin to send a path of set-points, the next of which goes out with every `sample`.
+
+        The whole path is checked before any set-point is sent; some SYNCs may pass while the drives
+        change their mode. `Sample.reached` tells when the axes rest at the last set-point, where
+        they are held until the next `move` or `stream`.
+
+        Parameters
+        ----------
+        path : array_like, shape (n, n_axes)
+            A set-point of each axis every `period`, beginning where the axes stand [rad or m].
+
+        Raises
+        ------
+        LimitExceeded
+            The path leaves the limits, or does not begin where the axes stand.
+        DriveRefused
+            A drive has no mode for it.
+        """

@@ -92,6 +92,10 @@ class Trips:
         self._lows[axis] = min(low, self._lows[axis]) if moving else low
         self._highs[axis] = max(high, self._highs[axis]) if moving else high
 
+    def follow(self, lows: Sequence[int], highs: Sequence[int]) -> None:
+        """Let all axes be between `lows` and `highs` [increments] until told otherwise."""
+        self._lows, self._highs = list(lows), list(highs)
+
     def look(self, time: float, exchange: Exchange) -> Tripped | None:
         """Return why the axes must stop now, None if they need not.
 

@@ -76,6 +76,9 @@ class Axis(Protocol):
     def stop(self, deceleration: float) -> None:
         """Bring the demand to rest [inc/s^2] and hold."""
 
+    def follow(self, target: float, period: float) -> None:
+        """Lead the demand towards `target` [inc] over `period` [s], one of a stream."""
+
     def hold(self) -> None:
         """Freeze the demand at the present measured position (stop at the current limit)."""
 

@@ -93,6 +93,12 @@ class Servo:
         profile_generator.load(self._profile, self._plant.time, segments, goal)
         self._moving()
 
+    def follow(self, target: float, period: float) -> None:
+        """Lead the demand towards `target` [inc] over `period` [s]."""
+        goal = (target - self._zero) / self._scale
+        profile_generator.follow(self._profile, self._plant.time, goal, period)
+        self._moving()
+
     def stop(self, deceleration: float) -> None:
         """Bring the demand to rest [inc/s^2] and hold."""
         v = float(self._profile[st.DEMAND_V])

@@ -198,6 +198,10 @@ class IdealAxis:
         self._goal, self._stopping = (target, velocity, acceleration, deceleration), 0.0
         self.calls.append(("move", target, velocity, acceleration, deceleration))
 
+    def follow(self, target: float, period: float) -> None:
+        self.demand, self.velocity = target, 0.0
+        self.calls.append(("follow", target, period))
+
     def stop(self, deceleration: float) -> None:
         self._goal, self._stopping = None, deceleration
         self.calls.append(("stop", deceleration))

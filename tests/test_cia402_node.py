@@ -549,13 +549,13 @@ def test_maxima_bound_velocity_and_accelerations(desk: Desk) -> None:
     assert axis(desk).calls[-1] == ("move", 100_000, 4_096, 8_000, 7_000)
 
 
-def test_only_profile_position_and_homing_can_be_chosen(master: canopen.Network) -> None:
+def test_only_modes_that_6502_names_can_be_chosen(master: canopen.Network) -> None:
     node = master[1]
-    assert node.sdo[0x6502].raw == 1 | 1 << 5
-    for mode in (-1, 0, 3, 8):
+    assert node.sdo[0x6502].raw == 1 | 1 << 5 | 1 << 7
+    for mode in (-1, 0, 3, 7):
         with pytest.raises(Exception, match="Value range"):
             node.sdo[0x6060].raw = mode
-    for mode in (6, 1):
+    for mode in (6, 8, 1):
         node.sdo[0x6060].raw = mode
         assert node.sdo[0x6061].raw == mode
 

@@ -23,10 +23,11 @@ from sim_plant.drive.cia402_states import (
     Status,
     command_of,
 )
+from sim_plant.drive.cyclic_position import CyclicPosition
 from sim_plant.drive.drive_objects import declare, present
 from sim_plant.drive.homing import Homing
 from sim_plant.drive.lagging_bit import LaggingBit
-from sim_plant.drive.mode import HOMING, ModeOfOperation
+from sim_plant.drive.mode import CYCLIC_POSITION, HOMING, ModeOfOperation
 from sim_plant.drive.motion import Motion, Ramp
 from sim_plant.drive.profile_position import ProfilePosition, StatusLags
 from sim_plant.drive.target_window import TargetWindow
@@ -85,7 +86,8 @@ class Cia402Node(CanopenNode):
             self.dictionary, self._motion, self._window, self.emergencies, self._lags(personality)
         )
         self._homing = Homing(self.dictionary, self._motion, settings, image)
-        self._follower: ProfilePosition | Homing = self._position
+        self._cyclic = CyclicPosition(self.dictionary, self._motion)
+        self._follower: ProfilePosition | Homing | CyclicPosition = self._position
         self._mode = ModeOfOperation(self.dictionary, timers, personality, self._change_mode)
         declare(self.dictionary, settings)
         present(self.dictionary, image, settings)
@@ -167,10 +169,17 @@ class Cia402Node(CanopenNode):
         elif target is not None:
             self._enter(target)
 
+    def _take_target(self, _subindex: int, target: int) -> None:
+        if self._follower is self._cyclic and self._follows_set_points:
+            self._cyclic.follow(target)
+
     def _change_mode(self) -> None:
         """Leave what the old mode had under way; an axis in motion comes to rest."""
-        homing = self.dictionary.get(0x6060) == HOMING
-        following = self._homing if homing else self._position
+        others: dict[int, Homing | CyclicPosition] = {
+            HOMING: self._homing,
+            CYCLIC_POSITION: self._cyclic,
+        }
+        following = others.get(self.dictionary.get(0x6060), self._position)
         if following is self._follower:
             return
         self._follower.abandon()
@@ -279,6 +288,7 @@ class Cia402Node(CanopenNode):
     def _connect_objects(self) -> None:
         dictionary, motion = self.dictionary, self._motion
         dictionary.react(0x6040, self._control)
+        dictionary.react(0x607A, self._take_target)
         for index in (0x6065, 0x6066):
             dictionary.react(index, lambda _subindex, _value: motion.apply_following_window())
         for index in (0x6072, 0x6073):

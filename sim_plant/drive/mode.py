@@ -1,7 +1,7 @@
 """Modes of operation: what 6060h takes and what 6061h shows, which may lag behind.
 
-There are profile position and homing. While a change is under way a slow drive shows -1, and some
-refuse a change as long as halt (controlword bit 8) is set.
+There are profile position, homing and cyclic synchronous position. While a change is under way a
+slow drive shows -1, and some refuse a change as long as halt (controlword bit 8) is set.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sim_plant.canopen.timers import Timers
     from sim_plant.personality import Personality
 
-PROFILE_POSITION, HOMING = 1, 6
+PROFILE_POSITION, HOMING, CYCLIC_POSITION = 1, 6, 8
 _CHANGING = -1
 
 
@@ -46,7 +46,7 @@ class ModeOfOperation:
         self._lag = personality.mode_display_lag
         self._changing = False
         self._changed = changed
-        dictionary.allow(0x6060, (PROFILE_POSITION, HOMING))
+        dictionary.allow(0x6060, (PROFILE_POSITION, HOMING, CYCLIC_POSITION))
         if personality.mode_locked_by_halt:
             dictionary.guard(0x6060, self._refuse_while_halted)
         dictionary.react(0x6060, self._change)

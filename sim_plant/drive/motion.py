@@ -79,6 +79,11 @@ class Motion:
         self._forget()
         self._axis.move(target, velocity, acceleration, deceleration)
 
+    def follow(self, target: int, period: float) -> None:
+        """Lead the demand towards `target` over `period` [s]."""
+        self._forget()
+        self._axis.follow(target, period)
+
     def stop(self, ramp: Ramp) -> None:
         """Come to rest; nothing to do at rest."""
         if self.at_rest:

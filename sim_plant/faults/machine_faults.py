@@ -53,6 +53,10 @@ class FaultyAxis:
         """Start towards what the encoder shows as `target`."""
         self._axis.move(target - self.jump, velocity, acceleration, deceleration)
 
+    def follow(self, target: float, period: float) -> None:
+        """Go on towards what the encoder shows as `target`."""
+        self._axis.follow(target - self.jump, period)
+
     def stop(self, deceleration: float) -> None:
         """Come to rest."""
         self._axis.stop(deceleration)

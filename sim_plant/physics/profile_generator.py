@@ -51,6 +51,24 @@ def trapezoid(
     return segments
 
 
+def follow(profile: Array, now: float, target: float, period: float) -> None:
+    """Take the next of a stream of set-points, one every `period` [s].
+
+    Between regular set-points the demand is their quadratic B-spline: half a period late, velocity
+    continuous, acceleration constant within a period. It passes half-way between two set-points
+    with their mean velocity; two accelerations lead there also from where an irregular set-point
+    finds it. If no further set-point comes it goes to rest at the last one as if that came again.
+    """
+    last = float(profile[st.TARGET])
+    half, speed = period / 2, (target - last) / period
+    ahead = (last + target) / 2 - float(profile[st.DEMAND])
+    v = float(profile[st.DEMAND_V])
+    both, weighted = (speed - v) / half, 2 * (ahead / half - 2 * v) / half
+    first = (weighted - both) / 2
+    segments = [(half, first), (half, both - first), (period, -speed / period)]
+    load(profile, now, segments, target)
+
+
 def load(
     profile: Array, now: float, segments: list[tuple[float, float]], target: float | None
 ) -> None:

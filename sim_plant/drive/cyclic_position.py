@@ -1,0 +1,77 @@
+"""Cyclic synchronous position mode (8): the master plans, the drive follows set-point by set-point.
+
+Each write of the target position (607Ah) is a set-point; the drive interpolates towards it over the
+interpolation time period (60C2h, value and power of ten of a second). No handshake. A set-point
+that stays out brings the demand to rest at the last one within a further period. Until the first
+one has come the axis holds where it is, whatever 607Ah said before. Targets outside 607Dh are
+clipped, and halt (bit 8) stops as 605Dh says. Statusword bit 12 tells that set-points are followed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.drive.cia402_states import Control, Status
+from sim_plant.drive.motion import Motion, Ramp
+
+if TYPE_CHECKING:
+    from sim_plant.axis import Reading
+    from sim_plant.canopen.object_dictionary import ObjectDictionary
+
+PERIOD = 0x60C2
+
+
+class CyclicPosition:
+    """The mode's state; commands and observations as in `ProfilePosition`."""
+
+    def __init__(self, dictionary: ObjectDictionary, motion: Motion) -> None:
+        self._dictionary = dictionary
+        self._motion = motion
+        self._halted = False
+        self._clipped = False
+        self._load()
+        dictionary.react(PERIOD, lambda _subindex, _value: self._load())
+        dictionary.react(0x607D, lambda _subindex, _value: self._load())
+
+    def show(self) -> int:
+        """Return the mode's bits of the statusword."""
+        return (0 if self._halted or self._clipped else Status.SET_POINT_ACKNOWLEDGE) | (
+            Status.INTERNAL_LIMIT | Status.WARNING if self._clipped else 0
+        )
+
+    def start(self, _demand: int, controlword: int) -> None:
+        """Begin without set-point."""
+        self.abandon()
+        self._load()
+        self._halted = bool(controlword & Control.HALT)
+
+    def abandon(self) -> None:
+        """Forget what was followed."""
+        self._halted = self._clipped = False
+
+    def control(self, controlword: int) -> None:
+        """Take a new controlword while operation is enabled."""
+        halted = bool(controlword & Control.HALT)
+        if halted and not self._halted:
+            self._motion.stop(Ramp(self._dictionary.get(0x605D)))
+        self._halted = halted
+
+    def follow(self, target: int) -> None:
+        """Take a set-point [increments]."""
+        if self._halted:
+            return
+        clipped = min(max(target, self._low), self._high)
+        self._clipped = clipped != target
+        self._motion.follow(clipped, self._period)
+
+    def observe(self, _reading: Reading) -> None:
+        """Take what was latched, which decides nothing here."""
+
+    def progress(self) -> None:
+        """Take note that the axis's events have changed, which decides nothing here."""
+
+    def _load(self) -> None:
+        dictionary = self._dictionary
+        self._period = dictionary.get(PERIOD, 1) * 10.0 ** dictionary.get(PERIOD, 2)
+        low, high = dictionary.get(0x607D, 1), dictionary.get(0x607D, 2)
+        self._low, self._high = (low, high) if low < high else (-(2**31), 2**31 - 1)
