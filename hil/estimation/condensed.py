@@ -61,24 +61,36 @@ class Condensed:
     ----------
     axis : int
         Index from 0.
-    information : ndarray, shape (n_base + N_COMMON, n_base + N_COMMON)
-        X'X over base parameters and the axis's common terms.
-    vector : ndarray, shape (n_base + N_COMMON,)
-        X'y, y being the torque without the motor's part.
-    motor : ndarray, shape (n_base + N_COMMON,)
-        X' times the motor's part of the torque.
-    square : float
-        y'y.
+    product : ndarray, shape (2 + n_base + N_COMMON, 2 + n_base + N_COMMON)
+        Inner products of all columns: y, the torque without the motor's part; that part; X, base
+        parameters and the axis's common terms.
     n : int
         Samples less eliminated coefficients.
     """
 
     axis: int
-    information: Array
-    vector: Array
-    motor: Array
-    square: float
+    product: Array
     n: int
+
+    @property
+    def information(self) -> Array:
+        """X'X, shape (n_base + N_COMMON, n_base + N_COMMON)."""
+        return self.product[2:, 2:]
+
+    @property
+    def vector(self) -> Array:
+        """X'y, shape (n_base + N_COMMON,)."""
+        return self.product[2:, 0]
+
+    @property
+    def motor(self) -> Array:
+        """X' times the motor's part of the torque, shape (n_base + N_COMMON,)."""
+        return self.product[2:, 1]
+
+    @property
+    def square(self) -> float:
+        """y'y."""
+        return float(self.product[0, 0])
 
 
 def condense(robot: Robot, measurement: Measurement, s: Signals) -> list[Condensed]:
@@ -104,15 +116,7 @@ def _condense_axis(robot: Robot, s: Signals, axis: int) -> Condensed | None:
     kept = 2 + n_base + N_COMMON
     basis = _orthonormal(stacked[:, kept:])
     left = stacked[:, :kept] - basis @ (basis.T @ stacked[:, :kept])
-    product = left.T @ left
-    return Condensed(
-        axis=axis,
-        information=product[2:, 2:],
-        vector=product[2:, 0],
-        motor=product[2:, 1],
-        square=float(product[0, 0]),
-        n=len(left) - basis.shape[1],
-    )
+    return Condensed(axis=axis, product=left.T @ left, n=len(left) - basis.shape[1])
 
 
 def _usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:

@@ -53,6 +53,14 @@ class Joint:
         """How many measurements there are to leave out."""
         return len(self._items)
 
+    @property
+    def shares(self) -> Sequence[tuple[Array, Array]]:
+        """Weighted information and vector of each measurement, over all unknowns.
+
+        These are the base parameters and then, axis by axis, the common terms.
+        """
+        return self._shares
+
     def solve(self, without: int | None = None) -> Array:
         """Base parameters, shape (n_base,)."""
         information, vector = self._sum
