@@ -28,6 +28,9 @@ SEND_ATTEMPTS = 10
 SEND_BACK_OFF = 0.001
 """Time between two attempts to send [s]."""
 
+BABBLE = 0.25
+"""How long a queue may take to be read empty once the time of a wait is up [s]."""
+
 _ABORTED = 0x80
 _SDO_SIZE = 8
 _INITIATING = frozenset({1, 2})
@@ -124,8 +127,14 @@ class PumpedNetwork(Network):
             frame = self.receive(0.0 if self.synchronous else min(left, 0.02))
             if frame is not None:
                 self.dispatch(frame)
-            elif self.synchronous or left == 0.0:
+            if self._over(left, ends, empty=frame is None):
                 return until is not None and until()
+
+    def _over(self, left: float, ends: float, *, empty: bool) -> bool:
+        """Whether waiting is over: nothing more to read, or a node that never falls silent."""
+        if self.synchronous:
+            return empty
+        return left == 0.0 and (empty or self._clock() > ends + BABBLE)
 
 
 class PumpedSdoClient(SdoClient):

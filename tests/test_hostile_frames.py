@@ -219,6 +219,20 @@ def test_impostors_alone_are_no_answer() -> None:
             server.get(DEVICE_TYPE)
 
 
+class Babbling(Scripted):
+    """A bus on which frames never end."""
+
+    lock_step = False
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return HONEST, False
+
+
+def test_a_node_that_never_falls_silent_keeps_nobody_waiting_for_ever() -> None:
+    with Babbling([]) as bus:
+        assert not PumpedNetwork(bus, synchronous=False).pump(0.01, lambda: False)
+
+
 @pytest.mark.parametrize("length", [0, 1])
 def test_an_emergency_without_a_code_takes_no_other_back(length: int) -> None:
     with Scripted([]) as bus:
