@@ -47,6 +47,15 @@ class Travelled(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class Preparing(Event):
+    """The axes rest or exercise before a friction measurement, `done` of `duration` [s]."""
+
+    measurement: Measurement
+    done: float
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
 class Rehearsed(Event):
     """The ways of a measurement were passed slowly, without a recording."""
 

@@ -14,6 +14,8 @@ import numpy as np
 from drivers.drive_bus import Tripped
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from hil.measuring.recording import Recording
@@ -28,7 +30,9 @@ EVEN = 1e-6
 """SYNCs are even when no two intervals differ by more [s]; then speed cannot look like a bend."""
 
 
-def refuse_jumps(recording: Recording, acceleration: float) -> None:
+def refuse_jumps(
+    recording: Recording, acceleration: float, resolution: Sequence[float] | float = 0.0
+) -> None:
     """Raise when a position jumped.
 
     Parameters
@@ -36,6 +40,8 @@ def refuse_jumps(recording: Recording, acceleration: float) -> None:
     recording : Recording
     acceleration : float
         Highest of the motion [rad/s^2].
+    resolution : sequence (n_joints,) or float
+        Steps of the encoders: in a creep positions rest for many samples between two steps [rad].
 
     Raises
     ------
@@ -49,7 +55,8 @@ def refuse_jumps(recording: Recording, acceleration: float) -> None:
     period = float(np.median(intervals))
     speeds = steps / intervals[:, None]
     bends = np.abs(np.diff(speeds, axis=0)) * period
-    bounds = TIMES * np.maximum(_usual(bends), acceleration * period**2)
+    least = np.maximum(resolution, acceleration * period**2)
+    bounds = TIMES * np.maximum(_usual(bends), least)
     allowed = bounds + np.zeros_like(bends)
     if np.ptp(intervals) > EVEN:
         allowed += period * np.maximum(np.abs(speeds[1:]), np.abs(speeds[:-1]))

@@ -16,6 +16,7 @@ from hil.measuring.events import (
     Finished,
     GaveUp,
     Paused,
+    Preparing,
     Recorded,
     Rehearsed,
     Repeated,
@@ -119,8 +120,11 @@ def _doing(event: Event) -> str:
     match event:
         case Started():
             return f"{event.pending} of {event.planned} measurements to do"
-        case WarmingUp():
-            return f"warming up, {clock(event.done)} of {clock(event.duration)}"
+        case WarmingUp() | Preparing():
+            what = "warming up"
+            if isinstance(event, Preparing):
+                what = f"rest and exercise before {event.measurement.id}"
+            return f"{what}, {clock(event.done)} of {clock(event.duration)}"
         case Travelled() | Repeated():
             return f"measuring {event.measurement.id} ({event.measurement.kind})"
         case Rehearsed():

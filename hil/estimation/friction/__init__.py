@@ -1,0 +1,1 @@
+"""Friction from measurements at constant velocity: characteristics, models, symmetry, drift."""

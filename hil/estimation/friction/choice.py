@@ -1,0 +1,135 @@
+"""Which friction model an axis deserves, by the error at speeds that the fit has not seen.
+
+Each speed is held out in turn, both directions and all repetitions of it together, the model is
+fitted to the rest and its error at the speed held out is noted (leave-one-out cross-validation).
+The simplest model is kept unless another one is better by more than chance: of all models whose
+mean held-out error lies within one standard error of the least, the one with the fewest parameters
+is chosen, and among equals the earlier (Breiman et al. 1984, the one-standard-error rule). The
+standard error is that of the difference from the best model, speed by speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.friction.models import KINDS, fit, n_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.friction.models import FrictionModel, Kind
+    from hil.estimation.friction.points import FrictionPoint
+
+    Array = NDArray[np.float64]
+
+ALIKE = 0.02
+"""Speeds that differ by less than this share are one speed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisFriction:
+    """The friction of one axis.
+
+    Attributes
+    ----------
+    axis : int
+        From 0.
+    velocity, torque : ndarray, shape (n,)
+        What the models were fitted to [rad/s, N m]; both directions where they stand apart.
+    models : dict
+        All models that there were enough speeds for, by kind.
+    held_out : dict
+        Mean quadratic error at speeds held out, by kind [N^2 m^2].
+    chosen : str
+        Kind of the model that is recommended.
+    """
+
+    axis: int
+    velocity: Array
+    torque: Array
+    models: dict[Kind, FrictionModel]
+    held_out: dict[Kind, float]
+    chosen: Kind
+
+    @property
+    def model(self) -> FrictionModel:
+        """The recommended model."""
+        return self.models[self.chosen]
+
+
+def choose(axis: int, points: Sequence[FrictionPoint], limit: float) -> AxisFriction | None:
+    """Fit all models to the points of one axis and recommend one.
+
+    Parameters
+    ----------
+    axis : int
+        From 0.
+    points : sequence of FrictionPoint
+        Those of the axis.
+    limit : float
+        Its speed limit [rad/s].
+
+    Returns
+    -------
+    AxisFriction or None
+        None with less than three speeds: no model can be checked then.
+    """
+    velocity, torque, speed = _data(points)
+    n = len(np.unique(speed))
+    kinds = [kind for kind in KINDS if n > n_parameters(kind)]
+    if not kinds:
+        return None
+    errors = {kind: _held_out(kind, velocity, torque, speed, limit) for kind in kinds}
+    return AxisFriction(
+        axis=axis,
+        velocity=velocity,
+        torque=torque,
+        models={kind: fit(kind, velocity, torque, limit) for kind in kinds},
+        held_out={kind: float(np.mean(error)) for kind, error in errors.items()},
+        chosen=_simplest(errors),
+    )
+
+
+def _data(points: Sequence[FrictionPoint]) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Velocities, torques, and the number of the speed that each belongs to."""
+    velocity, torque = [], []
+    for point in points:
+        velocity.append(point.velocity)
+        torque.append(point.forward)
+        if point.absolute:
+            velocity.append(-point.velocity)
+            torque.append(point.backward)
+    v = np.array(velocity)
+    order = np.argsort(np.abs(v))
+    steps = np.diff(np.log(np.abs(v)[order]), prepend=np.log(np.abs(v).min())) > ALIKE
+    speed = np.empty(len(v), dtype=np.intp)
+    speed[order] = np.cumsum(steps)
+    return v, np.array(torque), speed
+
+
+def _held_out(
+    kind: Kind, velocity: Array, torque: Array, speed: NDArray[np.intp], limit: float
+) -> Array:
+    """Mean quadratic error at each speed, the model fitted to all others, shape (n_speeds,)."""
+    errors = []
+    for number in np.unique(speed):
+        out = speed == number
+        model = fit(kind, velocity[~out], torque[~out], limit)
+        errors.append(float(np.mean((torque[out] - model.torque(velocity[out])) ** 2)))
+    return np.array(errors)
+
+
+def _simplest(errors: dict[Kind, Array]) -> Kind:
+    best = min(errors, key=lambda kind: float(errors[kind].mean()))
+
+    def close(kind: Kind) -> bool:
+        worse = errors[kind] - errors[best]
+        return float(worse.mean()) <= float(worse.std(ddof=1) / np.sqrt(len(worse)))
+
+    near = [kind for kind in errors if kind == best or close(kind)]
+    return min(near, key=n_parameters)

@@ -1,0 +1,222 @@
+"""From a measurement at constant velocity to the friction torque at one speed.
+
+Every stroke gives the mean torque T_k over its window of constant velocity. All windows of a
+measurement are cut to the angles that they share, so that gravity (and torque ripple, over whole
+turns of the motor) is alike in all of them and
+
+    T_k = c + s_k (f + d t_k) + e_k,    s_k = +1 forward, -1 back,
+
+with the friction f, its drift d during the measurement and a common part c, by least squares.
+Without a model of gravity c is the mean gravity torque, with what friction has of asymmetry in it,
+and f is the half-difference of both directions at equal angles. With the parameters p_g of an
+identified model g(q) is subtracted first; then c is the asymmetry by itself, and the friction
+torques f + c forward and f - c back stand apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.local_fits import SETTLING
+from hil.estimation.signals import NotEnoughData, signals
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import gravity_torque, regressor
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.signals import Signals
+    from hil.measuring.recording import Recording
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Friction
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+FEWEST = 10
+"""Samples of a stroke at constant velocity."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionPoint:
+    """Friction of one axis at one speed.
+
+    Attributes
+    ----------
+    id : str
+    axis : int
+        From 0.
+    time : float
+        Middle of the recording since the bus was entered [s].
+    velocity : float
+        Mean speed, positive [rad/s].
+    friction : float
+        Mean of both directions [N m].
+    friction_error : float
+        Standard error of `friction` within the measurement [N m].
+    common : float
+        Half-sum of both directions less the gravity torque: the asymmetry [N m]. Without a model
+        it holds gravity too.
+    common_error : float
+        Its standard error, that of the gravity model included [N m].
+    absolute : bool
+        Whether gravity was compensated by a model or cannot act on the axis.
+    """
+
+    id: str
+    axis: int
+    time: float
+    velocity: float
+    friction: float
+    friction_error: float
+    common: float
+    common_error: float
+    absolute: bool
+
+    @property
+    def forward(self) -> float:
+        """Friction torque in positive direction [N m]."""
+        return self.friction + (self.common if self.absolute else 0.0)
+
+    @property
+    def backward(self) -> float:
+        """Friction torque in negative direction, negative [N m]."""
+        return -self.friction + (self.common if self.absolute else 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GravityModel:
+    """Base parameters of an identified model, and their covariance, both in the model's order."""
+
+    p: Array
+    covariance: Array
+
+
+def points(
+    robot: Robot,
+    recorded: Iterable[tuple[Friction, Recording]],
+    model: GravityModel | None = None,
+) -> tuple[list[FrictionPoint], list[str]]:
+    """Evaluate friction measurements.
+
+    Parameters
+    ----------
+    robot : Robot
+    recorded : iterable of (Friction, Recording)
+    model : GravityModel, optional
+        Compensates gravity.
+
+    Returns
+    -------
+    list of FrictionPoint, list of str
+        In the order of `recorded`; and what could not be used, and why.
+    """
+    found, left_out = [], []
+    for measurement, recording in recorded:
+        try:
+            found.append(point(robot, measurement, signals(recording), model))
+        except NotEnoughData as error:
+            left_out.append(f"{measurement.id}: {error}")
+    return found, left_out
+
+
+def point(
+    robot: Robot, m: Friction, s: Signals, model: GravityModel | None = None
+) -> FrictionPoint:
+    """Evaluate one friction measurement.
+
+    Raises
+    ------
+    NotEnoughData
+        No window of constant velocity in both directions.
+    """
+    i = m.index
+    windows = _windows(m, s, float(robot.gear_ratio[i]))
+    gravity = gravity_torque(robot, model.p, s.q)[:, i] if model else np.zeros(len(s.time))
+    torque = s.tau[:, i] - gravity
+    means = np.array([torque[w].mean() for w in windows])
+    noise = np.array([_white_noise(torque[w]) / np.sqrt(w.sum()) for w in windows])
+    when = np.array([s.time[w].mean() for w in windows])
+    value, covariance = _level(means, noise, when)
+    used = np.any(windows, axis=0)
+    row = _gravity_row(robot, s, i, used)
+    uncertain = float(row @ model.covariance @ row) if model else 0.0
+    return FrictionPoint(
+        id=m.id,
+        axis=i,
+        time=float(s.time.mean()),
+        velocity=float(np.mean([abs(s.qd[w, i].mean()) for w in windows])),
+        friction=float(value[1]),
+        friction_error=float(np.sqrt(covariance[1, 1])),
+        common=float(value[0]),
+        common_error=float(np.sqrt(covariance[0, 0] + uncertain)),
+        absolute=model is not None or not base_parameters(robot).dependencies.gravity[i].any(),
+    )
+
+
+def _windows(m: Friction, s: Signals, gear_ratio: float) -> list[Mask]:
+    """Samples of each stroke at constant velocity, over the same angles: whole motor turns."""
+    steady = [_steady(m, s, stroke) for stroke in range(m.n_strokes)]
+    if any(window.sum() < FEWEST for window in steady):
+        raise NotEnoughData("no window of constant velocity in both directions; repeat it")
+    q = s.q[:, m.index]
+    low = max(float(q[window].min()) for window in steady)
+    high = min(float(q[window].max()) for window in steady)
+    turn = math.tau / gear_ratio
+    if high - low > turn:
+        high = low + math.floor((high - low) / turn) * turn
+    shared = [window & (q >= low) & (q <= high) for window in steady]
+    if any(window.sum() < FEWEST for window in shared):
+        raise NotEnoughData("both directions share too few angles at constant velocity; repeat it")
+    return shared
+
+
+def _steady(m: Friction, s: Signals, stroke: int) -> Mask:
+    """Samples past the axis's ramps, by position, the transient after the first left out."""
+    profile = m.profile(stroke)
+    away = profile.ramp + SETTLING * profile.peak
+    low, high = sorted((profile.start, profile.end))
+    begin, end = (low + away, high - profile.ramp)
+    if stroke % 2:
+        begin, end = (low + profile.ramp, high - away)
+    q = s.q[:, m.index]
+    steady: Mask = (s.stroke == stroke) & s.valid & (q > begin) & (q < end)
+    return steady
+
+
+def _white_noise(values: Array) -> float:
+    """Scatter from one sample to the next, whatever slower course the values have."""
+    return float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
+
+
+def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
+    """Common part, friction and, from four strokes on, drift; with their covariance.
+
+    Strokes that scatter more than their noise make the covariance larger.
+    """
+    s = np.resize([1.0, -1.0], len(means))
+    columns = [np.ones_like(s), s]
+    if len(means) > 3:
+        columns.append(s * (when - when.mean()))
+    X = np.column_stack(columns) / noise[:, np.newaxis]
+    y = means / noise
+    covariance = np.asarray(np.linalg.inv(X.T @ X), dtype=np.float64)
+    value: Array = covariance @ (X.T @ y)
+    spare = len(means) - X.shape[1]
+    if spare:
+        covariance *= max(1.0, float(np.sum((y - X @ value) ** 2)) / spare)
+    return value, covariance
+
+
+def _gravity_row(robot: Robot, s: Signals, axis: int, used: Mask) -> Array:
+    """Gravity torque of one unit of each base parameter, mean over the samples used."""
+    q = s.q[used]
+    still = np.zeros_like(q)
+    row: Array = regressor(robot, q, still, still, joints=[axis])[:, 0].mean(axis=0)
+    return row
