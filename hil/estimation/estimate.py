@@ -33,6 +33,8 @@ class Estimate:
     drive_covariance : ndarray, shape (n_base, n_base)
         Of errors that do not show: torque constants and rotor inertias, as uncertain as the robot
         file says.
+    drive_effect : ndarray, shape (n_base, 2 n_joints)
+        Change of p by one standard deviation of each of them; the torque constants come first.
     residual : ndarray, shape (n_joints,)
         Root mean square of what the local models of inertia and coupling leave of each axis's
         torque [N m]; NaN where an axis was not measured so.
@@ -49,6 +51,7 @@ class Estimate:
     covariance: Array
     degrees_of_freedom: Array
     drive_covariance: Array
+    drive_effect: Array
     residual: Array
     condition: dict[str, float]
     local: tuple[LocalValue, ...]

@@ -119,6 +119,20 @@ def dependencies(robot: Robot) -> Dependencies:
     return base_parameters(robot).dependencies
 
 
+def link_share(robot: Robot, link: int) -> tuple[str, ...]:
+    """What one link (from 0) contributes to each base parameter: ``l1^2 m6``, or ``0``."""
+    heads, regrouped = _regroup(robot)
+    rows = {
+        robot.standard_parameters[head]: _put_in_sparsity(robot, row)
+        for head, row in zip(heads, regrouped, strict=True)
+    }
+    shares = []
+    for head in base_parameters(robot).heads:
+        own = {k: weight for k, weight in rows[head].items() if k // 10 == link}
+        shares.append(text(own, -1, robot.standard_parameters))
+    return tuple(shares)
+
+
 def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
     """Head and combination of every base parameter of the full robot, in standard order."""
     found = transfers(robot)

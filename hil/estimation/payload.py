@@ -1,0 +1,228 @@
+"""What a load at the last link is, from two identifications: with and without it.
+
+A rigid load adds its own ten parameters phi to those of the last link n, so all base parameters
+change by
+
+    dp = p_with - p_without = K_n phi,
+
+K_n being the columns of K (p = K p_standard) that belong to that link: the expected changes of the
+paper's Table 3, computed from the expressions of the base parameters. dp has the sum of both runs'
+covariances; errors of torque constants and rotor inertias are the same in both and enter by the
+difference of their effects. phi follows by generalised least squares with that covariance. Only
+what the robot file calls present at the last link is free: the rest it states to be zero for the
+load too, and `unseen` names it. What is left, dp - K_n phi, should be no larger than its
+covariance: a chi-squared test.
+
+Centre of mass and the inertia about it follow from first moments and the inertia about the frame's
+origin (Huygens and Steiner), their errors to first order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg, stats
+
+from hil.model.base_parameters import base_parameters
+from hil.model.robot_file import LINK_PARAMETERS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+_MASS, _FIRST = 9, (6, 7, 8)
+_SHOWN = 1e-9
+_STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
+"""First moments whose squares belong to each moment of inertia."""
+_DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One figure with its standard error."""
+
+    name: str
+    value: float
+    standard_error: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Payload:
+    """A load and how well it explains the change of the base parameters.
+
+    Attributes
+    ----------
+    before, after, change, standard_error : ndarray, shape (n_base,)
+        Base parameters without and with the load, their difference and its standard error.
+    expected : ndarray, shape (n_base,)
+        K_n phi of the load found.
+    covariance : ndarray, shape (n_base, n_base)
+        Of `change`.
+    phi : ndarray, shape (10,)
+        The load's standard parameters in the last link's frame, order of eq. (4).
+    phi_covariance : ndarray, shape (10, 10)
+    seen : tuple of str
+        Parameters or, joined by ``=`` or ``+``, combinations that were estimated.
+    unseen : tuple of str
+        Of the load's ten those that the robot file leaves out of the last link.
+    chi_squared : float
+        Squares of what phi leaves of dp, by its covariance.
+    degrees_of_freedom : int
+    """
+
+    before: Array
+    after: Array
+    change: Array
+    standard_error: Array
+    expected: Array
+    covariance: Array
+    phi: Array
+    phi_covariance: Array
+    seen: tuple[str, ...]
+    unseen: tuple[str, ...]
+    chi_squared: float
+    degrees_of_freedom: int
+
+    @property
+    def p_value(self) -> float:
+        """Chance of a misfit at least so large, were the load rigid and nothing else changed."""
+        return float(stats.chi2.sf(self.chi_squared, self.degrees_of_freedom))
+
+    @property
+    def mass(self) -> Quantity:
+        """Mass [kg]."""
+        error = float(np.sqrt(self.phi_covariance[_MASS, _MASS]))
+        return Quantity("mass", float(self.phi[_MASS]), error, "kg")
+
+    def quantities(self) -> list[Quantity]:
+        """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
+        present = [k for k in range(10) if self.phi_covariance[k, k] > 0]
+        found = [self.mass] if _MASS in present else []
+        for k in (k for k in _FIRST if k in present):
+            found.append(self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m"))
+        if _MASS in present and self.phi[_MASS] != 0:
+            for k, axis in zip(_FIRST, "xyz", strict=True):
+                if k in present:
+                    found.append(self._centre(k, axis))
+        for k in (k for k in range(6) if k in present):
+            name = LINK_PARAMETERS[k]
+            found.append(self._quantity(name, _unit(k, 10), "kg m2"))
+            if _MASS in present and self.phi[_MASS] != 0:
+                found.append(self._central(k, name))
+        return found
+
+    def _centre(self, k: int, axis: str) -> Quantity:
+        m = self.phi[_MASS]
+        gradient = _unit(k, 10) / m - _unit(_MASS, 10) * self.phi[k] / m**2
+        return self._at(f"centre {axis}", float(self.phi[k] / m), gradient, "m")
+
+    def _central(self, k: int, name: str) -> Quantity:
+        """About the centre of mass, axes parallel to the frame's."""
+        m, gradient, value = self.phi[_MASS], _unit(k, 10), self.phi[k]
+        pairs = [(a, a, -1.0) for a in _STEINER.get(name, ())]
+        pairs += [(*_DEVIATION[name], 1.0)] if name in _DEVIATION else []
+        for a, b, sign in pairs:
+            product = self.phi[a] * self.phi[b] / m
+            value = value + sign * product
+            gradient = gradient + sign * (
+                _unit(a, 10) * self.phi[b] / m
+                + _unit(b, 10) * self.phi[a] / m
+                - _unit(_MASS, 10) * product / m
+            )
+        return self._at(f"{name} about the centre", float(value), gradient, "kg m2")
+
+    def _quantity(self, name: str, gradient: Array, unit: str) -> Quantity:
+        return self._at(name, float(gradient @ self.phi), gradient, unit)
+
+    def _at(self, name: str, value: float, gradient: Array, unit: str) -> Quantity:
+        error = float(np.sqrt(gradient @ self.phi_covariance @ gradient))
+        return Quantity(name, value, error, unit)
+
+
+class NoLoad(ValueError):
+    """Two runs that do not tell a load."""
+
+
+def payload(
+    robot: Robot, without: Estimate, loaded: Estimate, mass: float | None = None
+) -> Payload:
+    """Find the load from two estimates of the same robot.
+
+    Parameters
+    ----------
+    mass : float, optional
+        Of the load, if it is known [kg].
+
+    Raises
+    ------
+    NoLoad
+        The robot file states no parameter of the last link that a load could change.
+    """
+    change = loaded.p - without.p
+    carried = loaded.drive_effect - without.drive_effect
+    covariance = without.covariance + loaded.covariance + carried @ carried.T
+    K, free = _columns(robot)
+    if not free.size:
+        raise NoLoad(
+            f"{robot.name}: no parameter of the last link is present in the robot file, so a load"
+            " would show nowhere; add m, sx, sy, sz and inertias to its parameters"
+        )
+    known = np.zeros(10)
+    if mass is not None:
+        known[_MASS], free = mass, _but_mass(free)
+    white = linalg.solve_triangular(linalg.cholesky(covariance, lower=True), np.eye(len(change)),
+                                    lower=True)  # fmt: skip
+    W = white @ K @ free
+    inverse = np.linalg.pinv(W.T @ W)
+    phi = known + free @ (inverse @ W.T @ (white @ (change - K @ known)))
+    left = white @ (change - K @ phi)
+    last = [name[: -len(str(robot.n_joints))] for name in robot.present if _of_last(robot, name)]
+    return Payload(
+        before=without.p,
+        after=loaded.p,
+        change=change,
+        standard_error=np.sqrt(np.diag(covariance)),
+        expected=K @ phi,
+        covariance=covariance,
+        phi=phi,
+        phi_covariance=free @ inverse @ free.T,
+        seen=tuple(last),
+        unseen=tuple(name for name in LINK_PARAMETERS if name not in last),
+        chi_squared=float(left @ left),
+        degrees_of_freedom=len(change) - int(np.linalg.matrix_rank(W)),
+    )
+
+
+def _columns(robot: Robot) -> tuple[Array, Array]:
+    """K_n, shape (n_base, 10), and how the free parameters make up phi, shape (10, n_free)."""
+    own = slice(10 * (robot.n_joints - 1), 10 * robot.n_joints)
+    names = robot.standard_parameters[own]
+    carriers = [name for name in names if name in robot.present and name not in robot.ties]
+    free = np.array([
+        [float(robot.ties.get(name, name) == carrier and name in robot.present)
+         for carrier in carriers] for name in names
+    ]).reshape(10, len(carriers))  # fmt: skip
+    K = base_parameters(robot).matrix[:, own]
+    shown = np.abs(K @ free).max(axis=0, initial=0.0) > _SHOWN
+    return K, free[:, shown]
+
+
+def _but_mass(free: Array) -> Array:
+    return free[:, free[_MASS] == 0]
+
+
+def _of_last(robot: Robot, name: str) -> bool:
+    return robot.standard_parameters.index(name) >= 10 * (robot.n_joints - 1)
+
+
+def _unit(k: int, n: int) -> Array:
+    vector: Array = np.zeros(n)
+    vector[k] = 1.0
+    return vector
