@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Strokes
 
     Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class Condensed:
         return float(self.product[0, 0])
 
 
-def condense(robot: Robot, measurement: Measurement, s: Signals) -> list[Condensed]:
+def condense(robot: Robot, measurement: Strokes, s: Signals) -> list[Condensed]:
     """Condense one measurement, one item for each axis that moved on purpose."""
     axes = [measurement.index]
     if isinstance(measurement, Coupling):

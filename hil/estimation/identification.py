@@ -30,6 +30,8 @@ from hil.estimation.local_fits import fit
 from hil.estimation.signals import NotEnoughData, signals
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import Friction
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -40,10 +42,10 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Signals
     from hil.measuring.recording import Recording
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Element, Measurement
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[Measurement, Signals]]
+    Prepared = Sequence[tuple[Element, Signals]]
 
 Method = Literal["improved", "printed"]
 METHODS: tuple[Method, ...] = ("improved", "printed")
@@ -133,6 +135,7 @@ def _estimate(
         covariance=covariance,
         degrees_of_freedom=degrees,
         drive_covariance=carried @ carried.T,
+        drive_effect=carried,
         residual=_residual(robot, local),
         condition=condition,
         local=local,
@@ -142,10 +145,15 @@ def _estimate(
 
 def _prepare(
     recorded: Iterable[tuple[Measurement, Recording]],
-) -> tuple[list[tuple[Measurement, Signals]], list[str]]:
+) -> tuple[list[tuple[Element, Signals]], list[str]]:
     """Signals of all measurements, and the reasons for those without any."""
     found, left_out = [], []
     for measurement, recording in recorded:
+        if isinstance(measurement, Friction):
+            continue
+        if isinstance(measurement, Trajectory):
+            left_out.append(f"{measurement.id}: trajectories are for hil conventional identify")
+            continue
         try:
             found.append((measurement, signals(recording)))
         except NotEnoughData as error:

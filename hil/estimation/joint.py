@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Strokes
 
     Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _RIDGE = 1e-12
 class Joint:
     """Joint least squares over condensed measurements."""
 
-    def __init__(self, robot: Robot, prepared: Sequence[tuple[Measurement, Signals]]) -> None:
+    def __init__(self, robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> None:
         condensed = [condense(robot, measurement, s) for measurement, s in prepared]
         self._items = [items for items in condensed if items]
         self._n_base, self._n_joints = len(base_parameters(robot)), robot.n_joints
@@ -60,6 +60,16 @@ class Joint:
         These are the base parameters and then, axis by axis, the common terms.
         """
         return self._shares
+
+    @property
+    def items(self) -> Sequence[Sequence[Condensed]]:
+        """The condensed measurements."""
+        return self._items
+
+    @property
+    def weight(self) -> Array:
+        """Reciprocal of each axis's residual variance, shape (n_joints,) [1/(N m)^2]."""
+        return self._weight
 
     def solve(self, without: int | None = None) -> Array:
         """Base parameters, shape (n_base,)."""

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Element
 
     Array = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ class LocalFit:
         )
 
 
-def fit(robot: Robot, measurement: Measurement, s: Signals) -> LocalFit:
+def fit(robot: Robot, measurement: Element, s: Signals) -> LocalFit:
     """Evaluate one measurement.
 
     Raises

@@ -14,14 +14,16 @@ import numpy as np
 from drivers.drive_bus import SampleFlag
 from hil.measuring.current_checks import frozen
 from hil.measuring.finding import Finding
+from hil.measuring.streaming import astray
 from hil.measuring.stroke_checks import half_sums, partner, peaks, stuck, windows
 from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from hil.measuring.recording import Recording
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Measurement, Strokes
 
 __all__ = ["Finding", "check"]
 
@@ -50,6 +52,16 @@ def check(recording: Recording, measurement: Measurement) -> list[Finding]:
         _saturation,
         frozen,
     ]
+    found = [finding for step in steps for finding in step(recording, measurement)]
+    if isinstance(measurement, Trajectory):
+        return [*found, *astray(recording, measurement)]
+    return [*found, *(f for step in _of_strokes(measurement) for f in step(recording, measurement))]
+
+
+def _of_strokes(
+    measurement: Strokes,
+) -> list[Callable[[Recording, Strokes], Iterable[Finding]]]:
+    steps: list[Callable[[Recording, Strokes], Iterable[Finding]]] = []
     if isinstance(measurement, Inertia):
         steps += [peaks]
     else:
@@ -58,7 +70,7 @@ def check(recording: Recording, measurement: Measurement) -> list[Finding]:
         steps += [half_sums]
     if isinstance(measurement, Coupling):
         steps += [stuck, partner]
-    return [finding for step in steps for finding in step(recording, measurement)]
+    return steps
 
 
 def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.measuring.finding import Finding
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,15 +31,20 @@ RARE, OFTEN = 0.05, 0.9
 
 
 def frozen(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
-    """Tell where the torque of the measured axis repeats one value for too long in motion."""
+    """Tell where the torque of a measured axis repeats one value for too long in motion."""
     moving = recording.stroke >= 0
-    tau = recording.tau[moving, measurement.index]
+    one = () if isinstance(measurement, Trajectory) else (measurement.index,)
+    for index in one or range(recording.n_joints):
+        yield from _frozen(recording.tau[moving, index], index + 1)
+
+
+def _frozen(tau: NDArray[np.float64], axis: int) -> Iterator[Finding]:
     begin, longest = _longest_run(tau)
     bound = _explained(tau, longest)
     if longest > bound:
         yield Finding(
             "current",
-            f"the current of axis {measurement.axis} reads {tau[begin]:.4g} N m in {longest}"
+            f"the current of axis {axis} reads {tau[begin]:.4g} N m in {longest}"
             f" samples on end, at most {bound} may; its sensor is stuck, clipped or too coarse:"
             " check the drive's current measurement and its range",
             longest,

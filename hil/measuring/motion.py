@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus, Sample
     from hil.measuring.recording import Recording
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Strokes
     from hil.planning.profile import Trapezoid
     from hil.planning.workspace import Workspace
 
@@ -105,7 +105,8 @@ def travel(
     expected = travel_time(robot, here.q, target, fraction) / slow
     recorder = Recorder()
     last = _until_reached(bus, recorder.add, here.time, expected, "travel")
-    refuse_jumps(recorder.finish(), max(move.acceleration for move in moves.values()))
+    highest = max(move.acceleration for move in moves.values())
+    refuse_jumps(recorder.finish(), highest, _resolution(bus))
     return last
 
 
@@ -123,11 +124,11 @@ def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Samp
     begin = locate(bus).time
     bus.move({index: Move(profile.end, profile.velocity, profile.acceleration)})
     last = _until_reached(bus, recorder.add, begin, profile.duration, what)
-    refuse_jumps(recorder.finish(), profile.acceleration)
+    refuse_jumps(recorder.finish(), profile.acceleration, _resolution(bus))
     return last
 
 
-def record(bus: DriveBus, measurement: Measurement) -> Recording:
+def record(bus: DriveBus, measurement: Strokes) -> Recording:
     """Carry out the strokes of a measurement and record every sample.
 
     The axes stand at ``measurement.start``, where the last stroke brings them back to.
@@ -156,8 +157,16 @@ def record(bus: DriveBus, measurement: Measurement) -> Recording:
     recorder.partner_stroke(IDLE)
     _rest(bus, recorder)
     recording = recorder.finish()
-    refuse_jumps(recording, _highest_acceleration(measurement))
+    refuse_jumps(recording, _highest_acceleration(measurement), _resolution(bus))
     return recording
+
+
+def stand(bus: DriveBus, duration: float) -> Sample:
+    """Let `duration` [s] pass without a motion; return the last sample."""
+    begin = last = locate(bus)
+    while last.time - begin.time < duration:
+        last = bus.sample()
+    return last
 
 
 class _PartnerStrokes:
@@ -167,7 +176,7 @@ class _PartnerStrokes:
     duration. No stroke begins that would not end before the creeping axis brakes.
     """
 
-    def __init__(self, bus: DriveBus, recorder: Recorder, measurement: Measurement) -> None:
+    def __init__(self, bus: DriveBus, recorder: Recorder, measurement: Strokes) -> None:
         assert isinstance(measurement, Coupling)  # noqa: S101 - see _has_partner
         self._bus = bus
         self._recorder = recorder
@@ -200,11 +209,15 @@ class _PartnerStrokes:
         self._due = now + profile.duration + PARTNER_TURN
 
 
-def _has_partner(measurement: Measurement) -> bool:
+def _has_partner(measurement: Strokes) -> bool:
     return isinstance(measurement, Coupling)
 
 
-def _highest_acceleration(measurement: Measurement) -> float:
+def _resolution(bus: DriveBus) -> list[float]:
+    return [axis.position_resolution for axis in bus.axes]
+
+
+def _highest_acceleration(measurement: Strokes) -> float:
     partner = measurement.partner.acceleration if isinstance(measurement, Coupling) else 0.0
     return max(measurement.acceleration, partner)
 

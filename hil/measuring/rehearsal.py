@@ -14,10 +14,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
+import numpy as np
+
 from hil.measuring.motion import locate, pass_along, travel
 from hil.measuring.sequencer import hold, never, refuse_other_bus
+from hil.measuring.streaming import pass_slowly
 from hil.planning.measurement import TURN, Coupling
 from hil.planning.timetable import SETTLING, travel_time
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -25,7 +29,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Measurement, Strokes
     from hil.planning.plan import Plan
     from hil.planning.profile import Trapezoid
 
@@ -70,8 +74,11 @@ def rehearse(
     for measurement in plan.measurements:
         now = travel(bus, robot, measurement.start, plan.travel, plan.workspace, slow)
         yield Travelled(now.time, sum(left), measurement)
-        for index, profile in _slowed(measurement, robot, speed):
-            now = pass_along(bus, index, profile, measurement.id)
+        if isinstance(measurement, Trajectory):
+            now = pass_slowly(bus, measurement, _pace(measurement, robot, speed))
+        else:
+            for index, profile in _slowed(measurement, robot, speed):
+                now = pass_along(bus, index, profile, measurement.id)
         left.pop(0)
         yield Rehearsed(now.time, sum(left), measurement)
         if pause():
@@ -80,9 +87,7 @@ def rehearse(
     yield Finished(locate(bus).time, 0.0, number, ())
 
 
-def _slowed(
-    measurement: Measurement, robot: Robot, speed: float
-) -> Iterator[tuple[int, Trapezoid]]:
+def _slowed(measurement: Strokes, robot: Robot, speed: float) -> Iterator[tuple[int, Trapezoid]]:
     """Strokes there and back, each of one axis and no faster than `speed` allows."""
     ways = [(measurement.index, measurement.profile(k)) for k in (0, 1)]
     if isinstance(measurement, Coupling):
@@ -99,13 +104,27 @@ def _slowed(
         )
 
 
+def _pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
+    """Share of its own speed at which a trajectory keeps below `speed` of the limits."""
+    t = np.linspace(0.0, trajectory.period, 1000)
+    highest = float(np.max(np.abs(trajectory.motion(t)[1]) / robot.velocity_limit))
+    return min(1.0, speed / highest) if highest > 0 else 1.0
+
+
 def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -> list[float]:
     """Expected time of each measurement with the travel that leads to it [s]."""
     slow = min(1.0, speed / plan.travel)
     durations, here = [], start
     for measurement in plan.measurements:
-        strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]
         way = travel_time(robot, here, measurement.start, plan.travel) / slow + SETTLING
-        durations.append(way + sum(strokes) + TURN * len(strokes))
+        durations.append(way + _duration(measurement, robot, speed))
         here = measurement.start
     return durations
+
+
+def _duration(measurement: Measurement, robot: Robot, speed: float) -> float:
+    """Expected time that a measurement's own ways take [s]."""
+    if isinstance(measurement, Trajectory):
+        return measurement.period / _pace(measurement, robot, speed)
+    strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]
+    return sum(strokes) + TURN * len(strokes)

@@ -17,14 +17,18 @@ from hil.measuring.events import (
     Finished,
     GaveUp,
     Paused,
+    Preparing,
     Recorded,
     Repeated,
     Started,
     Travelled,
     WarmingUp,
 )
-from hil.measuring.motion import locate, record, travel
+from hil.measuring.motion import locate, pass_along, record, stand, travel
+from hil.measuring.streaming import stream
+from hil.planning.measurement import Friction
 from hil.planning.timetable import timetable
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
@@ -37,6 +41,10 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan, WarmUp
     from hil.planning.timetable import Entry
+
+
+LONGEST_STAND = 5.0
+"""Time at rest between two events [s]."""
 
 
 def never() -> bool:
@@ -69,7 +77,7 @@ def measure(
     Yields
     ------
     Event
-        Started, WarmingUp, Travelled, Repeated, GaveUp, Recorded, Paused and Finished.
+        Started, WarmingUp, Travelled, Preparing, Repeated, GaveUp, Recorded, Paused and Finished.
 
     Raises
     ------
@@ -90,6 +98,8 @@ def measure(
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
         yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
+        if isinstance(measurement, Friction):
+            yield from _prepare(bus, measurement, clock)
         for event in _attempts(plan, bus, measurement, clock):
             if isinstance(event, GaveUp):
                 gave_up.append(measurement.id)
@@ -99,6 +109,27 @@ def measure(
             yield Paused(began, clock.remaining(began))
             clock.shift(hold(bus, pause) - began)
     yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up))
+
+
+def _prepare(bus: DriveBus, measurement: Friction, clock: _Clock) -> Iterator[Event]:
+    """Give friction the history that is asked for: rest, then motion up to the recording.
+
+    A repeated attempt follows without it: only the first one's history can be as planned.
+    """
+    begin, rest = locate(bus).time, measurement.rest or 0.0
+    while (now := locate(bus).time) - begin < rest:
+        now = stand(bus, min(LONGEST_STAND, rest - (now - begin))).time
+        yield _preparing(measurement, now - begin, now, clock)
+    while (now := locate(bus).time) - begin < measurement.preparation:
+        for number in (0, 1):
+            profile = measurement.profile(number)
+            now = pass_along(bus, measurement.index, profile, f"{measurement.id}, exercise").time
+        yield _preparing(measurement, now - begin, now, clock)
+
+
+def _preparing(measurement: Friction, done: float, now: float, clock: _Clock) -> Preparing:
+    left = max(0.0, clock.remaining(now) - done)
+    return Preparing(now, left, measurement, done, measurement.preparation)
 
 
 class _Clock:
@@ -134,7 +165,10 @@ def _attempts(
     """Record until the checks pass or the attempts are used up."""
     tries: list[tuple[Recording, tuple[Finding, ...]]] = []
     while True:
-        recording = record(bus, measurement)
+        if isinstance(measurement, Trajectory):
+            recording = stream(bus, measurement)
+        else:
+            recording = record(bus, measurement)
         findings = tuple(check(recording, measurement))
         tries.append((recording, findings))
         now = float(recording.time[-1])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.measuring.recording import Recording
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Strokes
     from hil.planning.profile import Trapezoid
 
 VELOCITY_TOLERANCE = 0.05
@@ -35,9 +35,7 @@ CREEPING = 0.25
 """Share of the creep velocity below which an axis counts as stuck."""
 
 
-def constant_velocity(
-    recording: Recording, measurement: Measurement, stroke: int
-) -> NDArray[np.intp]:
+def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> NDArray[np.intp]:
     """Find the samples of `stroke` past the axis's ramps, by position; returns indices."""
     profile = measurement.profile(stroke)
     span = recording.span(stroke)
@@ -50,7 +48,7 @@ def constant_velocity(
     return np.flatnonzero(inside) + int(span.start)
 
 
-def windows(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+def windows(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
     """Constant velocity was reached, long enough and at the value asked for, in every stroke."""
     for stroke in range(measurement.n_strokes):
         window = constant_velocity(recording, measurement, stroke)
@@ -76,7 +74,7 @@ def windows(recording: Recording, measurement: Measurement) -> Iterator[Finding]
             )
 
 
-def peaks(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+def peaks(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
     """Every accelerating stroke reached the speed of its profile."""
     for stroke in range(measurement.n_strokes):
         q = recording.q[recording.span(stroke), measurement.index]
@@ -85,7 +83,7 @@ def peaks(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
         )
 
 
-def half_sums(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+def half_sums(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
     """Friction was steady: half-sums of successive strokes show the same gravity torque."""
     torque = [
         recording.tau[constant_velocity(recording, measurement, k), measurement.index]
@@ -110,7 +108,7 @@ def half_sums(recording: Recording, measurement: Measurement) -> Iterator[Findin
         )
 
 
-def stuck(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+def stuck(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
     """Tell where the creeping axis did not move all the time."""
     lag = max(1, round(0.2 / recording.period))
     for stroke in range(measurement.n_strokes):
@@ -130,7 +128,7 @@ def stuck(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
             )
 
 
-def partner(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+def partner(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
     """Tell where the partner did not go forth and back in a creep stroke, or too slowly."""
     assert isinstance(measurement, Coupling)  # noqa: S101 - only called for this kind
     for stroke in range(measurement.n_strokes):
@@ -178,9 +176,7 @@ def _highest_velocity(q: NDArray[np.float64], period: float) -> float:
     return float(np.fmax.reduce(steps, initial=0.0)) / (lag * period)
 
 
-def _mean_velocity(
-    recording: Recording, measurement: Measurement, window: NDArray[np.intp]
-) -> float:
+def _mean_velocity(recording: Recording, measurement: Strokes, window: NDArray[np.intp]) -> float:
     """Slope of a line through the positions of `window` [rad/s]."""
     t = recording.time[window]
     q = recording.q[window, measurement.index]

@@ -21,16 +21,19 @@ from hil.planning.measurement import (
     SETTLED,
     SHORTEST_WINDOW,
     Coupling,
+    Friction,
     Inertia,
 )
 from hil.planning.timetable import timetable
+from hil.planning.trajectory import Trajectory
+from hil.planning.trajectory_check import check_trajectory
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Measurement, Strokes
     from hil.planning.plan import Plan
 
 BITRATE = 1_000_000
@@ -66,12 +69,13 @@ class DryRun:
     durations : dict
         Time of each kind, of travels and of the warm-up [s].
     bus_load : float
-        Share of the bus that SYNC and one 8-byte TPDO of each axis take at the sample period.
+        Share of the bus that SYNC and one 8-byte TPDO of each axis take at the sample period, and
+        one RPDO of each where a trajectory is streamed.
     problems : tuple of Problem
         Why the plan must not be run; empty when it may.
     groups : tuple of Identifiability
         What each group of base parameters can expect; empty where there are problems with the
-        measurements.
+        measurements, or where all of them are about friction or trajectories.
     """
 
     counts: dict[str, int]
@@ -89,12 +93,13 @@ class DryRun:
 
 def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
     """Fold over `plan`, which was made for `robot`; `bitrate` of the bus in bit/s."""
-    load = bus_load(robot.n_joints, plan.sample_period, bitrate)
+    streamed = any(isinstance(m, Trajectory) for m in plan.measurements)
+    load = bus_load(robot.n_joints, plan.sample_period, bitrate, streamed=streamed)
     guarded = narrowed(robot, plan.workspace)
     measurements = [
         problem
         for number, measurement in enumerate(plan.measurements)
-        for problem in _check(number, measurement, guarded)
+        for problem in _check(number, measurement, guarded, plan.sample_period)
     ]
     if not measurements:
         measurements = [
@@ -107,7 +112,7 @@ def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
         bitrate=bitrate,
         bus_load=load,
         problems=tuple(measurements + list(_check_load(load, plan, bitrate))),
-        groups=() if measurements else identifiability(plan, robot),
+        groups=() if measurements or not _of_groups(plan) else identifiability(plan, robot),
     )
 
 
@@ -116,9 +121,18 @@ def frame_bits(n_bytes: int) -> int:
     return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
 
 
-def bus_load(n_axes: int, period: float, bitrate: int) -> float:
-    """Share of the bus taken by one SYNC and `n_axes` full TPDOs each `period` [s]."""
-    return (frame_bits(0) + n_axes * frame_bits(8)) / (period * bitrate)
+def bus_load(n_axes: int, period: float, bitrate: int, *, streamed: bool = False) -> float:
+    """Share of the bus taken by one SYNC and `n_axes` full TPDOs each `period` [s].
+
+    While a trajectory is `streamed` each axis gets an RPDO of 6 bytes besides.
+    """
+    each = frame_bits(8) + (frame_bits(6) if streamed else 0)
+    return (frame_bits(0) + n_axes * each) / (period * bitrate)
+
+
+def _of_groups(plan: Plan) -> bool:
+    """Whether any measurement serves a group of base parameters."""
+    return not all(isinstance(m, Friction | Trajectory) for m in plan.measurements)
 
 
 def _durations(plan: Plan, robot: Robot) -> dict[str, float]:
@@ -142,9 +156,13 @@ def _check_load(load: float, plan: Plan, bitrate: int) -> Iterator[Problem]:
         )
 
 
-def _check(number: int, measurement: Measurement, robot: Robot) -> Iterator[Problem]:
+def _check(number: int, measurement: Measurement, robot: Robot, period: float) -> Iterator[Problem]:
     """Everything that is wrong with one measurement."""
     here: tuple[str | int, ...] = ("measurements", number)
+    if isinstance(measurement, Trajectory):
+        for message in check_trajectory(measurement, robot, period):
+            yield Problem((*here, "sine"), message)
+        return
     where = measurement.id
     yield from _check_ends(here, measurement, robot)
     yield from _check_profile(
@@ -159,7 +177,7 @@ def _check(number: int, measurement: Measurement, robot: Robot) -> Iterator[Prob
 
 
 def _check_ends(
-    here: tuple[str | int, ...], measurement: Measurement, robot: Robot
+    here: tuple[str | int, ...], measurement: Strokes, robot: Robot
 ) -> Iterator[Problem]:
     """Both ends of the strokes, and so the whole way between them, keep inside the range."""
     ends = zip(measurement.start, measurement.end, robot.q_min, robot.q_max, strict=True)
@@ -198,7 +216,7 @@ def _check_profile(
             )
 
 
-def _check_window(here: tuple[str | int, ...], measurement: Measurement) -> Iterator[Problem]:
+def _check_window(here: tuple[str | int, ...], measurement: Strokes) -> Iterator[Problem]:
     """Tell a stroke too short for constant velocity, or for the partner's strokes."""
     if isinstance(measurement, Inertia):
         return

@@ -17,6 +17,7 @@ import numpy as np
 from drivers.drive_bus import LimitExceeded
 from hil.model.capsules import capsules
 from hil.planning.clearance import find_hits
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -107,7 +108,11 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
     if workspace is None:
         return
     start, end = _ends(measurements)
-    for number, hit in sorted(find_hits(robot, workspace, Strokes(start, end)).items()):
+    hits = find_hits(robot, workspace, Strokes(start, end))
+    for number, measurement in enumerate(measurements):
+        if isinstance(measurement, Trajectory):
+            hits |= _on_trajectory(number, measurement, plan, robot)
+    for number, hit in sorted(hits.items()):
         yield Obstacle(number, f"{measurements[number].id}: {_described(hit, robot, workspace)}")
     yield from _on_travels(start[:-1], start[1:], plan.travel, plan, robot)
     if plan.warm_up:
@@ -141,6 +146,16 @@ def refuse_travel(
             f"travel from ({where}): {_described(hit, robot, workspace)}; bring the robot nearer"
             " to its next configuration with hil jog"
         )
+
+
+def _on_trajectory(number: int, trajectory: Trajectory, plan: Plan, robot: Robot) -> dict[int, Hit]:
+    """Find the deepest intrusion of a trajectory; joints move straight between samples."""
+    assert plan.workspace is not None  # noqa: S101 - `obstacles` has asked
+    once = trajectory.model_copy(update={"cycles": 1})
+    path = once.path(plan.sample_period)
+    hits = find_hits(robot, plan.workspace, Strokes(path[:-1], path[1:]))
+    deepest = max(hits.values(), key=lambda hit: hit.depth, default=None)
+    return {} if deepest is None else {number: deepest}
 
 
 def _ends(measurements: Sequence[Measurement]) -> tuple[Array, Array]:

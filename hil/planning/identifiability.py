@@ -19,6 +19,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import Strokes
     from hil.planning.plan import Plan
 
 KINDS = {"gravity": Gravity, "diagonal": Inertia, "off_diagonal": Coupling}
@@ -80,7 +81,7 @@ def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
 
 def observations(plan: Plan, robot: Robot, group: str) -> NDArray[np.float64]:
     """Weighted observation matrix (n_measurements, n_group) of one group, in plan order."""
-    chosen = [m for m in plan.measurements if isinstance(m, KINDS[group])]
+    chosen = [m for m in _strokes(plan) if isinstance(m, KINDS[group])]
     columns = _columns(robot)[group]
     if not chosen:
         return np.zeros((0, len(columns)))
@@ -89,7 +90,11 @@ def observations(plan: Plan, robot: Robot, group: str) -> NDArray[np.float64]:
     return np.asarray(rows / limits[:, None], dtype=np.float64)
 
 
-def _torque_rows(robot: Robot, chosen: Sequence[Measurement]) -> NDArray[np.float64]:
+def _strokes(plan: Plan) -> list[Strokes]:
+    return [m for m in plan.measurements if not isinstance(m, Trajectory)]
+
+
+def _torque_rows(robot: Robot, chosen: Sequence[Strokes]) -> NDArray[np.float64]:
     """Regressor rows of the axes read: at rest for gravity, per unit of acceleration else."""
     q = np.array([m.q for m in chosen], dtype=float)
     still = np.zeros_like(q)

@@ -1,8 +1,8 @@
-"""The three kinds of measurement, as data.
+"""The kinds of measurement, as data.
 
-All of them follow section 6.3 of Grotjahn, Daemi and Heimann (2001): an axis goes back and forth
-about a configuration `q`, `cycles` times, from ``q[axis] - stroke/2`` to ``q[axis] + stroke/2`` and
-back.
+All but the trajectory (`hil.planning.trajectory`) follow section 6.3 of Grotjahn, Daemi and Heimann
+(2001): an axis goes back and forth about a configuration `q`, `cycles` times, from
+``q[axis] - stroke/2`` to ``q[axis] + stroke/2`` and back.
 
 gravity
     long windows of constant velocity: half the sum of both directions is g_i(q), eq. (14);
@@ -10,20 +10,22 @@ inertia
     a large share of acceleration: M_ii(q) by eq. (19) and (20);
 coupling
     the axis whose torque is read creeps, so that it never sticks, while a partner accelerates back
-    and forth: M_ij(q) by eq. (21).
-
-Numbers are rounded to a millionth as they enter, far below an encoder's increment, so that what is
-read back equals what was written.
+    and forth: M_ij(q) by eq. (21);
+friction
+    constant velocity again, at any speed of the axis, with the history that friction depends on:
+    how long the axis stood still, and how long it was kept in motion, just before (section 3).
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from drivers.yaml_file import FileModel
+from hil.planning.numbers import Name, Positive, Real
 from hil.planning.profile import Trapezoid
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from typing import Self
@@ -40,18 +42,6 @@ MARGIN = 0.1
 """Time after a ramp that does not count as constant velocity yet [s]."""
 SHORTEST_WINDOW = 0.15
 """Least duration of constant velocity in a stroke [s]."""
-
-
-def rounded(value: float) -> float:
-    """Round to a millionth; never -0.0."""
-    return round(value, 6) + 0.0
-
-
-Real = Annotated[float, AfterValidator(rounded)]
-Positive = Annotated[float, Field(ge=1e-6), AfterValidator(rounded)]
-Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(rounded)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
-"""Identifies a measurement and names its file."""
 
 
 class Partner(FileModel):
@@ -166,7 +156,37 @@ class Coupling(_Strokes):
         return Trapezoid(begin, end, self.partner.velocity, self.partner.acceleration)
 
 
-Measurement = Annotated[Gravity | Inertia | Coupling, Field(discriminator="kind")]
+class Friction(_Strokes):
+    """Constant velocity back and forth: friction torque of the axis at one speed.
+
+    Attributes
+    ----------
+    rest : float, optional
+        How long all axes stand still beforehand [s].
+    exercise : float, optional
+        How long the same strokes go on beforehand, after the rest, without a recording [s].
+    """
+
+    kind: Literal["friction"] = "friction"
+    rest: Positive | None = None
+    exercise: Positive | None = None
+
+    @property
+    def preparation(self) -> float:
+        """Time of rest and exercise before the recording [s]."""
+        return (self.rest or 0.0) + (self.exercise or 0.0)
+
+    @property
+    def duration(self) -> float:
+        """Expected time with the preparation [s]."""
+        return self.preparation + super().duration
+
+
+Element = Gravity | Inertia | Coupling
+"""Measurements of one element of g(q) or M(q)."""
+Strokes = Gravity | Inertia | Coupling | Friction
+"""Measurements in which an axis goes back and forth."""
+Measurement = Annotated[Strokes | Trajectory, Field(discriminator="kind")]
 
 
 def _moved(q: tuple[float, ...], index: int, by: float) -> tuple[float, ...]:

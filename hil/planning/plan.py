@@ -17,14 +17,14 @@ from pydantic import AfterValidator, Field, field_validator
 from drivers.yaml_file import FileError, FileModel, load_yaml
 from hil.planning.measurement import (
     Coupling,
-    Fraction,
+    Friction,
     Gravity,
     Inertia,
     Measurement,
     Partner,
-    Positive,
-    rounded,
 )
+from hil.planning.numbers import Fraction, Positive, rounded
+from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Workspace, refuse_unfit
 
 if TYPE_CHECKING:
@@ -34,12 +34,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Coupling",
+    "Friction",
     "Gravity",
     "Inertia",
     "Measurement",
     "Partner",
     "Plan",
     "PlannedRobot",
+    "Trajectory",
     "WarmUp",
     "dump_plan",
     "load_plan",
@@ -155,7 +157,10 @@ def dump_plan(plan: Plan) -> str:
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=200)
 
 
-_KEYS = ["id", "kind", "axis", "q", "stroke", "velocity", "acceleration", "partner", "cycles"]
+_KEYS = [
+    *("id", "kind", "axis", "q", "stroke", "velocity", "acceleration", "partner", "cycles"),
+    *("rest", "exercise", "period", "sine", "cosine"),
+]
 
 
 class _Dumper(yaml.SafeDumper):

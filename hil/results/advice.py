@@ -17,6 +17,7 @@ from hil.estimation.identification import GROUP_OF
 from hil.model.base_parameters import base_parameters
 from hil.planning.identifiability import observations
 from hil.planning.measurement import Coupling
+from hil.planning.trajectory import Trajectory
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
@@ -234,6 +235,8 @@ def _offsets(estimate: Estimate) -> Iterator[Advice]:
 
 
 def _axes(m: Measurement) -> str:
+    if isinstance(m, Trajectory):
+        return "all axes"
     partner = f" with partner {m.partner.axis}" if isinstance(m, Coupling) else ""
     return f"axis {m.axis}{partner}"
 

@@ -16,6 +16,7 @@ from scipy import stats
 
 from hil.estimation.local_fits import REFERENCE_SPEED
 from hil.model.base_parameters import base_parameters
+from hil.planning.trajectory import Trajectory
 from hil.results.advice import correlation
 from hil.results.plot_style import (
     INK,
@@ -213,6 +214,7 @@ def _friction_label(kind: str) -> str:
 def _relative_residual(evidence: Evidence, value: LocalValue) -> float:
     """Measured less modelled as a torque over the axis's limit, eq. (16)."""
     planned = evidence.planned[value.id]
+    assert not isinstance(planned, Trajectory)  # noqa: S101 - it has no local value
     mover = getattr(planned, "partner", planned)
     scale = 1.0 if value.kind == "gravity" else mover.acceleration
     return float((value.value - value.model) * scale / evidence.robot.torque_limit[value.axis])

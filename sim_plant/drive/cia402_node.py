@@ -143,6 +143,8 @@ class Cia402Node(CanopenNode):
     # Commands
 
     def _control(self, _subindex: int, controlword: int) -> None:
+        if controlword == self._controlword and self._follows_set_points:
+            return  # as with every set-point of a stream
         risen = controlword & ~self._controlword
         self._controlword = controlword
         if self.state is State.FAULT:

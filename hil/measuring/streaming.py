@@ -1,0 +1,105 @@
+"""Streaming a trajectory on a `StreamingBus`, recording it, or passing it slowly in a rehearsal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.drive_bus import DriveRefused, MoveFailed, StreamingBus
+from hil.measuring.finding import Finding
+from hil.measuring.jumps import refuse_jumps
+from hil.measuring.recording import Recorder
+from hil.planning.trajectory import REST
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from drivers.drive_bus import DriveBus, Sample
+    from hil.measuring.recording import Recording
+    from hil.planning.trajectory import Trajectory
+
+GRACE = 5.0
+"""Time for settling before a trajectory counts as failed [s]."""
+ASTRAY = 0.05
+"""How far an axis may be from its set-point at the same SYNC [rad]."""
+
+
+def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
+    """Carry out all periods of a trajectory from where it starts, and record every sample.
+
+    Samples of period k have the stroke number k.
+
+    Raises
+    ------
+    DriveRefused
+        The bus takes no streams of set-points.
+    MoveFailed
+        Not at rest at the end in time.
+    Tripped
+        An encoder jumped.
+    """
+    recorder = Recorder()
+    first = round(REST / bus.period)
+    length = round(trajectory.period / bus.period)
+    marks = {first + k * length: k for k in range(trajectory.cycles)}
+    marks[first + trajectory.cycles * length] = -1
+    for number, sample in enumerate(_followed(bus, trajectory, 1.0)):
+        if number in marks:
+            recorder.stroke(marks[number])
+        recorder.add(sample)
+    recording = recorder.finish()
+    _, _, acceleration = trajectory.motion(np.linspace(0.0, trajectory.period, 1000))
+    refuse_jumps(
+        recording,
+        float(np.abs(acceleration).max()),
+        [axis.position_resolution for axis in bus.axes],
+    )
+    return recording
+
+
+def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:
+    """Pass one period at `slow` times its speed, recording nothing; return the last sample."""
+    once = trajectory.model_copy(update={"cycles": 1})
+    for sample in _followed(bus, once, slow):
+        last = sample
+    return last
+
+
+def astray(recording: Recording, trajectory: Trajectory) -> Iterator[Finding]:
+    """Tell where an axis did not follow the path."""
+    period = round(recording.period, 9)
+    index = np.rint((recording.time - recording.time[0]) / period).astype(int)
+    path = trajectory.path(period)
+    away = np.abs(recording.q - path[np.minimum(index, len(path) - 1)])
+    worst = np.nan_to_num(away).max(axis=0)
+    axis = int(worst.argmax())
+    if worst[axis] > ASTRAY:
+        yield Finding(
+            "astray",
+            f"axis {axis + 1} is up to {worst[axis]:.3g} rad away from its set-points, at most"
+            f" {ASTRAY} rad may be; plan a slower trajectory or check the drive's tuning",
+            float(worst[axis]),
+            ASTRAY,
+        )
+
+
+def _followed(bus: DriveBus, trajectory: Trajectory, slow: float) -> Iterator[Sample]:
+    if not isinstance(bus, StreamingBus):
+        raise DriveRefused(
+            f"{trajectory.id}: these drives follow no stream of set-points; plan measurements of"
+            " strokes instead"
+        )
+    bus.stream(trajectory.path(slow * bus.period).tolist())
+    sample = bus.sample()
+    deadline = sample.time + trajectory.duration / slow + GRACE
+    yield sample
+    while not sample.reached:
+        sample = bus.sample()
+        yield sample
+        if sample.time > deadline:
+            bus.halt()
+            raise MoveFailed(
+                f"{trajectory.id}: not at rest {GRACE:g} s after its end; see whether an axis is"
+                " blocked or its position window too small"
+            )

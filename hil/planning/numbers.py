@@ -1,0 +1,23 @@
+"""Numbers and names as plans hold them.
+
+Numbers are rounded to a millionth as they enter, far below an encoder's increment, so that what is
+read back equals what was written.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+
+def rounded(value: float) -> float:
+    """Round to a millionth; never -0.0."""
+    return round(value, 6) + 0.0
+
+
+Real = Annotated[float, AfterValidator(rounded)]
+Positive = Annotated[float, Field(ge=1e-6), AfterValidator(rounded)]
+Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(rounded)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
+"""Identifies a measurement and names its file."""

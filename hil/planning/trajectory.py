@@ -1,0 +1,112 @@
+"""A periodic trajectory of all joints, as data: the measurement of conventional identification.
+
+Every joint follows a finite Fourier series (Swevers et al., *Optimal robot excitation and
+identification*, IEEE Trans. Robotics and Automation 13, 1997),
+
+    q_j(t) = q0_j + sum_k sine_jk sin(k w t) + cosine_jk cos(k w t),   w = 2 pi / period,
+
+whose velocities and accelerations follow in closed form. At the beginning of a period all axes are
+at rest without acceleration, so that a recording can begin and end there without any run-up:
+sum_k k sine_jk = 0 and sum_k k^2 cosine_jk = 0.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from drivers.yaml_file import FileModel
+from hil.planning.numbers import Name, Positive, Real
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+REST = 0.3
+"""Time at rest recorded before the first period and after the last, padding for filters [s]."""
+
+Amplitudes = tuple[tuple[Real, ...], ...]
+
+
+class Trajectory(FileModel):
+    """Periods of a Fourier series of all joints, streamed set-point by set-point.
+
+    Attributes
+    ----------
+    q : tuple of float
+        Mean configuration [rad or m].
+    period : float
+        [s].
+    sine, cosine : tuple of tuple of float, shape (n_joints, n_harmonics)
+        Amplitudes of each joint's harmonics [rad or m].
+    cycles : int
+        Periods without a stop.
+    """
+
+    id: Name
+    kind: Literal["trajectory"] = "trajectory"
+    q: tuple[Real, ...] = Field(min_length=1)
+    period: Positive
+    sine: Amplitudes
+    cosine: Amplitudes
+    cycles: int = Field(default=1, ge=1)
+
+    @model_validator(mode="after")
+    def _shapes_agree(self) -> Self:
+        for key in ("sine", "cosine"):
+            rows = getattr(self, key)
+            lengths = {len(row) for row in (*self.sine, *self.cosine)}
+            if len(rows) != len(self.q) or len(lengths) != 1 or 0 in lengths:
+                raise ValueError(
+                    f"{key} must have one row for each of the {len(self.q)} joints that q names,"
+                    " and all rows of sine and cosine as many harmonics, at least one"
+                )
+        return self
+
+    @property
+    def start(self) -> tuple[float, ...]:
+        """Configuration at the beginning and end of each period [rad]."""
+        return tuple(float(q) for q in self.motion(0.0)[0])
+
+    @property
+    def end(self) -> tuple[float, ...]:
+        """Configuration after half a period [rad]."""
+        return tuple(float(q) for q in self.motion(self.period / 2)[0])
+
+    @property
+    def duration(self) -> float:
+        """Expected time from rest to rest [s]."""
+        return 2 * REST + self.cycles * self.period
+
+    def motion(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations, each of shape (*t.shape, n_joints).
+
+        Parameters
+        ----------
+        t : array_like
+            Times since the first period began [s].
+        """
+        n = len(self.sine[0])
+        order = 2 * np.pi / self.period * np.arange(1, n + 1)
+        phase = np.asarray(t, dtype=float)[..., np.newaxis] * order
+        s, c = np.sin(phase), np.cos(phase)
+        a, b = np.array(self.sine).T, np.array(self.cosine).T
+        return (
+            np.array(self.q) + s @ a + c @ b,
+            (c * order) @ a - (s * order) @ b,
+            -(s * order**2) @ a - (c * order**2) @ b,
+        )
+
+    def path(self, sample_period: float) -> Array:
+        """Set-points with the rest before and after, shape (n, n_joints) [rad]."""
+        t = sample_period * np.arange(-round(REST / sample_period), self.n_samples(sample_period))
+        return self.motion(np.clip(t, 0.0, self.cycles * self.period))[0]
+
+    def n_samples(self, sample_period: float) -> int:
+        """Set-points from the first of the motion to the last at rest."""
+        return round((self.cycles * self.period + REST) / sample_period) + 1

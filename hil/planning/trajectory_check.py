@@ -1,0 +1,56 @@
+"""What a dry run says about a trajectory: limits along the whole of it, not at its ends alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.model.robot import Robot
+    from hil.planning.trajectory import Trajectory
+
+AT_REST = 1e-3
+"""Share of the limits of velocity and acceleration that a period may begin with."""
+
+
+def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Iterator[str]:
+    """Tell what is wrong with a trajectory, sampled every `period` [s].
+
+    Yields
+    ------
+    str
+        Joint, value, bound and remedy.
+    """
+    t = np.arange(0.0, trajectory.period + period, period)
+    q, qd, qdd = trajectory.motion(t)
+    for joint in range(robot.n_joints):
+        for what, values, low, high, unit in (
+            ("position", q, float(robot.q_min[joint]), float(robot.q_max[joint]), "rad"),
+            ("velocity", qd, *_about(robot.velocity_limit[joint]), "rad/s"),
+            ("acceleration", qdd, *_about(robot.acceleration_limit[joint]), "rad/s^2"),
+        ):
+            along = values[:, joint]
+            worst = float(along.min() if low - along.min() > along.max() - high else along.max())
+            if not low <= worst <= high:
+                yield (
+                    f"{trajectory.id}: {what} of joint {joint + 1} reaches {worst:.5g} {unit},"
+                    f" outside {low:.5g} ... {high:.5g} {unit}; make the amplitudes smaller or the"
+                    " period longer"
+                )
+        for what, values, limit in (
+            ("velocity", qd, float(robot.velocity_limit[joint])),
+            ("acceleration", qdd, float(robot.acceleration_limit[joint])),
+        ):
+            if abs(values[0, joint]) > AT_REST * limit:
+                yield (
+                    f"{trajectory.id}: joint {joint + 1} begins with {what}"
+                    f" {values[0, joint]:.3g}, must rest: choose sines with sum k sine_k = 0 and"
+                    " cosines with sum k^2 cosine_k = 0"
+                )
+
+
+def _about(limit: float) -> tuple[float, float]:
+    return -float(limit), float(limit)
