@@ -1,0 +1,268 @@
+"""`hil run` killed with SIGKILL at random moments, and resumed until its campaigns are whole.
+
+Every session is the program itself, forked from here and made to tell one thing more: just before a
+recording is written, its content goes into a pipe. What is in a pipe survives the writer, so this
+process knows what was measured, whatever became of the disk. Killed are sessions some random time
+after a random number of recordings, a third of them within the milliseconds in which a file is
+written, some before their folder is made. When a campaign is whole at last,
+
+- every measurement of the plan must have one recording, equal bit by bit to what the session
+  that it names had measured;
+- no file that was once complete may have changed or gone in between;
+- the estimate must equal, bit by bit, that of a folder into which the same recordings were
+  written without disturbance.
+
+A resumed run of the virtual plant finds friction and noise in another state than an undisturbed
+one would, as any robot does; so it is the same data that is compared, not two campaigns::
+
+    python benchmarks/kill.py
+    python benchmarks/kill.py --kills 3 --counts 6 20 2
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import pickle
+import random
+import select
+import signal
+import struct
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers import canopen_bus  # noqa: F401 - loaded once, before the sessions are forked
+from hil.cli import main as hil
+from hil.measuring.recording import Recording
+from hil.measuring.run_folder import RunFolder
+from hil.model.robot import load_robot
+from hil.planning.experiment_design import design
+from hil.planning.plan import Plan, dump_plan
+from hil.results.model_file import identify
+from sim_plant.bus import PlantBus
+
+if TYPE_CHECKING:
+    from hil.measuring.recording_file import Measured
+
+ROBOT = "manutec-r15"
+MOST_RECORDINGS = 6
+"""Before a session is killed at the latest."""
+WRITING, MEASURING, STARTING = 0.005, 0.5, 1.0
+"""How long after a recording, or after its start, a session is killed at the latest [s]."""
+BEGINNING = 0.2
+"""The same for half of those that have to make the folder [s]."""
+
+robot = load_robot(ROBOT)
+
+
+@dataclass
+class Findings:
+    """What went wrong, and how much was looked at."""
+
+    kills: int = 0
+    campaigns: int = 0
+    checked: int = 0
+    lost: int = 0
+    wrong: int = 0
+    estimates: int = 0
+
+    @property
+    def good(self) -> bool:
+        """Nothing was lost, nothing is wrong."""
+        return not (self.lost or self.wrong or self.estimates)
+
+
+def session(arguments: list[str], pipe: int, output: Path) -> None:
+    """Be `hil` with these arguments; never returns."""
+    status: object = 1
+    try:
+        log = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        os.dup2(log, 1)
+        os.dup2(log, 2)
+        write = RunFolder.write
+
+        def witnessed(folder: RunFolder, measured: Measured) -> None:
+            content = memoryview(pickle.dumps(measured))
+            message = memoryview(struct.pack("<Q", len(content)) + content)
+            while message:
+                message = message[os.write(pipe, message) :]
+            write(folder, measured)
+
+        RunFolder.write = witnessed  # type: ignore[method-assign]
+        hil(arguments)
+        status = 0
+    except SystemExit as end:
+        status = end.code
+    finally:
+        sys.stdout.flush()
+        os._exit(status if isinstance(status, int) else 1)
+
+
+def run_and_kill(
+    arguments: list[str], output: Path, after: int, delay: float
+) -> tuple[list[Measured], bool]:
+    """Start a session, kill it `delay` seconds after its recording number `after`.
+
+    Returns what it had measured, and whether it was killed (or had come to its end).
+    """
+    reading, writing = os.pipe()
+    process = os.fork()
+    if process == 0:
+        os.close(reading)
+        session(arguments, writing, output)
+    os.close(writing)
+    heard, kill_at = bytearray(), None
+    while True:
+        if kill_at is None and count(heard) >= after:
+            kill_at = time.monotonic() + delay
+        left = None if kill_at is None else max(0.0, kill_at - time.monotonic())
+        if select.select([reading], [], [], left)[0]:
+            part = os.read(reading, 1 << 20)
+            heard += part
+            if not part:
+                break
+        elif left == 0.0:
+            os.kill(process, signal.SIGKILL)
+            while part := os.read(reading, 1 << 20):
+                heard += part
+            break
+    os.close(reading)
+    status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    assert status in {0, -signal.SIGKILL}, f"hil ended with {status}:\n{output.read_text()}"
+    return witnesses(heard), status != 0
+
+
+def count(heard: bytes | bytearray) -> int:
+    """Tell how many recordings have been heard of completely."""
+    return len(witnesses(heard, load=False))
+
+
+def witnesses(heard: bytes | bytearray, *, load: bool = True) -> list[Measured]:
+    """Return what was heard of completely; a kill may have cut the last one off."""
+    found, place = [], 0
+    while len(heard) >= place + 8:
+        (size,) = struct.unpack_from("<Q", heard, place)
+        content = heard[place + 8 : place + 8 + size]
+        if len(content) < size:
+            break
+        found.append(pickle.loads(content) if load else None)  # noqa: S301 - our own
+        place += 8 + size
+    return found
+
+
+def campaign(place: Path, plan: Plan, kills: int, dice: random.Random, found: Findings) -> Counter:
+    """Carry out one campaign, killed at most `kills` times; returns where the kills hit."""
+    plan_file, folder = place / "plan.yaml", place / "run"
+    plan_file.write_text(dump_plan(plan))
+    known: dict[str, str] = {}
+    seen: dict[tuple[str, int], Measured] = {}
+    moments: Counter = Counter()
+    killed = True
+    while killed:
+        arguments = ["run", str(plan_file), "-o", str(folder)]
+        if folder.exists():
+            arguments.append("--resume")
+        after = dice.randint(0, MOST_RECORDINGS)
+        delay = dice.uniform(0, STARTING if after == 0 else dice.choice([WRITING, MEASURING]))
+        if not (folder / "run.json").exists() and dice.random() < 0.5:
+            after, delay = 0, dice.uniform(0, BEGINNING)
+        if kills == 0:
+            after = len(plan.measurements) + 1
+        measured, killed = run_and_kill(arguments, place / "output.txt", after, delay)
+        seen |= {(each.measurement.id, each.session): each for each in measured}
+        moments[moment(folder)] += killed
+        kills -= killed
+        found.kills += killed
+        present = files(folder)
+        found.lost += sum(present.get(name) != digest for name, digest in known.items())
+        known = present
+    judge(place, folder, plan, seen, found)
+    return moments
+
+
+def moment(folder: Path) -> str:
+    """Tell in what a kill hit, from what it left."""
+    if not (folder / "run.json").exists():
+        return "before run.json"
+    if list(folder.rglob("*.part")):
+        return "while a file was written"
+    return "at other times"
+
+
+def files(folder: Path) -> dict[str, str]:
+    """Return the digests of all complete recordings."""
+    return {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in folder.glob("recordings/*.h5")
+    }
+
+
+def judge(
+    place: Path,
+    folder: Path,
+    plan: Plan,
+    seen: dict[tuple[str, int], Measured],
+    found: Findings,
+) -> None:
+    """Compare a finished campaign with what its sessions had measured."""
+    run = RunFolder.open(folder)
+    found.lost += len(run.missing) + len(list(folder.rglob("*.part*")))
+    fresh = RunFolder.create(place / "undisturbed", plan, robot)
+    for each in run:
+        truth = seen.get((each.measurement.id, each.session))
+        found.checked += 1
+        if truth is None or not alike(each, truth):
+            found.wrong += 1
+        else:
+            fresh.write(truth)
+    ours, undisturbed = identify(folder), identify(fresh.path)
+    same = np.array_equal(ours.p, undisturbed.p)
+    found.estimates += not (same and np.array_equal(ours.covariance, undisturbed.covariance))
+    found.campaigns += 1
+
+
+def alike(one: Measured, other: Measured) -> bool:
+    """Tell whether two recordings are equal, bit by bit."""
+    same = all(
+        getattr(one.recording, field.name).tobytes()
+        == getattr(other.recording, field.name).tobytes()
+        for field in fields(Recording)
+    )
+    return same and (one.measurement, one.attempts, one.findings) == (
+        other.measurement,
+        other.attempts,
+        other.findings,
+    )
+
+
+def main() -> None:
+    """Kill, resume, judge, print."""
+    parser = argparse.ArgumentParser(description="Kill hil run at random moments.")
+    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--counts", type=int, nargs=3, default=(12, 24, 3))
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    plan = design(robot, tuple(options.counts))
+    PlantBus(ROBOT).shutdown()  # compiled code is loaded once, before the sessions are forked
+    dice, found = random.Random(options.seed), Findings()
+    moments: Counter = Counter()
+    while found.kills < options.kills:
+        with tempfile.TemporaryDirectory() as place:
+            moments += campaign(Path(place), plan, options.kills - found.kills, dice, found)
+    print(f"{found.kills} kills: {', '.join(f'{n} {when}' for when, n in moments.items())}")
+    print(f"{found.campaigns} campaigns of {len(plan.measurements)}, {found.checked} recordings")
+    print(f"measurements lost: {found.lost}, wrong: {found.wrong}")
+    print(f"estimates that differ from those of undisturbed folders: {found.estimates}")
+    sys.exit(not found.good)
+
+
+if __name__ == "__main__":
+    main()
