@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_MASS, _FIRST = 9, (6, 7, 8)
+MASS, _FIRST = 9, (6, 7, 8)
+"""Where mass and first moments stand in eq. (4)."""
 _SHOWN = 1e-9
 _STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
 """First moments whose squares belong to each moment of inertia."""
@@ -98,34 +99,30 @@ class Payload:
     @property
     def mass(self) -> Quantity:
         """Mass [kg]."""
-        error = float(np.sqrt(self.phi_covariance[_MASS, _MASS]))
-        return Quantity("mass", float(self.phi[_MASS]), error, "kg")
+        error = float(np.sqrt(self.phi_covariance[MASS, MASS]))
+        return Quantity("mass", float(self.phi[MASS]), error, "kg")
 
     def quantities(self) -> list[Quantity]:
         """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
         present = [k for k in range(10) if self.phi_covariance[k, k] > 0]
-        found = [self.mass] if _MASS in present else []
-        for k in (k for k in _FIRST if k in present):
-            found.append(self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m"))
-        if _MASS in present and self.phi[_MASS] != 0:
-            for k, axis in zip(_FIRST, "xyz", strict=True):
-                if k in present:
-                    found.append(self._centre(k, axis))
+        found = [self.mass] if MASS in present else []
+        heavy = self.phi[MASS] > 0
+        first = [(k, axis) for k, axis in zip(_FIRST, "xyz", strict=True) if k in present]
+        found += [self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m") for k, _ in first]
+        found += [self._centre(k, axis) for k, axis in first if heavy]
         for k in (k for k in range(6) if k in present):
-            name = LINK_PARAMETERS[k]
-            found.append(self._quantity(name, _unit(k, 10), "kg m2"))
-            if _MASS in present and self.phi[_MASS] != 0:
-                found.append(self._central(k, name))
+            found.append(self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m2"))
+            found += [self._central(k, LINK_PARAMETERS[k])] if heavy else []
         return found
 
     def _centre(self, k: int, axis: str) -> Quantity:
-        m = self.phi[_MASS]
-        gradient = _unit(k, 10) / m - _unit(_MASS, 10) * self.phi[k] / m**2
+        m = self.phi[MASS]
+        gradient = _unit(k, 10) / m - _unit(MASS, 10) * self.phi[k] / m**2
         return self._at(f"centre {axis}", float(self.phi[k] / m), gradient, "m")
 
     def _central(self, k: int, name: str) -> Quantity:
         """About the centre of mass, axes parallel to the frame's."""
-        m, gradient, value = self.phi[_MASS], _unit(k, 10), self.phi[k]
+        m, gradient, value = self.phi[MASS], _unit(k, 10), self.phi[k]
         pairs = [(a, a, -1.0) for a in _STEINER.get(name, ())]
         pairs += [(*_DEVIATION[name], 1.0)] if name in _DEVIATION else []
         for a, b, sign in pairs:
@@ -134,7 +131,7 @@ class Payload:
             gradient = gradient + sign * (
                 _unit(a, 10) * self.phi[b] / m
                 + _unit(b, 10) * self.phi[a] / m
-                - _unit(_MASS, 10) * product / m
+                - _unit(MASS, 10) * product / m
             )
         return self._at(f"{name} about the centre", float(value), gradient, "kg m2")
 
@@ -168,7 +165,7 @@ def payload(
     change = loaded.p - without.p
     carried = loaded.drive_effect - without.drive_effect
     covariance = without.covariance + loaded.covariance + carried @ carried.T
-    K, free = _columns(robot)
+    K, free = load_columns(robot)
     if not free.size:
         raise NoLoad(
             f"{robot.name}: no parameter of the last link is present in the robot file, so a load"
@@ -176,7 +173,7 @@ def payload(
         )
     known = np.zeros(10)
     if mass is not None:
-        known[_MASS], free = mass, _but_mass(free)
+        known[MASS], free = mass, _but_mass(free)
     white = linalg.solve_triangular(linalg.cholesky(covariance, lower=True), np.eye(len(change)),
                                     lower=True)  # fmt: skip
     W = white @ K @ free
@@ -200,7 +197,7 @@ def payload(
     )
 
 
-def _columns(robot: Robot) -> tuple[Array, Array]:
+def load_columns(robot: Robot) -> tuple[Array, Array]:
     """K_n, shape (n_base, 10), and how the free parameters make up phi, shape (10, n_free)."""
     own = slice(10 * (robot.n_joints - 1), 10 * robot.n_joints)
     names = robot.standard_parameters[own]
@@ -215,7 +212,7 @@ def _columns(robot: Robot) -> tuple[Array, Array]:
 
 
 def _but_mass(free: Array) -> Array:
-    return free[:, free[_MASS] == 0]
+    return free[:, free[MASS] == 0]
 
 
 def _of_last(robot: Robot, name: str) -> bool:
