@@ -10,8 +10,7 @@ Time is that of `FrameLog.clock`, which the driver goes by too: instants of SYNC
 are those of the log to the microsecond. A received frame keeps the time stamp of its interface as
 far as that lies between what went before it and the end of the driver's wait for it; beyond that
 it counts as come when the driver took it. Our heartbeats, which a replay passes over, bear the time
-of the frame before. In lock-step time is the plant's and stands still while
-we send.
+of the frame before. In lock-step time is the plant's and stands still while we send.
 """
 
 from __future__ import annotations
