@@ -6,6 +6,7 @@
 
 For machines whose kernel has no CAN. The guest sees this machine's whole file tree, so that the
 same virtual environment and checkout run inside, in the same folder and with the same environment.
+Only temporary files stay in the guest, in memory: shared folders cannot hold deleted open files.
 Output and exit status are the command's. Needs ``qemu-system-x86_64``; kernel and busybox come from
 Debian's packages, once, into ``$XDG_CACHE_HOME/can-guest``. Without hardware virtualisation the
 guest is some 10 to 20 times slower than this machine.
@@ -85,6 +86,7 @@ def _script(command: list[str], shared: Path) -> str:
     ]
     lines = [
         *exports,
+        "export TMPDIR=/run",
         f"echo started > {shlex.quote(str(shared / 'status'))}",
         f"cd {shlex.quote(str(Path.cwd()))}",
         shlex.join(command),

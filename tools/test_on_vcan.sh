@@ -24,7 +24,7 @@ fi
 scratch=$(mktemp -d) # a run in one process, for what it compiles
 trap 'rm -rf "$scratch"' EXIT
 {
-	.venv/bin/hil plan manutec-r15 -o "$scratch/plan.yaml" --gravity 1 --inertia 1 --coupling 1 &&
+	.venv/bin/hil plan manutec-r15 -o "$scratch/plan.yaml" --gravity 8 --inertia 20 --coupling 2 &&
 		.venv/bin/hil run "$scratch/plan.yaml" -o "$scratch/run"
 } >/dev/null || exit
 .venv/bin/python tools/can_guest.py --timeout 600 $tests -k vcan
