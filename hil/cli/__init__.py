@@ -19,7 +19,7 @@ from rich.console import Console
 
 from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
-from hil.cli import commissioning, first_steps, monitoring
+from hil.cli import commissioning, first_steps, friction, monitoring
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.rehearsal import SPEED
 from hil.measuring.run_folder import RunFolder
@@ -50,6 +50,7 @@ app = typer.Typer(
 app.add_typer(first_steps.commands)
 app.add_typer(commissioning.commands)
 app.add_typer(monitoring.commands)
+app.add_typer(friction.commands, name="friction")
 out = Console()
 
 PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]
@@ -133,6 +134,7 @@ def dry_run_(
 
 
 @app.command()
+@friction.commands.command()
 def run(
     plan_file: PlanFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
@@ -159,9 +161,15 @@ def run(
     speed: Annotated[
         float, typer.Option(min=0.01, max=1, help="Of a rehearsal, as share of the limits.")
     ] = SPEED,
+    symmetric: Annotated[
+        Path | None,
+        typer.Option(help="Run whose friction must have been found symmetric, or nothing moves."),
+    ] = None,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     the_plan, the_robot = _load(plan_file, robot_file, workspace)
+    if symmetric is not None:
+        _gate(symmetric, the_robot)
     channel = channel or _default_channel(interface, the_robot)
     drives_file = drives_file or _packaged_drives(the_robot)
     drives, text = _load_drives(drives_file, the_robot)
@@ -245,6 +253,13 @@ def _dry_run(
     if result.problems:
         text = plan_file.read_text(encoding="utf-8")
         raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
+
+
+def _gate(folder: Path, the_robot: Robot) -> None:
+    from hil.results.friction_file import refuse_asymmetric  # noqa: PLC0415 - slow to import
+
+    for told in refuse_asymmetric(folder, the_robot):
+        out.print(told, style="yellow", highlight=False, soft_wrap=True)
 
 
 def _default_channel(interface: str, the_robot: Robot) -> str:

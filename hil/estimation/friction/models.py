@@ -148,8 +148,7 @@ def _bounds(kind: Kind, speed: Array) -> tuple[float, float] | None:
 
 
 def _linear(kind: Kind, x: Array, y: Array, shape: float) -> Array:
-    a: Array = np.linalg.lstsq(_columns(kind, x, shape), y, rcond=None)[0]
-    return a
+    return np.asarray(np.linalg.lstsq(_columns(kind, x, shape), y, rcond=None)[0], dtype=np.float64)
 
 
 def _non_linear(kind: Kind, x: Array, y: Array, bounds: tuple[float, float]) -> Array:
@@ -163,6 +162,7 @@ def _non_linear(kind: Kind, x: Array, y: Array, bounds: tuple[float, float]) -> 
     low, high = np.full(4, -np.inf), np.full(4, np.inf)
     low[3], high[3] = bounds
     inside = np.append(best[:3], np.clip(best[3], low[3] * (1 + 1e-9), high[3] * (1 - 1e-9)))
+
     def residual(a: Array) -> Array:
         return torque(kind, a, x) - y
 

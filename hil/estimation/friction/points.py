@@ -64,7 +64,9 @@ class FrictionPoint:
         Half-sum of both directions less the gravity torque: the asymmetry [N m]. Without a model
         it holds gravity too.
     common_error : float
-        Its standard error, that of the gravity model included [N m].
+        Its standard error within the measurement [N m].
+    gravity_error : float
+        Standard error of the gravity torque that was compensated [N m].
     absolute : bool
         Whether gravity was compensated by a model or cannot act on the axis.
     """
@@ -77,6 +79,7 @@ class FrictionPoint:
     friction_error: float
     common: float
     common_error: float
+    gravity_error: float
     absolute: bool
 
     @property
@@ -155,7 +158,8 @@ def point(
         friction=float(value[1]),
         friction_error=float(np.sqrt(covariance[1, 1])),
         common=float(value[0]),
-        common_error=float(np.sqrt(covariance[0, 0] + uncertain)),
+        common_error=float(np.sqrt(covariance[0, 0])),
+        gravity_error=math.sqrt(max(uncertain, 0.0)),
         absolute=model is not None or not base_parameters(robot).dependencies.gravity[i].any(),
     )
 

@@ -1,0 +1,108 @@
+"""`hil friction`: plan, run and fit measurements of friction, and of its variance in time."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from drivers.yaml_file import FileError
+from hil.measuring.atomic_file import write_file
+from hil.model.robot import load_robot
+from hil.planning.plan import dump_plan
+from hil.planning.workspace import load_workspace
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
+
+commands = typer.Typer(help="Friction, and how it changes in time.", no_args_is_help=True)
+out = Console()
+
+
+class Experiment(StrEnum):
+    """What is measured."""
+
+    SWEEP = "sweep"
+    STOPS = "stops"
+    OPERATION = "operation"
+
+
+@commands.command()
+def plan(
+    name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
+    experiment: Annotated[
+        Experiment,
+        typer.Option(
+            help="All speeds once; motion with stops; all speeds after times of operation."
+        ),
+    ] = Experiment.SWEEP,
+    axis: Annotated[
+        list[int] | None,
+        typer.Option(help="Axis from 1; a sweep takes several, and all if none is given."),
+    ] = None,
+    workspace: Annotated[
+        Path | None, typer.Option("--workspace", help="Joint ranges and forbidden boxes.")
+    ] = None,
+) -> None:
+    """Plan constant-velocity sweeps, or an experiment on friction's variance in time."""
+    robot = load_robot(name)
+    if output.exists():
+        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    guard = None if workspace is None else load_workspace(workspace, robot)
+    axes = [_index(number, robot) for number in axis or ()]
+    try:
+        planned = _planned(experiment, robot, axes, guard)
+    except ValueError as error:
+        raise FileError(f"{name}: {error}") from error
+    write_file(output, dump_plan(planned).encode())
+    out.print(f"{len(planned.measurements)} measurements in {output}", highlight=False)
+
+
+@commands.command()
+def fit(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    model: Annotated[
+        Path | None,
+        typer.Option(help="Folder of an identified run, to compensate gravity by its model."),
+    ] = None,
+    asymmetry: Annotated[
+        float | None,
+        typer.Option(min=0, help="That is let pass, as share of the friction level."),
+    ] = None,
+) -> None:
+    """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""
+    from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415 - slow to import
+    from hil.results import friction_file  # noqa: PLC0415 - slow to import
+    from hil.terminal import friction_view  # noqa: PLC0415 - slow to import
+
+    found = friction_file.fit(folder, model, BOUND if asymmetry is None else asymmetry)
+    friction_view.render(found, out)
+    out.print(f"friction in {folder / friction_file.NAME}", highlight=False, soft_wrap=True)
+
+
+def _planned(
+    experiment: Experiment, robot: Robot, axes: list[int], workspace: Workspace | None
+) -> Plan:
+    from hil.planning import friction_plans  # noqa: PLC0415 - slow to import
+
+    if experiment is Experiment.SWEEP:
+        return friction_plans.sweep(robot, axes, workspace=workspace)
+    if len(axes) != 1:
+        raise typer.BadParameter(f"{experiment.value} takes one axis", param_hint="--axis")
+    make = {
+        Experiment.STOPS: friction_plans.stops,
+        Experiment.OPERATION: friction_plans.operation,
+    }[experiment]
+    return make(robot, axes[0], workspace=workspace)
+
+
+def _index(number: int, robot: Robot) -> int:
+    if not 1 <= number <= robot.n_joints:
+        raise typer.BadParameter(f"{number} must be in 1 ... {robot.n_joints}", param_hint="--axis")
+    return number - 1

@@ -1,0 +1,82 @@
+"""What an axis did while it was measured: the history that its friction depends on.
+
+A history is a row of stretches of time in each of which the mean speed of the axis is known. While
+samples were recorded it is the way passed, divided by the time. Between two recordings nothing was
+sampled, but it is known what had been planned: a rest, an exercise of so many seconds, and travels
+whose ends are known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.measurement import TURN, Friction
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from hil.measuring.recording import Recording
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """Mean speeds of all axes, stretch by stretch.
+
+    Attributes
+    ----------
+    end : ndarray, shape (n,)
+        When each stretch ends, the first beginning at `begin` [s].
+    speed : ndarray, shape (n, n_joints)
+        Mean speed within it as share of the axis's limit.
+    begin : float
+        [s].
+    """
+
+    end: Array
+    speed: Array
+    begin: float
+
+
+def history(robot: Robot, recorded: Iterable[tuple[Measurement, Recording]]) -> History:
+    """Put together the history of a run, in the order in which it was measured."""
+    in_time = sorted(recorded, key=lambda pair: float(pair[1].time[0]))
+    begin = float(in_time[0][1].time[0]) if in_time else 0.0
+    ends, speeds = [], []
+    last_time, last_q = begin, in_time[0][1].q[0] if in_time else np.zeros(robot.n_joints)
+    for measurement, recording in in_time:
+        first = float(recording.time[0])
+        exercise, speed = _exercise(measurement, robot)
+        exercise = min(exercise, first - last_time)
+        idle = first - exercise - last_time
+        way = np.abs(np.nan_to_num(recording.q[0] - last_q))
+        if idle > 0:
+            ends.append(first - exercise)
+            speeds.append(way / idle / robot.velocity_limit)
+        if exercise > 0:
+            ends.append(first)
+            speeds.append(speed)
+        ends.append(float(recording.time[-1]))
+        steps = np.abs(np.nan_to_num(np.diff(recording.q, axis=0))).sum(axis=0)
+        speeds.append(steps / max(ends[-1] - first, 1e-9) / robot.velocity_limit)
+        last_time, last_q = ends[-1], recording.q[-1]
+    return History(np.array(ends), np.array(speeds).reshape(len(ends), robot.n_joints), begin)
+
+
+def _exercise(measurement: Measurement, robot: Robot) -> tuple[float, Array]:
+    """Duration [s] and speeds, as shares of the limits, of a friction measurement's exercise."""
+    speed = np.zeros(robot.n_joints)
+    if not isinstance(measurement, Friction) or not measurement.exercise:
+        return 0.0, speed
+    i = measurement.index
+    mean = measurement.stroke / (measurement.profile(0).duration + TURN)
+    speed[i] = mean / float(robot.velocity_limit[i])
+    return measurement.exercise, speed
