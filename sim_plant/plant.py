@@ -16,7 +16,7 @@ import numpy as np
 
 from sim_plant.axis import AxisEvent, Reading
 from sim_plant.drive_settings import DriveSettings
-from sim_plant.physics import friction, machine_step, profile_generator, servo
+from sim_plant.physics import flaws, friction, machine_step, profile_generator, servo
 from sim_plant.physics import state as st
 from sim_plant.plant_file import PlantFile, load_plant_file
 
@@ -36,6 +36,8 @@ STOCK = 4096
 PERIOD = STOCK * machine_step.SLOW_STEPS
 """Steps that a stock of random numbers lasts."""
 BRAKE_OVER_PEAK = 1.2
+GEAR_DAMPING = 0.05
+"""Of a soft gear, share of critical damping."""
 _run = machine_step.run_and_latch
 
 
@@ -143,6 +145,8 @@ class Plant:
         What each axis's drive reports about itself.
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.physics.state`.
+    flaws : ndarray, shape (n, ...), or None
+        See `sim_plant.physics.flaws`.
     events : list of int
         `AxisEvent` bits of each axis, as last reported.
     on_event : callable
@@ -157,6 +161,7 @@ class Plant:
         self.const = np.array([_constants(axis, file) for axis in file.axes])
         self.state = np.zeros((n, st.N_STATE))
         self.profile = np.zeros((n, st.N_PROFILE))
+        self.flaws = _flaws(file)
         self._number = 0
         self._normal = self._random.standard_normal((STOCK, n))
         self._noise = self._random.standard_normal((STOCK, n))
@@ -166,7 +171,7 @@ class Plant:
         self._latched = False
         self._memory = (
             *self._arm, self.const, self.state, self.profile,
-            self._normal, self._noise, self._image,
+            self._normal, self._noise, self._image, self.flaws,
         )  # fmt: skip
         self._step, self._rest = file.step, 0.0
         self.events = [int(AxisEvent.DONE | AxisEvent.STANDSTILL)] * n
@@ -189,7 +194,7 @@ class Plant:
     def _compile(self) -> None:
         """Compile before the first SYNC, whose answer a master waits for only so long."""
         _run(0, 0, self._step, 0, *self._memory)
-        servo.latch(self.const, self.state, self.profile, self._noise[0], self._image)
+        servo.latch(self.const, self.state, self.profile, self._noise[0], self._image, self.flaws)
 
     @property
     def time(self) -> float:
@@ -227,7 +232,7 @@ class Plant:
         """Latch encoders and current sensors of all axes at the present instant."""
         if not self._latched:
             noise = self._noise[self._noise_row]
-            servo.latch(self.const, self.state, self.profile, noise, self._image)
+            servo.latch(self.const, self.state, self.profile, noise, self._image, self.flaws)
         self._latched = False
         self._noise_row += 1
         if self._noise_row == STOCK:
@@ -278,6 +283,23 @@ def _constants(axis: AxisFile, file: PlantFile) -> Array:
     c[st.CURRENT_PER_MILLE] = motor * drive.torque_constant * drive.rated_current_mA * 1e-6
     c[st.NOISE] = file.noise.torque * drive.peak_torque
     return c
+
+
+def _flaws(file: PlantFile) -> Array | None:
+    """What the plant file says of soft gears and lagging currents; None where there are none."""
+    drives = [axis.drive for axis in file.axes]
+    if not any(drive.stiffness or drive.current_lag for drive in drives):
+        return None
+    longest = math.ceil(max(drive.current_lag for drive in drives) / file.step)
+    found = np.zeros((len(drives), flaws.HISTORY + longest + 2))
+    for row, drive, axis in zip(found, drives, file.axes, strict=True):
+        row[flaws.LAG], row[flaws.HALF_GAP] = drive.current_lag / file.step, drive.backlash / 2
+        row[flaws.LINK_Q] = math.radians(axis.position_deg)
+        if drive.stiffness is not None:
+            inertia = 1 / (1 / drive.motor_inertia + 1 / drive.load_inertia)
+            row[flaws.STIFFNESS] = drive.stiffness
+            row[flaws.DAMPING] = 2 * GEAR_DAMPING * math.sqrt(drive.stiffness * inertia)
+    return found
 
 
 def _heat_per_power(const: Array) -> float:

@@ -10,15 +10,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from drivers.yaml_file import FileError, FileModel, load_yaml
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import Self
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+STIFFEST = 700.0
+"""Greatest natural frequency of a gear with motor and link [rad/s]."""
 
 
 class Frame(FileModel):
@@ -93,8 +96,33 @@ class Drive(FileModel):
     """The axis moves within +- this [deg]."""
     load_inertia: Positive
     """Arm inertia that the velocity loop was tuned for [kg m^2]."""
+    stiffness: Positive | None = None
+    """Of the gear, motor held [N m/rad]; rigid unless stated."""
+    backlash: NotNegative = 0.0
+    """Of a soft gear, at the joint [rad]."""
+    current_lag: Annotated[float, Field(ge=0, le=0.02)] = 0.0
+    """Age of the current when it is read [s]."""
     personality: str | None = None
     """In what the drive deviates: a packaged personality, or the path of a file."""
+
+    @model_validator(mode="after")
+    def _gear_can_be_computed(self) -> Self:
+        if self.stiffness is None:
+            if self.backlash:
+                raise ValueError(f"backlash {self.backlash:g} rad needs a stiffness too")
+            return self
+        bound = STIFFEST**2 / (1 / self.motor_inertia + 1 / self.load_inertia)
+        if self.stiffness > bound:
+            raise ValueError(
+                f"stiffness {self.stiffness:g} N m/rad must be at most {bound:.3g}, the stiffest"
+                " gear that steps of 1 ms can follow; leave it out for a rigid one"
+            )
+        return self
+
+    @property
+    def motor_inertia(self) -> float:
+        """Rotor inertia at the joint [kg m^2]."""
+        return self.rotor_inertia * self.gear_ratio**2
 
 
 class Loops(FileModel):

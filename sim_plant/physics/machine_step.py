@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim_plant.compiled import compiled
+from sim_plant.physics import flaws as fl
 from sim_plant.physics import friction, profile_generator, rigid_body, servo
 from sim_plant.physics import state as st
 
@@ -27,7 +28,7 @@ SLOW_STEPS = 10
 
 
 @compiled
-def run(
+def run(  # noqa: C901 - the compiler decides what depends on flaws
     steps: int,
     number: int,
     h: float,
@@ -39,6 +40,7 @@ def run(
     state: Array,
     profile: Array,
     normal: Array,
+    flaws: Array | None = None,
 ) -> int:
     """Advance by at most `steps`, fewer if an axis's events change.
 
@@ -64,14 +66,17 @@ def run(
     n = len(joints)
     middle, rhs = np.empty((2, n)), np.empty(n)
     mass, work = np.empty((n, n)), np.empty((n, rigid_body.WORK))
+    link = middle
+    if flaws is not None:
+        link = np.empty((2, n))
     for done in range(1, steps + 1):
         for i in range(n):
             v = state[i, st.QD] + 0.5 * h * state[i, st.QDD]
             middle[0, i] = state[i, st.Q] + 0.5 * h * state[i, st.QD]
             middle[1, i] = v
-        rigid_body.bias_and_mass(
-            joints, frames, bodies, gravity, middle[0], middle[1], rhs, mass, work
-        )
+        if flaws is not None:
+            fl.place(flaws, middle, link, h)
+        rigid_body.bias_and_mass(joints, frames, bodies, gravity, link[0], link[1], rhs, mass, work)
         for i in range(n):
             u = servo.command(const, state, profile, i, h)
             tau = 0.5 * (state[i, st.TORQUE] + u)
@@ -82,7 +87,12 @@ def run(
             state[i, st.LOAD] = tau - state[i, st.FRICTION]
             rhs[i] = state[i, st.LOAD] - rhs[i]
             mass[i, i] += const[i, st.MOTOR_INERTIA]
+        if flaws is not None:
+            fl.couple(const, state, flaws, middle, link, mass, rhs)
         rigid_body.solve_in_place(joints, mass, rhs)
+        if flaws is not None:
+            fl.part(const, state, flaws, link, rhs, h)
+            fl.remember(state, flaws)
         number += 1
         now = number * h
         for i in range(n):
@@ -121,14 +131,15 @@ def run_and_latch(
     normal: Array,
     noise: Array,
     image: NDArray[np.int64],
+    flaws: Array | None = None,
 ) -> int:
     """Do as `run`, then as `physics.servo.latch` with a row of `noise` if no event came last.
 
     Entering compiled code costs as much as a step, so it is done once a SYNC.
     """
     done = run(
-        steps, number, h, joints, frames, bodies, gravity, const, state, profile, normal
+        steps, number, h, joints, frames, bodies, gravity, const, state, profile, normal, flaws
     )  # fmt: skip
     if done == steps:
-        servo.latch(const, state, profile, noise[row], image)
+        servo.latch(const, state, profile, noise[row], image, flaws)
     return done

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from sim_plant.axis import AxisEvent
 from sim_plant.compiled import in_order, inlined
+from sim_plant.physics import flaws as fl
 from sim_plant.physics import state as st
 from sim_plant.physics.trigonometry import sin_cos
 
@@ -81,7 +82,12 @@ def events(const: Array, state: Array, profile: Array, i: int, now: float, h: fl
 
 @in_order
 def latch(
-    const: Array, state: Array, profile: Array, normal: Array, image: NDArray[np.int64]
+    const: Array,
+    state: Array,
+    profile: Array,
+    normal: Array,
+    image: NDArray[np.int64],
+    flaws: Array | None = None,
 ) -> None:
     """Read encoder and current sensor of every axis.
 
@@ -92,10 +98,15 @@ def latch(
         Standard normal deviates for the sensors' noise.
     image : ndarray, shape (n, 7)
         Written, in the order of `sim_plant.axis.Reading`.
+    flaws : ndarray, shape (n, ...), optional
+        See `sim_plant.physics.flaws`.
     """
     for i in range(const.shape[0]):
         scale, zero = const[i, st.COUNTS_PER_RAD], const[i, st.ZERO]
-        torque = state[i, st.TORQUE] + const[i, st.NOISE] * normal[i]
+        torque = state[i, st.TORQUE]
+        if flaws is not None:
+            torque = fl.read_torque(flaws, i)
+        torque += const[i, st.NOISE] * normal[i]
         position = round(state[i, st.Q] * scale + zero)
         demand = round(profile[i, st.DEMAND] * scale + zero)
         image[i, 0] = position

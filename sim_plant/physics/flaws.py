@@ -1,0 +1,102 @@
+"""What spoils an identification and is not friction: soft gears, backlash, a lagging current.
+
+None of it is there unless the plant file says so, and then the compiled step is another one: where
+`flaws` is None the compiler leaves all of this out.
+
+A soft gear has the motor on one side and the link on the other. Encoder, friction and servo belong
+to the motor; the arm moves with the link. Between them acts a spring with a damper, which a
+backlash lets go: within it there is no torque. Motor and link are then bodies of their own, so the
+motor's inertia leaves the arm's mass matrix.
+
+A lagging current is read as it was some time ago, as drives do that average or queue it.
+"""
+
+from __future__ import annotations
+
+from itertools import count
+from typing import TYPE_CHECKING
+
+from sim_plant.compiled import inlined
+from sim_plant.physics import state as st
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_c = count()
+STIFFNESS, DAMPING = next(_c), next(_c)
+"""Of the gear [N m/rad], [N m s/rad]; a stiffness of 0 stands for a rigid one."""
+HALF_GAP = next(_c)
+"""Half the backlash [rad]."""
+LINK_Q, LINK_QD, LINK_QDD = next(_c), next(_c), next(_c)
+TWIST = next(_c)
+"""Torque of the spring [N m]."""
+LAG = next(_c)
+"""Of the current reading [steps]."""
+HEAD = next(_c)
+"""Where the latest torque stands in the history."""
+HISTORY = next(_c)
+"""From here on the torques of past steps [N m], a ring."""
+
+
+@inlined
+def place(flaws: Array, motor: Array, link: Array, h: float) -> None:
+    """Positions and velocities of the links in the middle of a step, shape (2, n)."""
+    for i in range(flaws.shape[0]):
+        if flaws[i, STIFFNESS] > 0.0:
+            link[0, i] = flaws[i, LINK_Q] + 0.5 * h * flaws[i, LINK_QD]
+            link[1, i] = flaws[i, LINK_QD] + 0.5 * h * flaws[i, LINK_QDD]
+        else:
+            link[0, i], link[1, i] = motor[0, i], motor[1, i]
+
+
+@inlined
+def couple(
+    const: Array, state: Array, flaws: Array, motor: Array, link: Array, mass: Array, rhs: Array
+) -> None:
+    """Let the springs drive the links instead of the motors."""
+    for i in range(flaws.shape[0]):
+        if flaws[i, STIFFNESS] > 0.0:
+            angle = motor[0, i] - link[0, i]
+            gap = flaws[i, HALF_GAP]
+            twist = 0.0
+            if angle > gap or angle < -gap:
+                twist = flaws[i, STIFFNESS] * (angle - gap if angle > gap else angle + gap)
+                twist += flaws[i, DAMPING] * (motor[1, i] - link[1, i])
+            flaws[i, TWIST] = twist
+            rhs[i] += twist - state[i, st.LOAD]
+            mass[i, i] -= const[i, st.MOTOR_INERTIA]
+
+
+@inlined
+def part(const: Array, state: Array, flaws: Array, link: Array, rhs: Array, h: float) -> None:
+    """Move the links on; `rhs` holds their accelerations and gets those of the motors."""
+    for i in range(flaws.shape[0]):
+        if flaws[i, STIFFNESS] > 0.0:
+            flaws[i, LINK_QDD] = rhs[i]
+            flaws[i, LINK_QD] += h * rhs[i]
+            flaws[i, LINK_Q] = link[0, i] + 0.5 * h * flaws[i, LINK_QD]
+            rhs[i] = (state[i, st.LOAD] - flaws[i, TWIST]) / const[i, st.MOTOR_INERTIA]
+
+
+@inlined
+def remember(state: Array, flaws: Array) -> None:
+    """Keep the torques of this step."""
+    size = flaws.shape[1] - HISTORY
+    for i in range(flaws.shape[0]):
+        head = (int(flaws[i, HEAD]) + 1) % size
+        flaws[i, HEAD] = head
+        flaws[i, HISTORY + head] = state[i, st.TORQUE]
+
+
+@inlined
+def read_torque(flaws: Array, i: int) -> float:
+    """Torque that the current sensor of one axis shows now [N m]."""
+    size = flaws.shape[1] - HISTORY
+    whole = int(flaws[i, LAG])
+    share = flaws[i, LAG] - whole
+    late = (int(flaws[i, HEAD]) - whole + size) % size
+    later = (late - 1 + size) % size
+    return float((1.0 - share) * flaws[i, HISTORY + late] + share * flaws[i, HISTORY + later])
