@@ -1,0 +1,286 @@
+"""Exciting trajectories: Fourier amplitudes that make the regression well conditioned.
+
+Judged is the observation matrix W of section 5: the regressor of the base parameters along one
+period, each row over the torque limit of its axis, stacked. Criteria, all to be small: the
+condition number of W (Armstrong 1989, Gautier and Khalil 1992), the reciprocal of its smallest
+singular value, or -log det W'W (Swevers 1997, D-optimal).
+
+For W = sum_k s_k u_k v_k', the derivative of a singular value is u_k' dW v_k, and that of a
+criterion is sum_ij G_ij dW_ij with G known from the decomposition. dW depends on the motion at its
+own sample alone. So the gradient needs, whatever the number of amplitudes, central differences of
+the regressor in q, qd and qdd of each joint, and then the linear map from amplitudes to motion.
+Limits enter as quadratic penalties; what is left beyond them at the end is scaled away. The search
+(L-BFGS) begins from the best of many random trajectories, and ends after a stated number of steps,
+so that the same seed gives the same trajectory on any machine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy import optimize
+
+from hil.model.dynamics import regressor
+from hil.planning.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+Criterion = Literal["condition", "singular", "det"]
+CRITERIA: tuple[Criterion, ...] = ("condition", "singular", "det")
+HARMONICS = 5
+SAMPLES = 100
+"""Instants of a period at which the regressor is judged while searching."""
+SHARE = 0.9
+"""Of each limit that a trajectory may use."""
+PENALTIES = (1.0, 10.0, 100.0)
+"""Weights of the limits in successive searches."""
+_STEP = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How much is tried: random starts, how many of them are refined, steps of each refinement."""
+
+    random: int = 1000
+    refined: int = 3
+    steps: int = 60
+
+
+def design_trajectory(
+    robot: Robot,
+    period: float = 10.0,
+    cycles: int = 1,
+    criterion: Criterion = "condition",
+    seed: int = 0,
+    search: Search | None = None,
+    name: str = "trajectory",
+) -> Trajectory:
+    """Find an exciting trajectory within the limits of `robot`.
+
+    Parameters
+    ----------
+    period : float
+        Of the fundamental [s].
+    cycles : int
+        Periods to be measured.
+    criterion : {"condition", "singular", "det"}
+        What shall be small, see the module.
+    seed : int
+        The same seed gives the same trajectory.
+    search : Search, optional
+        How much is tried.
+    """
+    effort = search or Search()
+    basis = Basis(robot, period)
+    rng = np.random.default_rng(seed)
+    starts = [basis.random(rng) for _ in range(effort.random)]
+    values = [basis.judge(x, criterion) for x in starts]
+    best = np.argsort(values)[: effort.refined]
+    found = [_refine(basis, starts[k], criterion, effort.steps) for k in best]
+    x = min([*found, starts[best[0]]], key=lambda each: basis.judge(each, criterion))
+    return basis.trajectory(x, cycles, name)
+
+
+class Basis:
+    """Motions at rest at the beginning of a period, linear in their unknowns.
+
+    The unknowns `x`, shape (n_unknowns, n_joints), are of order one: first a joint's mean as a
+    share of half its range, then amplitudes as shares of what the velocity limit allows.
+
+    Parameters
+    ----------
+    robot : Robot
+    period : float
+        Of the fundamental [s].
+    """
+
+    def __init__(self, robot: Robot, period: float) -> None:
+        self._robot, self._period = robot, period
+        k = np.arange(1, HARMONICS + 1)
+        order = 2 * np.pi / period * k
+        phase = np.outer(np.arange(SAMPLES) * period / SAMPLES, order)
+        # amplitudes per unit of velocity, free to choose but for rest at t = 0
+        self._sines = _null(np.ones((1, HARMONICS))) / order[:, np.newaxis]
+        self._cosines = _null(k[np.newaxis].astype(float)) / order[:, np.newaxis]
+        s, c = np.sin(phase), np.cos(phase)
+        zero = np.zeros((SAMPLES, 1))
+        self._maps = (
+            np.hstack([zero + 1, s @ self._sines, c @ self._cosines]),
+            np.hstack([zero, (c * order) @ self._sines, -(s * order) @ self._cosines]),
+            np.hstack([zero, -(s * order**2) @ self._sines, -(c * order**2) @ self._cosines]),
+        )
+        self._middle = (robot.q_max + robot.q_min) / 2
+        self._reach = SHARE * (robot.q_max - robot.q_min) / 2
+        self._limits = np.stack(
+            [self._reach, SHARE * robot.velocity_limit, SHARE * robot.acceleration_limit]
+        )
+
+    @property
+    def n_unknowns(self) -> int:
+        """Unknowns of one joint."""
+        return self._maps[0].shape[1]
+
+    def random(self, rng: np.random.Generator) -> Array:
+        """Random unknowns that just keep the limits."""
+        x = rng.standard_normal((self.n_unknowns, self._robot.n_joints))
+        x[0] = rng.uniform(-0.5, 0.5, self._robot.n_joints)
+        return self.within(x, fill=True)
+
+    def within(self, x: Array, *, fill: bool = False) -> Array:
+        """Shrink amplitudes until all limits hold; with `fill` stretch them up to a limit too."""
+        x = x.copy()
+        x[0] = np.clip(x[0], -0.95, 0.95)
+        waves = x.copy()
+        waves[0] = 0.0
+        q, qd, qdd = self._motion(waves)
+        room = 1.0 - np.abs(x[0])
+        used = np.max(
+            [
+                np.abs(q - self._middle).max(axis=0) / (self._reach * room),
+                np.abs(qd).max(axis=0) / self._limits[1],
+                np.abs(qdd).max(axis=0) / self._limits[2],
+            ],
+            axis=0,
+        )
+        x[1:] /= used if fill else np.maximum(used, 1.0)
+        return x
+
+    def judge(self, x: Array, criterion: Criterion) -> float:
+        """Criterion of unknowns made to keep the limits."""
+        W = self._observations(*self._motion(self.within(x)))
+        sizes = np.linalg.svd(W, compute_uv=False)
+        return _value(sizes, criterion)
+
+    def cost(self, x: Array, criterion: Criterion, penalty: float) -> tuple[float, Array]:
+        """Criterion with penalties for what exceeds the limits, and its gradient."""
+        motion = self._motion(x)
+        u, sizes, vt = np.linalg.svd(self._observations(*motion), full_matrices=False)
+        shape = (SAMPLES, self._robot.n_joints, -1)
+        G = ((u * _slope(sizes, criterion)) @ vt).reshape(shape)
+        slopes = self._slopes(motion, G)
+        total = _value(sizes, criterion)
+        for part, values in enumerate(motion):
+            about = values - self._middle if part == 0 else values
+            beyond = np.maximum(np.abs(about) / self._limits[part] - 1.0, 0.0)
+            total += penalty * float(np.sum(beyond**2))
+            slopes[part] += 2 * penalty * beyond * np.sign(about) / self._limits[part]
+        gradient = sum(m.T @ slope for m, slope in zip(self._maps, slopes, strict=True))
+        gradient[0] *= self._reach
+        gradient[1:] *= self._robot.velocity_limit
+        return total, gradient
+
+    def trajectory(self, x: Array, cycles: int, name: str) -> Trajectory:
+        """Return unknowns as a measurement."""
+        x = self.within(x)
+        n = self._sines.shape[1]
+        amplitudes = x[1:] * self._robot.velocity_limit
+        sine, cosine = self._sines @ amplitudes[:n], self._cosines @ amplitudes[n:]
+        return Trajectory(
+            id=name,
+            q=tuple(self._middle + self._reach * x[0]),
+            period=self._period,
+            cycles=cycles,
+            sine=tuple(map(tuple, sine.T.tolist())),
+            cosine=tuple(map(tuple, cosine.T.tolist())),
+        )
+
+    def _motion(self, x: Array) -> tuple[Array, Array, Array]:
+        scaled = np.vstack([self._reach * x[:1], self._robot.velocity_limit * x[1:]])
+        q, qd, qdd = (m @ scaled for m in self._maps)
+        return q + self._middle, qd, qdd
+
+    def _observations(self, q: Array, qd: Array, qdd: Array) -> Array:
+        return observations(self._robot, q, qd, qdd)
+
+    def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
+        """Derivative of sum G_ij W_ij by each joint's q, qd and qdd at each instant."""
+        n = self._robot.n_joints
+        steps = [_STEP * np.maximum(self._limits[part], 1e-9) for part in range(3)]
+        found = [np.empty((SAMPLES, n)) for _ in range(3)]
+        moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
+        for part in range(3):
+            for joint in range(n):
+                row = 2 * (part * n + joint)
+                moved[part, row, :, joint] += steps[part][joint]
+                moved[part, row + 1, :, joint] -= steps[part][joint]
+        A = regressor(self._robot, *moved) / self._robot.torque_limit[:, np.newaxis]
+        sums = np.einsum("rsij,sij->rs", A, G)
+        for part in range(3):
+            for joint in range(n):
+                row = 2 * (part * n + joint)
+                found[part][:, joint] = (sums[row] - sums[row + 1]) / (2 * steps[part][joint])
+        return found
+
+
+def observations(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
+    """Observation matrix, rows over torque limits, shape (n_samples n_joints, n_base)."""
+    A = regressor(robot, q, qd, qdd) / robot.torque_limit[:, np.newaxis]
+    return A.reshape(-1, A.shape[-1])
+
+
+def condition(robot: Robot, trajectory: Trajectory, samples: int = 1000) -> float:
+    """Condition number of the observation matrix along one period."""
+    t = np.arange(samples) * trajectory.period / samples
+    return float(np.linalg.cond(observations(robot, *trajectory.motion(t))))
+
+
+def _refine(basis: Basis, start: Array, criterion: Criterion, steps: int) -> Array:
+    x = start
+    for penalty in PENALTIES:
+        done = optimize.minimize(
+            _flat(basis, criterion, penalty, x.shape),
+            x.ravel(),
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": steps, "maxfun": 2 * steps},
+        )
+        x = done.x.reshape(x.shape)
+    return basis.within(x)
+
+
+def _flat(
+    basis: Basis, criterion: Criterion, penalty: float, shape: tuple[int, ...]
+) -> Callable[[Array], tuple[float, Array]]:
+    def cost(x: Array) -> tuple[float, Array]:
+        value, gradient = basis.cost(x.reshape(shape), criterion, penalty)
+        return value, gradient.ravel()
+
+    return cost
+
+
+def _value(sizes: Array, criterion: Criterion) -> float:
+    """Criterion of singular values, logarithmic so that its scale does not matter."""
+    safe = np.maximum(sizes, 1e-12)
+    if criterion == "condition":
+        return float(np.log(safe[0] / safe[-1]))
+    if criterion == "singular":
+        return float(-np.log(safe[-1]))
+    return float(-2 * np.log(safe).sum())
+
+
+def _slope(sizes: Array, criterion: Criterion) -> Array:
+    """Derivative of the criterion by each singular value."""
+    safe = np.maximum(sizes, 1e-12)
+    if criterion == "det":
+        found: Array = -2 / safe
+        return found
+    slope = np.zeros(len(sizes))
+    slope[-1] = -1 / safe[-1]
+    if criterion == "condition":
+        slope[0] += 1 / safe[0]
+    return slope
+
+
+def _null(rows: Array) -> Array:
+    """Orthonormal vectors that `rows` map to zero, as columns."""
+    _, _, vt = np.linalg.svd(rows)
+    return np.asarray(vt[len(rows) :].T)
