@@ -256,7 +256,7 @@ def _dry_run(
 
 
 def _gate(folder: Path, the_robot: Robot) -> None:
-    from hil.results.friction_file import refuse_asymmetric  # noqa: PLC0415 - slow to import
+    from hil.results.friction_gate import refuse_asymmetric  # noqa: PLC0415 - slow to import
 
     for told in refuse_asymmetric(folder, the_robot):
         out.print(told, style="yellow", highlight=False, soft_wrap=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from pathlib import Path
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -95,11 +95,9 @@ def _planned(
         return friction_plans.sweep(robot, axes, workspace=workspace)
     if len(axes) != 1:
         raise typer.BadParameter(f"{experiment.value} takes one axis", param_hint="--axis")
-    make = {
-        Experiment.STOPS: friction_plans.stops,
-        Experiment.OPERATION: friction_plans.operation,
-    }[experiment]
-    return make(robot, axes[0], workspace=workspace)
+    if experiment is Experiment.STOPS:
+        return friction_plans.stops(robot, axes[0], workspace=workspace)
+    return friction_plans.operation(robot, axes[0], workspace=workspace)
 
 
 def _index(number: int, robot: Robot) -> int:

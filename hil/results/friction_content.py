@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.drift import Drift, TimeConstant
     from hil.estimation.friction.models import FrictionModel
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.results.friction_file import FrictionResult
+    from hil.results.friction_result import FrictionResult
 
     Row = tuple[str, ...]
 
@@ -40,6 +40,16 @@ def _parameters(model: FrictionModel) -> str:
         f"a{k} {rounded(float(a), float(e))} ± {rounded(float(e), float(e))} {unit}"
         for k, (a, e, unit) in enumerate(pairs, start=1)
     )
+
+
+def words(result: FrictionResult) -> list[str]:
+    """Tell which parameters of which models the data do not determine."""
+    return [
+        f"axis {fit.axis + 1}, {kind}: {word}"
+        for fit in result.axes
+        for kind, model in fit.models.items()
+        for word in model.unidentifiable
+    ]
 
 
 def symmetry_rows(tests: Iterable[Symmetry]) -> list[Row]:

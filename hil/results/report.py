@@ -19,7 +19,7 @@ from hil.estimation.identification import NotIdentifiable, estimates
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import now, versions
-from hil.results import plots, report_content
+from hil.results import friction_report, plots, report_content
 from hil.results.advice import advice
 from hil.results.model_file import NAME as MODEL_NAME
 from hil.results.model_file import ModelFile, recorded
@@ -57,12 +57,24 @@ def report(run_folder: Path | str, figures: Path | None = None) -> Path:
         No run folder, a damaged recording, measurements that do not suffice, a full disk.
     """
     folder = RunFolder.open(run_folder)
+    if friction_report.friction_only(folder):
+        return _friction(folder, figures)
     campaign = list(folder)
     result = _evaluate(folder, campaign)
     path = folder.path / NAME
     with drawn():
         drawings = _draw(folder, result)
         write_file(path, _html(folder, campaign, result, drawings).encode())
+        if figures is not None:
+            _write_figures(figures, drawings)
+    return path
+
+
+def _friction(folder: RunFolder, figures: Path | None) -> Path:
+    path = folder.path / NAME
+    with drawn():
+        html, drawings = friction_report.page(folder)
+        write_file(path, html.encode())
         if figures is not None:
             _write_figures(figures, drawings)
     return path
@@ -113,6 +125,7 @@ def _html(
         signals=signals,
         local_fits=local_fits,
         condensed=condensed,
+        **friction_report.of_campaign(folder, list(recorded(campaign)), result.estimate),
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich import box
 from rich.table import Table
 
-from hil.results.friction_content import drift_rows, model_rows, symmetry_rows
+from hil.results.friction_content import drift_rows, model_rows, symmetry_rows, words
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.results.friction_file import FrictionResult
+    from hil.results.friction_result import FrictionResult
 
 HEADINGS = {
     "models": ("axis", "model", "rms, N m", "held out", "", "parameters with std. errors"),
@@ -29,13 +29,8 @@ def render(result: FrictionResult, console: Console) -> None:
     title = f"{result.robot.name}: {len(result.points)} friction measurements"
     if result.axes:
         _print(console, "models", model_rows(result), f"{title}, gravity by {result.gravity}")
-    for fit in result.axes:
-        for kind, model in fit.models.items():
-            for word in model.unidentifiable:
-                console.print(
-                    f"[yellow]axis {fit.axis + 1}, {kind}: {word}[/]",
-                    soft_wrap=True, highlight=False,
-                )  # fmt: skip
+    for word in words(result):
+        console.print(f"[yellow]{word}[/]", soft_wrap=True, highlight=False)
     render_symmetry(result.symmetry, console)
     if result.drifts:
         _print(console, "drift", drift_rows(result.drifts), "friction's variance in time")

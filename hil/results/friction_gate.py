@@ -1,0 +1,50 @@
+"""The gate before a campaign: friction must have been found symmetric, or nothing moves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.yaml_file import FileError
+from hil.results.friction_file import NAME, load_friction
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+
+
+def refuse_asymmetric(run_folder: Path | str, robot: Robot) -> list[str]:
+    """Gate before a campaign: refuse a robot whose friction was found to be asymmetric.
+
+    Returns
+    -------
+    list of str
+        Axes that the test could not judge, one sentence.
+
+    Raises
+    ------
+    FileError
+        An axis failed, the run is of another robot, or nothing was tested.
+    """
+    found = load_friction(run_folder)
+    source = f"{run_folder}/{NAME}"
+    if found.robot_digest != robot.digest:
+        raise FileError(f"{source}: is about {found.robot}, not about this {robot.name}")
+    tested = {record.axis: record.symmetry for record in found.axes if record.symmetry}
+    failed = [(axis, test) for axis, test in tested.items() if not test.passed]
+    if failed:
+        told = ", ".join(
+            f"axis {axis}: {100 * test.asymmetry:+.1f} % (p = {test.p_bound:.1g})"
+            for axis, test in failed
+        )
+        raise FileError(
+            f"{source}: friction differs by direction by more than {100 * failed[0][1].bound:g} %:"
+            f" {told}; look for a current sensor's offset or a worn gear, or go on without the gate"
+        )
+    if not tested:
+        raise FileError(
+            f"{source}: symmetry of no axis was tested; give hil friction fit an identified model"
+            " with --model"
+        )
+    untested = [str(k) for k in range(1, robot.n_joints + 1) if k not in tested]
+    return [f"symmetry of axis {', '.join(untested)} was not tested"] if untested else []
