@@ -192,12 +192,14 @@ def identify(
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
+    from hil.estimation.friction.symmetry import of_local_values  # noqa: PLC0415 - slow to import
     from hil.results import model_file  # noqa: PLC0415 - slow to import, used here only
-    from hil.terminal import estimate_view  # noqa: PLC0415 - slow to import, used here only
+    from hil.terminal import estimate_view, friction_view  # noqa: PLC0415 - slow to import
 
     begun = perf_counter()
     found = model_file.identify(folder, method.value)
     estimate_view.render(found, load_robot(folder / "robot.yaml"), out)
+    friction_view.render_symmetry(of_local_values(found.local), out)
     _tell_shortfall(folder)
     took = f"{perf_counter() - begun:.1f} s"
     out.print(f"model in {folder / model_file.NAME} ({took})", highlight=False, soft_wrap=True)

@@ -2,10 +2,10 @@
 
 Each speed is held out in turn, both directions and all repetitions of it together, the model is
 fitted to the rest and its error at the speed held out is noted (leave-one-out cross-validation).
-The simplest model is kept unless another one is better by more than chance: of all models whose
-mean held-out error lies within one standard error of the least, the one with the fewest parameters
-is chosen, and among equals the earlier (Breiman et al. 1984, the one-standard-error rule). The
-standard error is that of the difference from the best model, speed by speed.
+The simplest model is kept unless another one is better by more than chance: the model with the
+least mean error is compared with the simpler ones, from the simplest on, and the first that it does
+not beat at significantly more speeds, or by more (Wilcoxon's signed-rank test of the errors, speed
+by speed), is chosen.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import stats
 
 from hil.estimation.friction.models import KINDS, fit, n_parameters
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+SIGNIFICANT = 0.05
+"""p-value below which a richer model counts as better."""
 ALIKE = 0.02
 """Speeds that differ by less than this share are one speed."""
 
@@ -127,9 +130,9 @@ def _held_out(
 def _simplest(errors: dict[Kind, Array]) -> Kind:
     best = min(errors, key=lambda kind: float(errors[kind].mean()))
 
-    def close(kind: Kind) -> bool:
+    simpler = [kind for kind in errors if n_parameters(kind) < n_parameters(best)]
+    for kind in simpler:
         worse = errors[kind] - errors[best]
-        return float(worse.mean()) <= float(worse.std(ddof=1) / np.sqrt(len(worse)))
-
-    near = [kind for kind in errors if kind == best or close(kind)]
-    return min(near, key=n_parameters)
+        if stats.wilcoxon(worse, alternative="greater").pvalue > SIGNIFICANT:
+            return kind
+    return best

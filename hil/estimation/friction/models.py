@@ -13,8 +13,8 @@ by bounded non-linear least squares over all four. In the fit speed is a share o
 and torque a share of the largest one measured, so that all parameters are of similar size.
 
 A parameter is not identifiable where a4 ends at its bound (its knee lies outside the measured
-speeds), or where its standard error exceeds half its value while it is correlated with another one
-so strongly that only both together are known.
+speeds) or has a standard error of more than half its value, or where another one has and is
+correlated with a further one so strongly that only both together are known.
 """
 
 from __future__ import annotations
@@ -205,7 +205,11 @@ def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> t
     if bounds is not None and (a[3] < bounds[0] * 1.001 or a[3] > bounds[1] * 0.999):
         told.append("a3, a4: the knee lies outside the measured speeds; only their sum is known")
         return tuple(told)
-    for k in np.flatnonzero(error > WEAK * np.abs(a)):
+    if bounds is not None and error[3] > WEAK * a[3]:
+        told.append(
+            f"a4: standard error {100 * error[3] / a[3]:.0f} % of its value, nor a3 for sure"
+        )
+    for k in np.flatnonzero(error[:3] > WEAK * np.abs(a[:3])):
         others = np.abs(np.delete(correlation[k], k))
         if len(others) and others.max() > TIED:
             partner = int(np.argmax(np.abs(correlation[k]) * (np.arange(len(a)) != k)))

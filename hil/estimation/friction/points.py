@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
 
+LEAST_NOISE = 1e-6
+"""Of the largest mean torque, where a current shows none."""
 FEWEST = 10
 """Samples of a stroke at constant velocity."""
 
@@ -143,7 +145,8 @@ def point(
     windows = _windows(m, s, float(robot.gear_ratio[i]))
     gravity = gravity_torque(robot, model.p, s.q)[:, i] if model else np.zeros(len(s.time))
     torque = s.tau[:, i] - gravity
-    means = np.array([torque[w].mean() for w in windows])
+    middle = float(np.mean([s.q[w, i].mean() for w in windows]))
+    means = np.array([_mean_at(s.q[w, i] - middle, torque[w]) for w in windows])
     noise = np.array([_white_noise(torque[w]) / np.sqrt(w.sum()) for w in windows])
     when = np.array([s.time[w].mean() for w in windows])
     value, covariance = _level(means, noise, when)
@@ -194,6 +197,13 @@ def _steady(m: Friction, s: Signals, stroke: int) -> Mask:
     return steady
 
 
+def _mean_at(away: Array, torque: Array) -> float:
+    """Mean torque where `away` is zero: windows cut by whole samples differ a little in angle."""
+    mean = float(away.mean())
+    slope = float((away - mean) @ torque / ((away - mean) @ (away - mean)))
+    return float(torque.mean()) - slope * mean
+
+
 def _white_noise(values: Array) -> float:
     """Scatter from one sample to the next, whatever slower course the values have."""
     return float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
@@ -205,6 +215,7 @@ def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
     Strokes that scatter more than their noise make the covariance larger.
     """
     s = np.resize([1.0, -1.0], len(means))
+    noise = np.maximum(noise, LEAST_NOISE * np.abs(means).max())
     columns = [np.ones_like(s), s]
     if len(means) > 3:
         columns.append(s * (when - when.mean()))
