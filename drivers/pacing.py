@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 PacingName = Literal["auto", "lock-step", "wall-clock"]
 
-PATIENCE = 0.25
+PATIENCE = 1.0
 """How long answers may take in lock-step with a plant in another thread or process [s]."""
 
 PAUSE = 0.25

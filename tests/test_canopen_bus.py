@@ -466,6 +466,7 @@ def wall_bus(can_bus: Any) -> CanopenDriveBus:
     return CanopenDriveBus(can_bus, drives_file(), period=0.02, pacing="wall-clock")
 
 
+@pytest.mark.flaky(reruns=2)
 def test_on_the_wall_clock_samples_come_at_their_deadlines(wall_bus: CanopenDriveBus) -> None:
     with wall_bus:
         begin, first = time.perf_counter(), wall_bus.sample()
@@ -477,6 +478,7 @@ def test_on_the_wall_clock_samples_come_at_their_deadlines(wall_bus: CanopenDriv
         assert samples[-1].time - first.time == pytest.approx(slots * 0.02, abs=0.015)
 
 
+@pytest.mark.flaky(reruns=2)
 def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
     can_bus: Any, wall_bus: CanopenDriveBus
 ) -> None:
@@ -499,6 +501,7 @@ def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
         assert wall_bus.sample().flags == (0, 0, 0)
 
 
+@pytest.mark.flaky(reruns=2)
 def test_on_the_wall_clock_our_heartbeat_goes_on_during_a_long_set_up(
     can_bus: Any, wall_bus: CanopenDriveBus
 ) -> None:

@@ -1,7 +1,6 @@
 """The sequencer on a recording fake with ideal axes."""
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -26,7 +25,6 @@ from hil.measuring.events import (
     Travelled,
     WarmingUp,
 )
-from hil.measuring.recording import Recorder
 from hil.measuring.sequencer import measure
 from hil.model.robot import Robot
 from hil.planning.measurement import Coupling, Gravity
@@ -330,17 +328,3 @@ def test_a_bus_with_another_period_is_refused(small_plan, manutec, ideal_bus) ->
     ideal_bus.period = 0.01
     with pytest.raises(DriveRefused, match=r"every 0.01 s, the plan wants 0.004 s"):
         run(small_plan, manutec, ideal_bus)
-
-
-def test_taking_a_sample_costs_next_to_nothing() -> None:
-    recorder = Recorder()
-    sample = Sample(0.0, (0.0,) * 6, (0.0,) * 6, (0,) * 6, reached=False)
-    samples = [sample._replace(time=0.004 * k) for k in range(20_000)]
-    each = []
-    for chunk in range(0, len(samples), 500):
-        begin = time.perf_counter()
-        for item in samples[chunk : chunk + 500]:
-            recorder.add(item)
-        each.append((time.perf_counter() - begin) / 500)
-    assert recorder.finish().n_samples == 20_000
-    assert min(each) < 2e-6

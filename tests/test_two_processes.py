@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import Sample
 
-pytestmark = pytest.mark.parametrize("place", BUSES)
+pytestmark = [pytest.mark.parametrize("place", BUSES), pytest.mark.flaky(reruns=2)]
 SEED = "5"
 PERIOD = 0.04
 
