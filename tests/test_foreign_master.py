@@ -188,7 +188,7 @@ def test_canopens_drive_profile_enables_moves_and_switches_off(
     node.nmt.state = "OPERATIONAL"
     node.op_mode = "PROFILED POSITION"
     assert node.is_op_mode_supported("PROFILED POSITION")
-    assert not node.is_op_mode_supported("CYCLIC SYNCHRONOUS POSITION")
+    assert not node.is_op_mode_supported("PROFILED TORQUE")
     for state in ("SWITCH ON DISABLED", "READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
         node.state = state
         assert node.state == state

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from contextlib import contextmanager
+from copy import deepcopy
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
@@ -119,14 +120,14 @@ FRAGMENTS = st.sampled_from(
 def mutated(draw: Callable[..., Any], tree: Any) -> Any:
     """Exchange, remove, double or move one part of a tree, somewhere below its top."""
     if not isinstance(tree, dict | list) or not tree:
-        return draw(ODD)
+        return deepcopy(draw(ODD))
     keys = list(tree) if isinstance(tree, dict) else list(range(len(tree)))
     key = draw(st.sampled_from(keys))
     match draw(st.sampled_from(["below", "below", "below", "exchange", "remove", "copy"])):
         case "below":
             tree[key] = mutated(draw, tree[key])
         case "exchange":
-            tree[key] = draw(ODD)
+            tree[key] = deepcopy(draw(ODD))
         case "remove":
             del tree[key]
         case _ if isinstance(tree, dict):
