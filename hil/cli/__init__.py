@@ -19,7 +19,7 @@ from rich.console import Console
 
 from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
-from hil.cli import commissioning, first_steps, friction, monitoring
+from hil.cli import commissioning, findings, first_steps, friction, monitoring, trajectory
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.rehearsal import SPEED
 from hil.measuring.run_folder import RunFolder
@@ -50,7 +50,9 @@ app = typer.Typer(
 app.add_typer(first_steps.commands)
 app.add_typer(commissioning.commands)
 app.add_typer(monitoring.commands)
+app.add_typer(findings.commands)
 app.add_typer(friction.commands, name="friction")
+app.add_typer(trajectory.commands, name="trajectory")
 out = Console()
 
 PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]

@@ -7,6 +7,9 @@ improved
     The condensed measurements of all kinds are added up and solved for all groups at once
     (`hil.estimation.joint`).
 
+Before either, the torque of each axis is shifted by its lag behind the positions, as the
+measurements themselves tell it (`hil.estimation.lag`); what that leaves uncertain is added.
+
 Standard errors come from leaving out one measurement at a time (the delete-one jackknife, Efron and
 Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 11): how much the result depends on
 which measurements happened to be taken holds whatever differs from one measurement to the next,
@@ -26,6 +29,7 @@ import numpy as np
 
 from hil.estimation.estimate import Estimate
 from hil.estimation.joint import Joint
+from hil.estimation.lag import find_lags
 from hil.estimation.local_fits import fit
 from hil.estimation.signals import NotEnoughData, signals
 from hil.estimation.two_step import TwoStep
@@ -38,6 +42,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.estimation.lag import Lags
     from hil.estimation.local_fits import LocalFit, LocalValue
     from hil.estimation.signals import Signals
     from hil.measuring.recording import Recording
@@ -108,11 +113,13 @@ def estimates(
     NotIdentifiable
         Base parameters that the measurements do not excite.
     """
-    prepared, unusable = _prepare(recorded)
+    raw, unusable = _prepare(recorded)
+    lags = find_lags(robot, raw)
+    prepared = [(measurement, s.torque_advanced(lags.lag)) for measurement, s in raw]
     fits, useless = _local_fits(robot, prepared)
     condition = _require_rank(robot, fits)
     left_out = (*unusable, *useless)
-    return {m: _estimate(robot, prepared, fits, condition, left_out, m) for m in methods}
+    return {m: _estimate(robot, prepared, fits, condition, left_out, lags, m) for m in methods}
 
 
 def _estimate(
@@ -121,6 +128,7 @@ def _estimate(
     fits: Sequence[LocalFit],
     condition: dict[str, float],
     left_out: tuple[str, ...],
+    lags: Lags,
     method: Method,
 ) -> Estimate:
     solver: Solver = TwoStep(robot, fits) if method == "printed" else Joint(robot, prepared)
@@ -132,7 +140,7 @@ def _estimate(
     return Estimate(
         method=method,
         p=p,
-        covariance=covariance,
+        covariance=covariance + lags.covariance,
         degrees_of_freedom=degrees,
         drive_covariance=carried @ carried.T,
         drive_effect=carried,
@@ -140,6 +148,8 @@ def _estimate(
         condition=condition,
         local=local,
         left_out=left_out,
+        lag=lags.lag,
+        lag_error=lags.standard_error,
     )
 
 
@@ -152,7 +162,7 @@ def _prepare(
         if isinstance(measurement, Friction):
             continue
         if isinstance(measurement, Trajectory):
-            left_out.append(f"{measurement.id}: trajectories are for hil conventional identify")
+            left_out.append(f"{measurement.id}: trajectories are for hil trajectory identify")
             continue
         try:
             found.append((measurement, signals(recording)))

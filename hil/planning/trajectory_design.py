@@ -50,9 +50,9 @@ _STEP = 1e-5
 class Search:
     """How much is tried: random starts, how many of them are refined, steps of each refinement."""
 
-    random: int = 1000
-    refined: int = 3
-    steps: int = 60
+    random: int = 300
+    refined: int = 4
+    steps: int = 40
 
 
 def design_trajectory(
@@ -127,7 +127,7 @@ class Basis:
     @property
     def n_unknowns(self) -> int:
         """Unknowns of one joint."""
-        return self._maps[0].shape[1]
+        return int(self._maps[0].shape[1])
 
     def random(self, rng: np.random.Generator) -> Array:
         """Random unknowns that just keep the limits."""
@@ -158,7 +158,7 @@ class Basis:
         """Criterion of unknowns made to keep the limits."""
         W = self._observations(*self._motion(self.within(x)))
         sizes = np.linalg.svd(W, compute_uv=False)
-        return _value(sizes, criterion)
+        return _value(np.asarray(sizes, dtype=float), criterion)
 
     def cost(self, x: Array, criterion: Criterion, penalty: float) -> tuple[float, Array]:
         """Criterion with penalties for what exceeds the limits, and its gradient."""
@@ -173,7 +173,8 @@ class Basis:
             beyond = np.maximum(np.abs(about) / self._limits[part] - 1.0, 0.0)
             total += penalty * float(np.sum(beyond**2))
             slopes[part] += 2 * penalty * beyond * np.sign(about) / self._limits[part]
-        gradient = sum(m.T @ slope for m, slope in zip(self._maps, slopes, strict=True))
+        parts = [m.T @ slope for m, slope in zip(self._maps, slopes, strict=True)]
+        gradient: Array = np.sum(parts, axis=0)
         gradient[0] *= self._reach
         gradient[1:] *= self._robot.velocity_limit
         return total, gradient

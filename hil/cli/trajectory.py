@@ -1,0 +1,98 @@
+"""Conventional identification: exciting trajectories to be streamed, and what they tell.
+
+`hil run` measures such a plan as any other; drives need cyclic synchronous position mode.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from drivers.yaml_file import FileError
+from hil.estimation.signals import NotEnoughData
+from hil.measuring.atomic_file import write_file
+from hil.measuring.run_folder import RunFolder
+from hil.model.robot import load_robot
+from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan
+
+commands = typer.Typer(
+    help="Conventional identification with periodic trajectories.", no_args_is_help=True
+)
+out = Console()
+
+
+class Criterion(StrEnum):
+    """What an exciting trajectory makes small."""
+
+    CONDITION = "condition"
+    SINGULAR = "singular"
+    DET = "det"
+
+
+@commands.command()
+def plan(
+    name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
+    minutes: Annotated[float, typer.Option(min=0.1, help="Time of all periods.")] = 5.0,
+    period: Annotated[float, typer.Option(min=1.0, help="Of the trajectory [s].")] = 10.0,
+    criterion: Annotated[
+        Criterion, typer.Option(help="Condition number, smallest singular value or log det.")
+    ] = Criterion.CONDITION,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same trajectory.")] = 0,
+    warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand [s].")] = 0.0,
+) -> None:
+    """Optimise a trajectory within the limits."""
+    from hil.planning.trajectory_design import (  # noqa: PLC0415 - slow to import, used here only
+        condition,
+        design_trajectory,
+    )
+
+    robot = load_robot(name)
+    if output.exists():
+        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    cycles = max(1, round(60 * minutes / period))
+    found = design_trajectory(robot, period, cycles, criterion.value, seed)
+    designed = Plan(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        warm_up=WarmUp(duration=warm_up) if warm_up else None,
+        measurements=(found,),
+    )
+    write_file(output, dump_plan(designed).encode())
+    out.print(
+        f"{cycles} periods of {period:g} s in {output}, condition number"
+        f" {condition(robot, found):.3g}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+@commands.command()
+def identify(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    variant: Annotated[str, typer.Option(help="Method, by name; all are listed if unknown.")] = (
+        "strongest"
+    ),
+) -> None:
+    """Estimate base parameters from the trajectories of a run, friction jointly."""
+    from hil.estimation.conventional import variants  # noqa: PLC0415 - slow to import
+    from hil.results.model_file import recorded  # noqa: PLC0415 - slow to import
+    from hil.terminal.conventional_view import render  # noqa: PLC0415 - used here only
+
+    if variant not in variants.VARIANTS:
+        known = "; ".join(variants.VARIANTS)
+        raise typer.BadParameter(f"{variant} must be one of: {known}", param_hint="--variant")
+    run = RunFolder.open(folder)
+    try:
+        found = variants.identify(
+            run.robot,
+            variants.trajectories(recorded(run)),
+            variants.VARIANTS[variant],
+            name=variant,
+        )
+    except NotEnoughData as error:
+        raise FileError(f"{folder}: {error}") from error
+    render(found, run.robot, out)

@@ -1,0 +1,54 @@
+"""Friction in a conventional regression: columns fitted jointly, or a known characteristic.
+
+Models (1) and (2) are the paper's. The rich set is what can be had beyond them and still be linear:
+two degressive shapes, a progressive one and an offset for asymmetric friction and current sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+Terms = Literal["model 1", "model 2", "rich", "none"]
+Characteristic = Callable[["Array"], "Array"]
+"""Friction torque of one axis [N m] at its velocities (n,) [rad/s], measured beforehand."""
+BEND = 0.08
+"""Share of the speed limit at which the rich set's atan bends."""
+
+
+def columns(robot: Robot, qd: Array, axis: int, terms: Terms, direction: Array) -> Array:
+    """Columns of one axis's friction, shape (n, n_terms).
+
+    Parameters
+    ----------
+    qd : ndarray, shape (n, n_joints)
+        [rad/s].
+    terms : {"model 1", "model 2", "rich", "none"}
+    direction : ndarray, shape (n,)
+        Sign of the axis's velocity, from filtered positions.
+    """
+    v = qd[:, axis] / robot.velocity_limit[axis]
+    sets = {
+        "none": (),
+        "model 1": (v, direction),
+        "model 2": (v, direction, np.cbrt(v)),
+        "rich": (
+            v, direction, np.cbrt(v), np.arctan(v / BEND), v * np.abs(v), np.ones(len(v)),
+        ),
+    }  # fmt: skip
+    return np.stack(sets[terms], axis=1) if sets[terms] else np.zeros((len(v), 0))
+
+
+def compensated(s: Signals, characteristics: Sequence[Characteristic]) -> Array:
+    """Friction torque of all axes by known characteristics, shape (n, n_joints) [N m]."""
+    return np.column_stack([f(s.qd[:, axis]) for axis, f in enumerate(characteristics)])

@@ -1,0 +1,125 @@
+"""The conventional methods by name, and what they estimate from recordings of trajectories."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.conventional.products import products
+from hil.estimation.conventional.solution import solve
+from hil.estimation.estimate import Estimate
+from hil.estimation.signals import NotEnoughData
+from hil.planning.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.conventional.friction_terms import Characteristic, Terms
+    from hil.estimation.conventional.products import Products
+    from hil.estimation.conventional.solution import Solver, Weighting
+    from hil.measuring.recording import Recording
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+
+    Array = NDArray[np.float64]
+
+SLOW = 0.05
+"""Share of an axis's speed limit below which the strongest variant leaves samples out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One conventional method.
+
+    Attributes
+    ----------
+    terms : str
+        Friction that is fitted jointly.
+    weighting, solver : str
+        See `hil.estimation.conventional.solution`.
+    slowest : float
+        Samples below this share of the speed limit are left out.
+    """
+
+    terms: Terms
+    weighting: Weighting = "residual"
+    solver: Solver = "least squares"
+    slowest: float = 0.0
+
+
+VARIANTS: dict[str, Variant] = {
+    "least squares, model 1": Variant("model 1", "uniform"),
+    "torque weights, model 1": Variant("model 1", "torque"),
+    "prior weights, model 1": Variant("model 1", "prior"),
+    "residual weights, model 1": Variant("model 1"),
+    "residual weights, model 2": Variant("model 2"),
+    "instrumental, model 2": Variant("model 2", solver="instrumental"),
+    "total, model 2": Variant("model 2", solver="total"),
+    "strongest": Variant("rich", slowest=SLOW),
+}
+"""Friction estimated jointly; a warm-up is a matter of the plan."""
+COMPENSATED = Variant("none")
+"""With a friction characteristic measured beforehand."""
+
+
+def trajectories(
+    recorded: Iterable[tuple[Measurement, Recording]],
+) -> list[tuple[Trajectory, Recording]]:
+    """Return those of recorded measurements that are trajectories.
+
+    Raises
+    ------
+    NotEnoughData
+        There are none.
+    """
+    found = [(m, recording) for m, recording in recorded if isinstance(m, Trajectory)]
+    if not found:
+        raise NotEnoughData("no trajectories among the measurements; plan some with hil trajectory")
+    return found
+
+
+def identify(
+    robot: Robot,
+    recorded: Sequence[tuple[Trajectory, Recording]],
+    variant: Variant,
+    characteristics: Sequence[Characteristic] | None = None,
+    name: str = "conventional",
+) -> Estimate:
+    """Identify base parameters from trajectories.
+
+    Parameters
+    ----------
+    robot : Robot
+    recorded : sequence of (Trajectory, Recording)
+    variant : Variant
+    characteristics : sequence of callable, optional
+        Friction of each axis that is compensated beforehand, with `COMPENSATED`.
+    name : str
+        Of the method, for the estimate.
+    """
+    data = products(robot, recorded, variant.terms, variant.slowest, characteristics)
+    return estimate_of(robot, data, variant, name)
+
+
+def estimate_of(robot: Robot, data: Products, variant: Variant, name: str) -> Estimate:
+    """Identify from condensed trajectories, which variants of the same friction can share."""
+    found = solve(data, robot.torque_limit, variant.weighting, variant.solver)
+    n = data.n_base
+    return Estimate(
+        method=name,
+        p=found.x[:n],
+        covariance=found.covariance[:n, :n],
+        degrees_of_freedom=np.full(n, max(found.n_blocks - 1.0, 1.0)),
+        drive_covariance=np.zeros((n, n)),
+        drive_effect=np.zeros((n, 2 * robot.n_joints)),
+        residual=found.residual,
+        lag=np.zeros(robot.n_joints),
+        lag_error=np.full(robot.n_joints, np.nan),
+        condition={"all": found.condition},
+        local=(),
+        left_out=(),
+    )
