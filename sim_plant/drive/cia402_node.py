@@ -173,7 +173,10 @@ class Cia402Node(CanopenNode):
 
     def _take_target(self, _subindex: int, target: int) -> None:
         if self._follower is self._cyclic and self._follows_set_points:
+            shown = self._cyclic.show()
             self._cyclic.follow(target)
+            if self._cyclic.show() != shown:
+                self._refresh()
 
     def _change_mode(self) -> None:
         """Leave what the old mode had under way; an axis in motion comes to rest."""
@@ -189,6 +192,7 @@ class Cia402Node(CanopenNode):
         if self._follows_set_points:
             self._motion.stop(Ramp.PROFILE)
             self._follower.start(self._image.reading.demand, self._controlword)
+            self._refresh()
 
     def _quick_stop(self) -> None:
         option = self.dictionary.get(0x605A)
