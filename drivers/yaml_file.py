@@ -42,8 +42,6 @@ DEPTH_MAX = 32
 """Deepest nesting that a file may have."""
 VALUES_MAX = 200_000
 """Most values that a file may hold once its aliases are followed."""
-PROBLEM_MAX = 200
-"""How much is told of what the YAML parser complains about [characters]."""
 _SHOWN_MAX = 60
 _TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it flat"
 _NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
@@ -132,8 +130,7 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
         return root, loader.construct_document(root)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        problem = str(error.problem)[:PROBLEM_MAX]
-        raise FileError(f"{source}:{line}: is no valid YAML: {problem}") from error
+        raise FileError(f"{source}:{line}: is no valid YAML: {error.problem}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise FileError(f"{source}:{line}: is no valid YAML: {error.reason}") from error
