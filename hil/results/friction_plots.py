@@ -25,10 +25,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from hil.estimation.friction.drift import Drift
     from hil.estimation.friction.points import FrictionPoint
     from hil.results.friction_result import FrictionResult
+
+    Array = NDArray[np.float64]
 
 STYLES = {
     "linear": (MUTED, ":"),
@@ -37,6 +40,8 @@ STYLES = {
     "stribeck": ("#8a5fb0", "-."),
 }
 """Colour and line of each model."""
+PAUSE = 3.0
+"""Multiple of the usual interval between levels from which on a line is interrupted."""
 FEWEST = 4
 """Speeds that make a characteristic."""
 
@@ -66,9 +71,9 @@ def models(result: FrictionResult) -> Figure:
     figure, panels = panels_in_rows(len(result.axes), height=2.5)
     for fit, (panel,) in zip(result.axes, panels, strict=True):
         limit = float(result.robot.velocity_limit[fit.axis])
-        panel.plot(np.abs(fit.velocity) / limit, np.abs(fit.torque), "x", color=MEASURED,
-                   markersize=4.5, label="measured")  # fmt: skip
-        v = np.geomspace(np.abs(fit.velocity).min(), np.abs(fit.velocity).max(), 300)
+        panel.plot(fit.velocity / limit, fit.torque, "x", color=MEASURED, markersize=4.5,
+                   label="measured")  # fmt: skip
+        v = np.geomspace(fit.velocity.min(), fit.velocity.max(), 300)
         for kind, model in fit.models.items():
             colour, line = STYLES[kind]
             panel.plot(v / limit, model.torque(v), line, color=colour, label=kind,
@@ -93,8 +98,8 @@ def over_time(drifts: Sequence[Drift]) -> Figure:
             base = measured[own].mean()
             panel.plot(minutes[own], measured[own] / base, "o", color=MEASURED, markersize=2.6,
                        label="measured")  # fmt: skip
-            panel.plot(minutes[own], each.fitted[own] / base, "-", color=MODEL,
-                       label="two states, three time constants")  # fmt: skip
+            panel.plot(minutes[own], _interrupted(minutes[own], each.fitted[own] / base), "-",
+                       color=MODEL, label="two states, three time constants")  # fmt: skip
         panel.set_title(f"axis {each.axis + 1}")
         panel.set_xlabel("time [min]")
         panel.set_ylabel("friction / its mean")
@@ -102,6 +107,12 @@ def over_time(drifts: Sequence[Drift]) -> Figure:
     handles, labels = first.get_legend_handles_labels()
     figure.legend(handles[:2], labels[:2], loc="upper right", ncols=2)
     return figure
+
+
+def _interrupted(minutes: Array, fitted: Array) -> Array:
+    """Leave a gap where nothing was measured for long."""
+    pauses = np.diff(minutes, prepend=minutes[:1])
+    return np.where(pauses > PAUSE * np.median(pauses), np.nan, fitted)
 
 
 def in_operation(result: FrictionResult) -> Figure:

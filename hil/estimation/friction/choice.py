@@ -1,7 +1,11 @@
 """Which friction model an axis deserves, by the error at speeds that the fit has not seen.
 
-Each speed is held out in turn, both directions and all repetitions of it together, the model is
-fitted to the rest and its error at the speed held out is noted (leave-one-out cross-validation).
+All models are odd functions, so least squares over both directions is least squares over their
+mean, and that is what they are fitted to: friction's asymmetry is tested by itself.
+
+Each speed is held out in turn, all repetitions of it together, the model is fitted to the rest and
+its error at the speed held out is noted (leave-one-out cross-validation).
+
 The simplest model is kept unless another one is better by more than chance: the model with the
 least mean error is compared with the simpler ones, from the simplest on, and the first that it does
 not beat at significantly more speeds, or by more (Wilcoxon's signed-rank test of the errors, speed
@@ -43,7 +47,7 @@ class AxisFriction:
     axis : int
         From 0.
     velocity, torque : ndarray, shape (n,)
-        What the models were fitted to [rad/s, N m]; both directions where they stand apart.
+        What the models were fitted to: speeds [rad/s], mean friction of both directions [N m].
     models : dict
         All models that there were enough speeds for, by kind.
     held_out : dict
@@ -99,20 +103,13 @@ def choose(axis: int, points: Sequence[FrictionPoint], limit: float) -> AxisFric
 
 
 def _data(points: Sequence[FrictionPoint]) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Velocities, torques, and the number of the speed that each belongs to."""
-    velocity, torque = [], []
-    for point in points:
-        velocity.append(point.velocity)
-        torque.append(point.forward)
-        if point.absolute:
-            velocity.append(-point.velocity)
-            torque.append(point.backward)
-    v = np.array(velocity)
-    order = np.argsort(np.abs(v))
-    steps = np.diff(np.log(np.abs(v)[order]), prepend=np.log(np.abs(v).min())) > ALIKE
+    """Speeds, friction torques, and the number of the speed that each belongs to."""
+    v = np.array([point.velocity for point in points])
+    order = np.argsort(v)
+    steps = np.diff(np.log(v[order]), prepend=np.log(v.min())) > ALIKE
     speed = np.empty(len(v), dtype=np.intp)
     speed[order] = np.cumsum(steps)
-    return v, np.array(torque), speed
+    return v, np.array([point.friction for point in points]), speed
 
 
 def _held_out(
