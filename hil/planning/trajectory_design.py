@@ -51,7 +51,7 @@ class Search:
     """How much is tried: random starts, how many of them are refined, steps of each refinement."""
 
     random: int = 300
-    refined: int = 4
+    refined: int = 6
     steps: int = 40
 
 
