@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.local_fits import SLOW
-from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.planning.measurement import Coupling
@@ -89,7 +88,7 @@ class Condensed:
 
     @property
     def square(self) -> float:
-        """y'y."""
+        """Of y by itself."""
         return float(self.product[0, 0])
 
 
@@ -103,23 +102,45 @@ def condense(robot: Robot, measurement: Strokes, s: Signals) -> list[Condensed]:
 
 
 def _condense_axis(robot: Robot, s: Signals, axis: int) -> Condensed | None:
-    used = _usable(robot, s, axis)
-    n_base = len(base_parameters(robot))
+    used = usable(robot, s, axis)
     if used.sum() < FEWEST:
         return None
     motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-    torque = s.tau[:, axis] - motor
+    product, n = products(robot, s, axis, (s.tau[:, axis] - motor)[:, np.newaxis], used)
+    return Condensed(axis=axis, product=product, n=n)
+
+
+def products(
+    robot: Robot, s: Signals, axis: int, torques: Array, used: NDArray[np.bool_]
+) -> tuple[Array, int]:
+    """Inner products of all columns of an axis, friction eliminated.
+
+    Parameters
+    ----------
+    torques : ndarray, shape (n, k)
+        Columns of their own.
+    used : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    product : ndarray, shape (k + 1 + n_base + N_COMMON, ...)
+        Of `torques`, the motor's part, base parameters and common terms, all smoothed.
+    n : int
+        Samples less eliminated coefficients.
+    """
+    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
     rows = regressor(robot, s.q, s.qd, s.qdd, joints=[axis])[:, 0]
     limit = float(robot.velocity_limit[axis])
     common, friction = _common(robot, s, axis, limit), _friction(s, axis, limit)
-    stacked = s.smoothed(np.column_stack([torque, motor, rows, common, friction]))[used]
-    kept = 2 + n_base + N_COMMON
+    stacked = s.smoothed(np.column_stack([torques, motor, rows, common, friction]))[used]
+    kept = stacked.shape[1] - friction.shape[1]
     basis = _orthonormal(stacked[:, kept:])
     left = stacked[:, :kept] - basis @ (basis.T @ stacked[:, :kept])
-    return Condensed(axis=axis, product=left.T @ left, n=len(left) - basis.shape[1])
+    return left.T @ left, len(left) - basis.shape[1]
 
 
-def _usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
+def usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
+    """Samples of an axis in steady motion, away from reversals and corners, shape (n,)."""
     slow = np.abs(s.smoothed(s.qd[:, axis])) < SLOW * robot.velocity_limit[axis]
     jerk = np.abs(np.gradient(s.smoothed(s.qdd[:, axis]), s.period))
     steady = jerk < JERK * robot.acceleration_limit[axis]

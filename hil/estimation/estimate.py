@@ -44,6 +44,9 @@ class Estimate:
         Step 1: each measurement by itself, in the order of the plan.
     left_out : tuple of str
         Measurements that could not be used, and why.
+    lag, lag_error : ndarray, shape (n_joints,)
+        By how much each axis's torque was read late, which is compensated, and its standard error
+        [s]; 0 and NaN where the measurements do not tell.
     """
 
     method: str
@@ -56,6 +59,8 @@ class Estimate:
     condition: dict[str, float]
     local: tuple[LocalValue, ...]
     left_out: tuple[str, ...]
+    lag: Array
+    lag_error: Array
 
     @property
     def standard_error(self) -> Array:

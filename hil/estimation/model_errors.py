@@ -15,8 +15,8 @@ absorbed: that parameter cannot show. Directions that agree but for T's span, or
 measurements do not tell apart, stand together as one candidate.
 
 After the strongest candidate has been taken in, all others are tested anew: what only resembled it
-loses its evidence. This goes on until nothing is significant at `SIGNIFICANCE`, shared out among all
-candidates (Bonferroni).
+loses its evidence. This goes on until nothing is significant at `SIGNIFICANCE`, shared out among
+all candidates (Bonferroni).
 """
 
 from __future__ import annotations
@@ -250,7 +250,7 @@ class _Fit:
         self._sides = np.array([side - row[:, c] @ back for row, side in rows])
 
     def beside(self, basis: Array, directions: Array) -> tuple[Array, Array]:
-        """Information on `directions` less what `basis` can imitate, shape (k, k); and all of it."""
+        """Information on `directions` less what `basis` can imitate, (k, k); and all of it."""
         N = self._information
         cross = basis.T @ N @ directions
         whole = directions.T @ N @ directions

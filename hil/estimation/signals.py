@@ -19,7 +19,7 @@ rest, and samples closer to an end or to a missing sample than the filters reach
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -89,6 +89,22 @@ class Signals:
         mean: Array = ndimage.correlate1d(x, window / window.sum(), axis=0, mode="nearest")
         return mean
 
+    def torque_advanced(self, lag: Array) -> Signals:
+        """The same with each axis's torque as it is read `lag` later, shape (n_joints,) [s]."""
+        tau, widest = self.tau.copy(), 0
+        for axis in np.flatnonzero(lag):
+            first, weights = interpolation(float(lag[axis]) / self.period)
+            taps = first + np.arange(len(weights))
+            reach = int(np.abs(taps).max())
+            padded = np.pad(self.tau[:, axis], reach, mode="edge")
+            parts = [padded[reach + k : reach + k + len(tau)] for k in taps]
+            tau[:, axis] = weights @ np.array(parts)
+            widest = max(widest, reach)
+        valid = self.valid
+        if widest:
+            valid = ~ndimage.binary_dilation(~valid, iterations=widest)
+        return replace(self, tau=tau, valid=valid)
+
     def away_from(self, excluded: Mask) -> Mask:
         """Samples that neither filter nor differences connect to the `excluded` ones."""
         return ~ndimage.binary_dilation(excluded, iterations=_reach(self.period))
@@ -133,6 +149,18 @@ def signals(recording: Recording) -> Signals:
         partner_stroke=recording.partner_stroke[nearest],
         valid=~spoilt,
     )
+
+
+def interpolation(shift: float) -> tuple[int, Array]:
+    """First sample and Lagrange weights of six that give a signal `shift` samples later."""
+    first = int(np.floor(shift)) - 2
+    x, nodes = shift - first, np.arange(6.0)
+    apart = nodes[:, np.newaxis] - nodes
+    np.fill_diagonal(apart, 1.0)
+    factors = np.broadcast_to(x - nodes, apart.shape).copy()
+    np.fill_diagonal(factors, 1.0)
+    weights: Array = (factors / apart).prod(axis=1)
+    return first, weights
 
 
 @lru_cache(maxsize=8)
