@@ -78,7 +78,7 @@ def drift_rows(drifts: Iterable[Drift]) -> list[Row]:
                 "" if number else str(each.axis + 1),
                 constant.name,
                 *_times(constant),
-                "" if effect is None else signed(f"{100 * effect:.1f}") + " %",
+                "" if effect is None or constant.word else signed(f"{100 * effect:.1f}") + " %",
                 constant.word,
             ))  # fmt: skip
     return rows
