@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from drivers.pacing import Pacing
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
+BABBLE = 1000
+"""Frames that are read at most once the time of an answer is up: a node may never fall silent."""
+
 _COMMAND = struct.Struct("<iH")
 _CODES = {"u16": "H", "i16": "h", "i32": "i"}
 _NOTHING: Iterator[can.Message] = iter(())
@@ -147,7 +150,7 @@ class Exchange:
         synchronous = self._synchronous
         timeout = 0.0 if synchronous else pacing.window()
         frames: list[Data] = [b""] * len(sizes)
-        missing = len(sizes)
+        missing, spare = len(sizes), BABBLE
         unread, self._unread = self._unread, _NOTHING
         while (frame := next(unread, None) or receive(timeout)) is not None:
             slot = slots.get(frame.arbitration_id)
@@ -165,7 +168,8 @@ class Exchange:
                 frames[slot] = data
                 missing -= 1
             if not synchronous:
-                if not (missing or self._owed):
+                spare -= timeout == 0.0
+                if not ((missing or self._owed) and spare):
                     break
                 timeout = pacing.window()
         return frames, missing
@@ -186,10 +190,11 @@ class Exchange:
             self._mark(slot, SampleFlag.DOUBLED)
 
     def _on_late(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        del data, timestamp
+        del timestamp
         slot = self._slots[can_id]
-        self._owed.discard(slot)
-        self._mark(slot, SampleFlag.LATE)
+        if len(data) == self._sizes[slot]:
+            self._owed.discard(slot)
+            self._mark(slot, SampleFlag.LATE)
 
     def _mark(self, slot: int, flag: SampleFlag) -> None:
         axis = self._axis_of[slot]

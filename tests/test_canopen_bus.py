@@ -8,6 +8,7 @@ import math
 import signal
 import threading
 import time
+from collections import deque
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -498,6 +499,33 @@ def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
         sample = wall_bus.sample()
         assert sample.flags == (0, SampleFlag.LATE, 0)
         assert sample.q[1] == pytest.approx(2 * math.pi / 800)
+        assert wall_bus.sample().flags == (0, 0, 0)
+
+
+def test_on_the_wall_clock_a_node_that_never_falls_silent_keeps_no_sample_waiting(
+    can_bus: Any,
+) -> None:
+    patient = drives_file().model_copy(update={"heartbeat_timeout": 60.0})
+    wall_bus = CanopenDriveBus(can_bus, patient, period=0.02, pacing="wall-clock")
+
+    class Endless(deque[can.Message]):
+        def popleft(self) -> can.Message:
+            self.append(can.Message(arbitration_id=0x733, data=b"\5", is_extended_id=False))
+            return super().popleft()
+
+    with wall_bus:
+        wall_bus.sample()
+        quiet, can_bus.inbox = can_bus.inbox, Endless(can_bus.inbox)
+        can_bus.inbox.append(can.Message(arbitration_id=0x733, data=b"\5", is_extended_id=False))
+        can_bus.outgoing = lambda frame: [] if frame.arbitration_id == 0x182 else [frame]
+        assert wall_bus.sample().flags[1] == SampleFlag.MISSING
+        can_bus.inbox, can_bus.outgoing = quiet, lambda frame: [frame]
+
+
+def test_a_late_frame_of_another_length_is_no_tpdo(can_bus: Any, wall_bus: CanopenDriveBus) -> None:
+    with wall_bus:
+        wall_bus.sample()
+        can_bus.inbox.append(can.Message(arbitration_id=0x181, data=b"\1", is_extended_id=False))
         assert wall_bus.sample().flags == (0, 0, 0)
 
 
