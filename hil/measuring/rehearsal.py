@@ -13,9 +13,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
 import numpy as np
 
+from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
 from hil.measuring.motion import locate, pass_along, travel
 from hil.measuring.sequencer import hold, never, refuse_other_bus
 from hil.measuring.streaming import pass_slowly
