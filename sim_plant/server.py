@@ -10,7 +10,7 @@ import can
 from sim_plant.faults.faulty_network import FaultyNetwork
 from sim_plant.faults.frame_faults import BusOff
 from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
-from sim_plant.wall_clock import TICK, WallClock
+from sim_plant.wall_clock import WallClock
 
 if TYPE_CHECKING:
     import threading
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from sim_plant.faults.fault_plan import FaultPlan
     from sim_plant.plant import Plant
     from sim_plant.slave_network import Clock, Frame
+
+SYNC = 0x80
+"""What time is brought up to date for: drives latch at it."""
 
 IDLE = 0.1
 """How long the server waits for a frame before it looks at `stop_event` [s]."""
@@ -47,7 +50,6 @@ def serve(
     stop_event : threading.Event
     faults : FaultPlan, optional
         What goes wrong. Bus-off of the master's adapter is here no more than a cut cable.
-
     cycle : float
         See `sim_plant.slave_network`.
 
@@ -64,12 +66,12 @@ def serve(
     else:
         network = FaultyNetwork(plant, clock, faults, cycle)
     wall = WallClock()
-    wait = TICK if clock == "wall" else IDLE
     _send(bus, network.power_on())
     while not stop_event.is_set():
-        message = bus.recv(wait)
-        if clock == "wall":
+        message = bus.recv(wall.pause if clock == "wall" else IDLE)
+        if clock == "wall" and (wall.due or message is None or message.arbitration_id == SYNC):
             _send(bus, network.elapse(wall.elapsed()))
+            wall.stepped()
         if message is not None:
             _send(bus, _answer(network, message))
 

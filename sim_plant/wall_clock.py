@@ -11,11 +11,32 @@ LAG_MAX = 0.25
 """Lag beyond which the plant gives up catching up [s]: a stopped process or a slow machine."""
 
 
+BREATH = 2.0
+"""A plant on a slow machine rests so many times as long as its last step took, or it would have no
+time left for frames."""
+
+
 class WallClock:
-    """How much time has gone by since last asked."""
+    """How much time has gone by since last asked, and when to ask again.
+
+    Attributes
+    ----------
+    pause : float
+        Until the next step [s].
+    """
 
     def __init__(self) -> None:
+        self.pause = TICK
         self._last = time.monotonic()
+
+    @property
+    def due(self) -> bool:
+        """Whether the pause is over."""
+        return time.monotonic() - self._last >= self.pause
+
+    def stepped(self) -> None:
+        """Take note that the step for which `elapsed` was asked is done."""
+        self.pause = max(TICK, BREATH * (time.monotonic() - self._last))
 
     def elapsed(self) -> float:
         """Seconds since the last call, at most `LAG_MAX`."""
