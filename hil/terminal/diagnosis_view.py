@@ -62,7 +62,7 @@ def _phase(found: Diagnosis) -> list[str]:
     phase = found.phase
     return [
         f"it moves the phase of g{phase.axis + 1} over q{phase.over + 1} by"
-        f" {math.degrees(phase.shift):.1f} degrees where that sinusoid is largest"
+        f" {signed(f'{math.degrees(phase.shift):.1f}')} degrees where that sinusoid is largest"
     ]
 
 
