@@ -6,9 +6,8 @@ printed
 improved
     The condensed measurements of all kinds are added up and solved for all groups at once
     (`hil.estimation.joint`).
-
-Before either, the torque of each axis is shifted by its lag behind the positions, as the
-measurements themselves tell it (`hil.estimation.lag`); what that leaves uncertain is added.
+    Before, the torque of each axis is shifted by its lag behind the positions, as the measurements
+    themselves tell it (`hil.estimation.lag`); what that leaves uncertain is added.
 
 Standard errors come from leaving out one measurement at a time (the delete-one jackknife, Efron and
 Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 11): how much the result depends on
@@ -29,7 +28,7 @@ import numpy as np
 
 from hil.estimation.estimate import Estimate
 from hil.estimation.joint import Joint
-from hil.estimation.lag import find_lags
+from hil.estimation.lag import find_lags, no_lags
 from hil.estimation.local_fits import fit
 from hil.estimation.signals import NotEnoughData, signals
 from hil.estimation.two_step import TwoStep
@@ -106,7 +105,7 @@ def estimates(
     recorded: Iterable[tuple[Measurement, Recording]],
     methods: Sequence[Method] = METHODS,
 ) -> dict[Method, Estimate]:
-    """Identify by several methods, which share the signals and the local fits.
+    """Identify by several methods, which share the signals.
 
     Raises
     ------
@@ -114,12 +113,15 @@ def estimates(
         Base parameters that the measurements do not excite.
     """
     raw, unusable = _prepare(recorded)
-    lags = find_lags(robot, raw)
-    prepared = [(measurement, s.torque_advanced(lags.lag)) for measurement, s in raw]
-    fits, useless = _local_fits(robot, prepared)
-    condition = _require_rank(robot, fits)
-    left_out = (*unusable, *useless)
-    return {m: _estimate(robot, prepared, fits, condition, left_out, lags, m) for m in methods}
+    found = {}
+    for method in methods:
+        lags = no_lags(robot) if method == "printed" else find_lags(robot, raw)
+        prepared = [(measurement, s.torque_advanced(lags.lag)) for measurement, s in raw]
+        fits, useless = _local_fits(robot, prepared)
+        condition = _require_rank(robot, fits)
+        left_out = (*unusable, *useless)
+        found[method] = _estimate(robot, prepared, fits, condition, left_out, lags, method)
+    return found
 
 
 def _estimate(

@@ -83,19 +83,24 @@ class _Item:
     n: int
 
 
+def no_lags(robot: Robot) -> Lags:
+    """Torque taken as it was read."""
+    n, n_base = robot.n_joints, len(base_parameters(robot))
+    return Lags(np.zeros(n), np.full(n, np.nan), np.zeros((n_base, n_base)))
+
+
 def find_lags(robot: Robot, prepared: Prepared) -> Lags:
     """Estimate the lag of every axis."""
     n, n_base = robot.n_joints, len(base_parameters(robot))
-    none = Lags(np.zeros(n), np.full(n, np.nan), np.zeros((n_base, n_base)))
     inertial = [(m, s) for m, s in prepared if isinstance(m, Inertia)]
     if not inertial:
-        return none
+        return no_lags(robot)
     period = max(s.period for _, s in inertial)
     shifts = np.arange(interpolation(EARLIEST / period)[0], interpolation(LATEST / period)[0] + 6)
     found = (_item(robot, m.index, s, shifts) for m, s in inertial)
     items = [item for item in found if item is not None]
     if not items:
-        return none
+        return no_lags(robot)
     likelihood = _Likelihood(items, n, n_base, shifts, period)
     return likelihood.lags(likelihood.maximise(), base_parameters(robot).groups["diagonal"])
 
