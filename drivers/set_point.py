@@ -86,6 +86,7 @@ class SetPoint:
     def step(self, statusword: int, position: int) -> int | None:
         """Take one statusword (6041) and position (6064); return a controlword to send, if any."""
         if self.phase is not Phase.TRAVELLING:
+            self.rest.update(position)
             return self._shake_hands(statusword & _ACKNOWLEDGE)
         arrived = abs(position - self.target) <= self.window and self.rest.update(position)
         if arrived and statusword & _REACHED:

@@ -275,7 +275,7 @@ def test_a_frame_that_is_too_long_is_used_and_told(desk: Desk) -> None:
 def test_a_value_that_the_object_refuses_is_told(desk: Desk) -> None:
     desk.map_rpdo(255, MODE, TARGET)
     desk.nmt(START)
-    frames = desk.send(RPDO, struct.pack("<bi", 8, 42))
+    frames = desk.send(RPDO, struct.pack("<bi", 3, 42))
     assert [data[:2] for i, data in frames if i == 0x81] == [struct.pack("<H", 0x8200)]
     assert (desk.read(0x6060), desk.read(0x607A)) == (1, 42)
 

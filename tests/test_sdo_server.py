@@ -109,7 +109,7 @@ def test_reading_is_refused_with_the_code_that_says_why(
         (0x6072, 0, struct.pack("<H", 3001), AbortCode.VALUE_HIGH),
         (0x605B, 0, struct.pack("<h", -1), AbortCode.VALUE_LOW),
         (0x605A, 0, struct.pack("<h", 4), AbortCode.INVALID_VALUE),
-        (0x6060, 0, struct.pack("<b", 8), AbortCode.INVALID_VALUE),
+        (0x6060, 0, struct.pack("<b", 3), AbortCode.INVALID_VALUE),
         (0x1003, 0, b"\2", AbortCode.INVALID_VALUE),
         (0x1005, 0, struct.pack("<I", 0x4000_0080), AbortCode.INVALID_VALUE),
         (0x1014, 0, struct.pack("<I", 0x90), AbortCode.INVALID_VALUE),
