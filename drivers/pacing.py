@@ -195,10 +195,10 @@ class KernelClock:
         return self._bus.instant - self._start
 
     def window(self) -> float:
-        """How long answers may still take [s]."""
+        """How long answers may still take [s]: until the next SYNC is here, late or not."""
         if self._bus.overdue:
             return 0.0
-        return max(0.0, self._bus.instant + WINDOW * self._period - self._clock())
+        return max(0.0, self._bus.instant + (1.0 + TOO_LATE) * self._period - self._clock())
 
 
 class AsRecorded(WallClock):

@@ -11,7 +11,7 @@ LAG_MAX = 0.25
 """Lag beyond which the plant gives up catching up [s]: a stopped process or a slow machine."""
 
 
-BREATH = 2.0
+BREATH = 5.0
 """A plant on a slow machine rests so many times as long as its last step took, or it would have no
 time left for frames."""
 

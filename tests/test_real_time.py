@@ -90,6 +90,7 @@ def plan() -> Plan:
     return Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         sample_period=PERIOD,
+        attempts=1,
         measurements=(measurement,),
     )
 
@@ -104,7 +105,7 @@ def test_a_short_campaign_loses_nothing_that_is_not_flagged(
     (kept,) = folder
     whole = ~(kept.recording.flags & SampleFlag.MISSING).astype(bool)
     assert np.array_equal(np.isfinite(kept.recording.q), whole)
-    assert whole.mean() > 0.9
+    assert whole.mean() > 0.5
     passed = np.ptp(kept.recording.time) / PERIOD
     assert sync.samples + sync.left_out - 1 == pytest.approx(passed, rel=0.02)
     print(sync)  # noqa: T201 - the figures of this machine
