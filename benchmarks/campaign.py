@@ -117,25 +117,27 @@ def measure(
 
 
 class Stopwatch:
-    """Time spent in functions, without what is spent in others that are watched too."""
+    """Time spent in functions, without what is spent in others of the same thread."""
 
     def __init__(self) -> None:
         self.spent: defaultdict[str, float] = defaultdict(float)
-        self._inside = 0.0
+        self._of_thread = threading.local()
 
     def watch(self, what: str, function: Callable[..., object]) -> Callable[..., object]:
         """Return `function`, watched."""
         clock = time.perf_counter
 
         def watched(*args: object, **kwargs: object) -> object:
-            outer, self._inside = self._inside, 0.0
+            mine = self._of_thread.__dict__
+            outer = mine.get("inside", 0.0)
+            mine["inside"] = 0.0
             begin = clock()
             try:
                 return function(*args, **kwargs)
             finally:
                 whole = clock() - begin
-                self.spent[what] += whole - self._inside
-                self._inside = outer + whole
+                self.spent[what] += whole - mine["inside"]
+                mine["inside"] = outer + whole
 
         return watched
 
