@@ -33,9 +33,7 @@ def plan(robot):
 
 def campaign(robot, plan, p, seed):
     rng = np.random.default_rng(seed)
-    return [
-        (m, record(robot, m, p, Friction(), noise=0.0005, rng=rng)) for m in plan.measurements
-    ]
+    return [(m, record(robot, m, p, Friction(), noise=0.0005, rng=rng)) for m in plan.measurements]
 
 
 def loaded(robot):
