@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 ACKNOWLEDGE_TIME = 0.5
 """How long a drive may take to acknowledge a set-point [s]."""
 
+ACKNOWLEDGE_CYCLES = 25
+"""The same in SYNCs, for slow ones: four statuswords at least must come and go."""
+
 GRACE = 2.0
 """How much longer than its trapezoid a move may take, beside half of that again [s]."""
 
@@ -74,6 +77,7 @@ class Motions:
         self._axes = axes
         self._scales = [AxisScale.of(axis) for axis in axes]
         self._period = period
+        self._patience = max(ACKNOWLEDGE_TIME, ACKNOWLEDGE_CYCLES * period)
         self._now = now
         self._profiles = [(0.0, 0.0)] * len(axes)
 
@@ -127,7 +131,7 @@ class Motions:
         distance = abs(target - self._position(axis)) * abs(scale.position)
         duration = distance / move.velocity + 2 * move.velocity / move.acceleration
         command = SetPoint(target, window, self._standstill(axis))
-        motion = _Motion(command, self._now() + ACKNOWLEDGE_TIME, duration)
+        motion = _Motion(command, self._now() + self._patience, duration)
         earlier = self.active.get(axis)
         self.active[axis] = motion
         if earlier is not None and earlier.command.phase is Phase.OFFERED:
