@@ -29,8 +29,9 @@ trap 'rm -rf "$scratch"' EXIT
 } >/dev/null || exit
 .venv/bin/python tools/can_guest.py --timeout 600 $tests -k vcan
 status=$?
-if [ "$status" = 69 ]; then
-	echo 'SKIPPED the tests on vcan: there is neither a vcan0 nor a guest that has one'
-	exit 0
-fi
+case "$status" in
+69) echo 'SKIPPED the tests on vcan: there is neither a vcan0 nor a guest that has one' ;;
+70 | 124) echo 'SKIPPED the rest of the tests on vcan: the guest died or is too slow on this machine' ;;
+*) exit "$status" ;;
+esac
 exit "$status"
