@@ -113,7 +113,8 @@ def main(rate: float = 25.0, duration: float = 120.0) -> None:
             log.open("w") as file,
             subprocess.Popen([candump, "-L", CHANNEL], stdout=file) as witness,
             subprocess.Popen(
-                [sys.executable, "-m", "sim_plant", *place], stdout=subprocess.PIPE
+                [sys.executable, "-m", "sim_plant", *place, "--clock", "wall"],
+                stdout=subprocess.PIPE,
             ) as plant,
         ):
             try:
