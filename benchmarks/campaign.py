@@ -143,7 +143,6 @@ class Stopwatch:
 
 
 LAYERS = (
-    ("run folder", RunFolder, "write"),
     ("driver", CanopenDriveBus, "sample"),
     ("driver", CanopenDriveBus, "move"),
     ("reception of frames, bus and driver", Exchange, "_take_block"),
