@@ -70,7 +70,8 @@ class SampleFlag(enum.IntFlag):
     DOUBLED = 2
     """More than one TPDO answered this SYNC; the first counts."""
     LATE = 4
-    """A TPDO of an earlier SYNC arrived within this one's period and was dropped."""
+    """A TPDO of an earlier SYNC arrived within this one's period and was dropped, or this one came
+    alone soon after a missing one and may be that."""
     LIMIT = 8
     """The drive reports an internal limit (statusword bit 11): its torque saturates."""
 

@@ -5,7 +5,8 @@ precompiled struct unpacks the frames of all axes, joined, at once. A bus that h
 frames as one block (`frame_block`) saves even the frame objects. What is irregular leaves this
 path: a TPDO that is missing, doubled or late is flagged and never replaced by a guess. After a
 missing TPDO the axis owes one: if two come for the next SYNC, the first is the late one and is
-dropped.
+dropped. If one comes, nobody knows whether the other was lost or everything lags by a SYNC: it is
+flagged, for some SYNCs, unless all answers are known to be in.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
 """Frames that are read at most once the time of an answer is up: a node may never fall silent."""
+
+DOUBT = 5
+"""SYNCs with one answer each after which a TPDO that is owed counts as lost."""
 
 _COMMAND = struct.Struct("<iH")
 _CODES = {"u16": "H", "i16": "h", "i32": "i"}
@@ -76,7 +80,8 @@ class Exchange:
         self._unpack = struct.Struct("<" + "".join(layouts)).unpack
         self._last: Sequence[Data] | bytes = [bytes(size) for size in self._sizes]
         self._unread: Iterator[can.Message] = _NOTHING
-        self._owed: set[int] = set()
+        self._owed: dict[int, int] = {}
+        self._doubt: dict[int, int] = {}
         self._found: dict[int, int] = {}
         self._regular = (0,) * len(axes)
         self.flags: tuple[int, ...] = self._regular
@@ -175,15 +180,34 @@ class Exchange:
         return frames, missing
 
     def _fill(self, frames: list[Data]) -> None:
-        self._owed = {slot for slot, data in enumerate(frames) if not data}
         last = self._block.data(self._last) if isinstance(self._last, bytes) else self._last
-        for slot in self._owed:
-            frames[slot] = last[slot]
-            self._mark(slot, SampleFlag.MISSING)
+        for slot, data in enumerate(frames):
+            if not data:
+                frames[slot] = last[slot]
+                self._owed[slot] = self._owed.get(slot, 0) + 1
+                self._doubt[slot] = 0 if self._synchronous else DOUBT
+                self._mark(slot, SampleFlag.MISSING)
+            elif slot in self._owed:
+                self._suspect(slot)
+
+    def _suspect(self, slot: int) -> None:
+        """Take note of an answer that came alone although another is owed."""
+        if self._doubt[slot]:
+            self._doubt[slot] -= 1
+            self._mark(slot, SampleFlag.LATE)
+        else:
+            del self._owed[slot]
+
+    def _settle(self, slot: int) -> None:
+        """One of those that are owed has come."""
+        if self._owed.get(slot, 0) > 1:
+            self._owed[slot] -= 1
+        else:
+            self._owed.pop(slot, None)
 
     def _on_repeated(self, slot: int, data: Data, frames: list[Data]) -> None:
         if slot in self._owed:
-            self._owed.discard(slot)
+            self._settle(slot)
             frames[slot] = data
             self._mark(slot, SampleFlag.LATE)
         else:
@@ -193,7 +217,7 @@ class Exchange:
         del timestamp
         slot = self._slots[can_id]
         if len(data) == self._sizes[slot]:
-            self._owed.discard(slot)
+            self._settle(slot)
             self._mark(slot, SampleFlag.LATE)
 
     def _mark(self, slot: int, flag: SampleFlag) -> None:

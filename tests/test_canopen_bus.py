@@ -31,6 +31,7 @@ from drivers.drive_bus import (
     SampleFlag,
 )
 from drivers.drives_file import DrivesFile, load_drives
+from drivers.exchange import DOUBT
 from sim_plant.plant import load_plant
 from sim_plant.server import serve
 
@@ -500,6 +501,27 @@ def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
         assert sample.flags == (0, SampleFlag.LATE, 0)
         assert sample.q[1] == pytest.approx(2 * math.pi / 800)
         assert wall_bus.sample().flags == (0, 0, 0)
+
+
+@pytest.mark.flaky(reruns=2)
+def test_on_the_wall_clock_answers_that_lag_by_a_sync_are_flagged_as_long_as_nobody_knows(
+    can_bus: Any, wall_bus: CanopenDriveBus
+) -> None:
+    held: list[can.Message] = []
+
+    def outgoing(frame: can.Message) -> list[can.Message]:
+        if frame.arbitration_id != 0x182:
+            return [frame]
+        held.append(frame)
+        return [held.pop(0)] if len(held) > 1 else []
+
+    with wall_bus:
+        wall_bus.sample()
+        can_bus.outgoing = outgoing
+        assert wall_bus.sample().flags[1] == SampleFlag.MISSING
+        assert [wall_bus.sample().flags[1] for _ in range(DOUBT)] == [SampleFlag.LATE] * DOUBT
+        assert wall_bus.sample().flags[1] == 0
+        can_bus.outgoing = lambda frame: [frame]
 
 
 def test_on_the_wall_clock_a_node_that_never_falls_silent_keeps_no_sample_waiting(
