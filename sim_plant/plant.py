@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.yaml_file import FileError
 from sim_plant.axis import AxisEvent, Reading
 from sim_plant.drive_settings import DriveSettings
 from sim_plant.physics import flaws, friction, machine_step, profile_generator, servo
 from sim_plant.physics import state as st
+from sim_plant.physics.gear_modes import refuse_steps_too_long
 from sim_plant.plant_file import PlantFile, load_plant_file
 
 if TYPE_CHECKING:
@@ -161,7 +163,7 @@ class Plant:
         self.const = np.array([_constants(axis, file) for axis in file.axes])
         self.state = np.zeros((n, st.N_STATE))
         self.profile = np.zeros((n, st.N_PROFILE))
-        self.flaws = _flaws(file)
+        self.flaws = self._soft_gears()
         self._number = 0
         self._normal = self._random.standard_normal((STOCK, n))
         self._noise = self._random.standard_normal((STOCK, n))
@@ -190,6 +192,17 @@ class Plant:
         self.drives = tuple(_settings(i, axis) for i, axis in enumerate(file.axes))
         self.on_event: Callable[[int, int], None] = lambda _axis, _events: None
         self._compile()
+
+    def _soft_gears(self) -> Array | None:
+        """What the plant file says of soft gears and lagging currents."""
+        found = _flaws(self.file)
+        if found is not None and found[:, flaws.STIFFNESS].any():
+            reach = np.radians([axis.drive.range_deg for axis in self.file.axes])
+            try:
+                refuse_steps_too_long(self._arm, self.const, found, reach, self.file.step)
+            except ValueError as error:
+                raise FileError(f"{self.file.name}: {error}") from error
+        return found
 
     def _compile(self) -> None:
         """Compile before the first SYNC, whose answer a master waits for only so long."""

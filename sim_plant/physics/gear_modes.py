@@ -1,0 +1,108 @@
+"""How fast an arm oscillates on soft gears, and which steps of time can follow.
+
+A light link between two soft gears is faster than either gear with the inertia that it usually
+turns: on the manutec-r15 link 4, 0.044 kg m^2 by itself, three times faster than joint 4 with link
+6 behind it. So every mode counts. With M the inertias of links and motors side by side, K and D
+the springs and dampers between them, the leapfrog of `machine_step` with its extrapolated
+velocities is at its limit where a step h turns a mode round, z = -1, which is where
+
+    M - D h - K h^2 / 4
+
+becomes singular. So the largest eigenvalue of inv(M) (K h^2 / 4 + D h) must stay below one, over
+the whole workspace.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_plant.physics import flaws as fl
+from sim_plant.physics import state as st
+from sim_plant.physics.rigid_body import WORK, bias_and_mass
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Arm = tuple[tuple[int, ...], Array, Array, Array]
+
+FOLLOWED = 0.8
+"""Largest eigenvalue that is let pass: configurations between those tried may be faster."""
+CONFIGURATIONS = 300
+
+
+def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, step: float) -> None:
+    """Refuse gears that steps of that length cannot follow.
+
+    Parameters
+    ----------
+    arm : tuple
+        Joints, frames, bodies, gravity of `sim_plant.physics.rigid_body`.
+    const, flaws : ndarray, shape (n, ...)
+    reach : ndarray, shape (n,)
+        Axes move within +- this [rad].
+    step : float
+        [s].
+
+    Raises
+    ------
+    ValueError
+        Such gears, or links that have no positive inertia by themselves.
+    """
+    modes = list(_modes(arm, const, flaws, reach))
+    limit = step
+    while max(_share(mode, limit) for mode in modes) > FOLLOWED:
+        limit /= 2
+    if limit < step:
+        fastest = max(float(np.sqrt(_largest(M, K))) for M, K, _ in modes) / (2 * np.pi)
+        raise ValueError(
+            f"the arm's fastest oscillation on its gears, {fastest:.0f} Hz, is too fast for steps"
+            f" of {1e3 * step:g} ms; state step: {limit:g}, or a smaller stiffness"
+        )
+
+
+def _modes(arm: Arm, const: Array, flaws: Array, reach: Array) -> Iterator[tuple[Array, ...]]:
+    """M, K and D of links and motors at configurations all over the workspace."""
+    n = len(reach)
+    soft = flaws[:, fl.STIFFNESS] > 0
+    motors, own = const[:, st.MOTOR_INERTIA], slice(None, n)
+    K, D = (_between(flaws[:, column]) for column in (fl.STIFFNESS, fl.DAMPING))
+    for q in np.random.default_rng(0).uniform(-1, 1, (CONFIGURATIONS, n)) * reach:
+        M = np.diag(np.concatenate([np.where(soft, 0.0, motors), motors]))
+        M[own, own] += _mass(arm, q)
+        if np.linalg.eigvalsh(M)[0] <= 0:
+            raise ValueError(
+                "links on soft gears have no motor to lend them inertia, and at q ="
+                f" {np.round(q, 2).tolist()} M(q) by itself is not positive definite; give the"
+                " links parameters of real bodies, or leave stiffness out"
+            )
+        yield M, K, D
+
+
+def _between(value: Array) -> Array:
+    """Matrix of springs or dampers that join each link with its motor."""
+    diagonal = np.diag(value)
+    return np.block([[diagonal, -diagonal], [-diagonal, diagonal]])
+
+
+def _mass(arm: Arm, q: Array) -> Array:
+    n = len(q)
+    bias, mass = np.empty(n), np.zeros((n, n))
+    bias_and_mass(*arm, q, np.zeros(n), bias, mass, np.empty((n, WORK)))
+    lower = np.tril(mass)
+    return lower + np.tril(lower, -1).T
+
+
+def _share(mode: tuple[Array, ...], step: float) -> float:
+    M, K, D = mode
+    return _largest(M, K * step**2 / 4 + D * step)
+
+
+def _largest(M: Array, A: Array) -> float:
+    """Largest eigenvalue of inv(M) A, both symmetric."""
+    root = np.linalg.inv(np.linalg.cholesky(M))
+    return float(np.linalg.eigvalsh(root @ A @ root.T)[-1])
