@@ -1,0 +1,74 @@
+"""How each kind of measurement moves: shares of the limits that suit what it is to show.
+
+Gravity is read at constant velocity, slowly, with a window of some seconds; inertias with as much
+acceleration as leaves room for the load; couplings with an axis that creeps while its partner
+accelerates.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hil.planning.measurement import Partner
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+
+GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_CYCLES = 0.10, 2.0, 3
+"""Share of the speed limit, duration of a window [s], back-and-forth motions."""
+INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.7, 0.4, 0.15, 5
+"""Shares of the limits, shortest ramp [s]."""
+LONGEST_STROKE = 1.0
+"""So that a measurement stays in the neighbourhood of its configuration [rad]."""
+LONGEST_CREEP = 1.7
+"""Way of a creeping axis [rad]."""
+CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
+RAMP_OF_CREEP = 0.2
+"""Duration of a ramp to constant velocity [s]."""
+
+
+def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
+    """Stroke, velocity, acceleration and cycles of a gravity measurement; `axis` from 0."""
+    velocity = GRAVITY_SPEED * float(robot.velocity_limit[axis])
+    return {
+        "stroke": min(velocity * GRAVITY_TIME, LONGEST_STROKE),
+        "velocity": velocity,
+        "acceleration": velocity / RAMP_OF_CREEP,
+        "cycles": GRAVITY_CYCLES,
+    }
+
+
+def inertia_motion(robot: Robot, axis: int) -> dict[str, Any]:
+    """Those of an inertia measurement."""
+    velocity = INERTIA_SPEED * float(robot.velocity_limit[axis])
+    limit = INERTIA_ACCELERATION * float(robot.acceleration_limit[axis])
+    acceleration = min(limit, velocity / INERTIA_RAMP)
+    ramp = velocity**2 / (2 * acceleration)
+    return {
+        "stroke": min(3 * ramp, LONGEST_STROKE),
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "cycles": INERTIA_CYCLES,
+    }
+
+
+def creep_motion(robot: Robot, axis: int) -> dict[str, Any]:
+    """Those of the creeping axis of a coupling measurement."""
+    velocity = CREEP_SPEED * float(robot.velocity_limit[axis])
+    return {
+        "stroke": min(velocity * CREEP_TIME, LONGEST_CREEP),
+        "velocity": velocity,
+        "acceleration": velocity / RAMP_OF_CREEP,
+        "cycles": CREEP_CYCLES,
+    }
+
+
+def partner_motion(robot: Robot, axis: int) -> Partner:
+    """Motion of the partner in a coupling measurement."""
+    motion = inertia_motion(robot, axis)
+    return Partner(
+        axis=axis + 1,
+        stroke=motion["stroke"],
+        velocity=motion["velocity"],
+        acceleration=motion["acceleration"],
+    )
