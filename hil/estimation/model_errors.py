@@ -9,10 +9,10 @@ parameter adds one direction u, its column of K_all,
     p_all = T p + u delta;
 
 delta is estimated with everything else at once, by the same least squares as p. Its evidence is
-delta over its standard error, from the scores of each measurement (sandwich, clustered), so that
-what differs from one measurement to the next counts as error. A direction inside T's span is
-absorbed: that parameter cannot show. Directions that agree but for T's span, or that these very
-measurements do not tell apart, stand together as one candidate.
+delta over its standard error, from leaving out one measurement at a time, so that what differs from
+one measurement to the next counts as error (`hil.estimation.subspace_fit`). A direction inside T's
+span is absorbed: that parameter cannot show. Directions that agree but for T's span, or that these
+very measurements do not tell apart, stand together as one candidate.
 
 After the strongest candidate has been taken in, all others are tested anew: what only resembled it
 loses its evidence. This goes on until nothing is significant at `SIGNIFICANCE`, shared out among
@@ -25,9 +25,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg
 
 from hil.estimation.joint import Joint
+from hil.estimation.subspace_fit import SubspaceFit
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
@@ -51,7 +52,6 @@ ALIKE = 0.98
 _SEEN = 1e-4
 """Least share of a direction's information that the stated parameters cannot imitate."""
 _SAME = 1e-6
-_RIDGE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +147,7 @@ def examine(robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> ModelE
     whole = complete(robot)
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
-    fit = _Fit(Joint(whole, prepared), len(K))
+    fit = SubspaceFit(Joint(whole, prepared), len(K))
     absent, absorbed = _absent(robot, K, stated)
     candidates, unmeasured = _grouped(fit, stated, absent)
     threshold = SIGNIFICANCE / max(len(candidates), 1)
@@ -195,7 +195,7 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
 
 
 def _grouped(
-    fit: _Fit, stated: Array, absent: dict[str, Array]
+    fit: SubspaceFit, stated: Array, absent: dict[str, Array]
 ) -> tuple[dict[tuple[str, ...], Array], tuple[str, ...]]:
     """Candidates that these measurements tell apart, and names of which they tell nothing."""
     names, U = list(absent), np.array(list(absent.values())).T.reshape(len(stated), -1)
@@ -211,7 +211,9 @@ def _grouped(
     return candidates, tuple(name for name, k in zip(names, seen, strict=True) if not k)
 
 
-def _tested(fit: _Fit, basis: Array, candidates: dict[tuple[str, ...], Array]) -> list[Candidate]:
+def _tested(
+    fit: SubspaceFit, basis: Array, candidates: dict[tuple[str, ...], Array]
+) -> list[Candidate]:
     """Every candidate by itself beside `basis`, strongest evidence first."""
     tested = []
     for names, u in candidates.items():
@@ -219,61 +221,10 @@ def _tested(fit: _Fit, basis: Array, candidates: dict[tuple[str, ...], Array]) -
         if own[0, 0] > _SEEN * whole[0, 0]:
             value, error, p_value = fit.solve(np.column_stack([basis, u]))
             tested.append(_candidate(names, u, value[-1], error[-1], p_value[-1]))
-    return sorted(tested, key=lambda candidate: -abs(candidate.t))
+    return sorted(tested, key=lambda candidate: (candidate.p_value, -abs(candidate.t)))
 
 
 def _candidate(
     names: tuple[str, ...], u: Array, value: float, error: float, p_value: float
 ) -> Candidate:
     return Candidate(names, u, float(value), float(error), float(value / error), float(p_value))
-
-
-class _Fit:
-    """Least squares over all measurements within a subspace of all base parameters.
-
-    The common terms are eliminated once and for all: with N_pc and N_cc their blocks of the normal
-    equations and B = N_pc inv(N_cc), what is left is ``(N_pp - B N_cp) p = v_p - B v_c``, and the
-    same combination of a measurement's share is its score.
-    """
-
-    def __init__(self, joint: Joint, n_all: int) -> None:
-        N = np.sum([share for share, _ in joint.shares], axis=0)
-        v = np.sum([side for _, side in joint.shares], axis=0)
-        p, c = slice(None, n_all), slice(n_all, None)
-        B = _solve(N[c, c], N[c, p]).T
-        back = _solve(N[c, c], v[c])
-        eliminated = np.column_stack([np.eye(n_all), -B])
-        self._information = N[p, p] - B @ N[c, p]
-        self._vector = v[p] - B @ v[c]
-        rows = [(eliminated @ share, eliminated @ side) for share, side in joint.shares]
-        self._shares = np.array([row @ eliminated.T for row, _ in rows])
-        self._sides = np.array([side - row[:, c] @ back for row, side in rows])
-
-    def beside(self, basis: Array, directions: Array) -> tuple[Array, Array]:
-        """Information on `directions` less what `basis` can imitate, (k, k); and all of it."""
-        N = self._information
-        cross = basis.T @ N @ directions
-        whole = directions.T @ N @ directions
-        return whole - cross.T @ _solve(basis.T @ N @ basis, cross), whole
-
-    def solve(self, basis: Array) -> tuple[Array, Array, Array]:
-        """Coefficients of `basis`, standard errors and p-values, shape (k,) each."""
-        N, k = basis.T @ self._information @ basis, basis.shape[1]
-        theta = _solve(N, basis.T @ self._vector)
-        scores = (self._sides - self._shares @ (basis @ theta)) @ basis
-        change = _solve(N, scores.T)
-        n = len(scores)
-        squares, fourths = (change**2).sum(axis=1), (change**4).sum(axis=1)
-        degrees = np.clip(squares**2 / np.maximum(fourths, np.finfo(float).tiny) - 1, 2, n - 1)
-        error = np.sqrt(squares * n / max(n - k, 1))
-        p_value = 2 * stats.t.sf(np.abs(theta) / error, degrees)
-        return theta, error, np.asarray(p_value)
-
-
-def _solve(N: Array, side: Array) -> Array:
-    """Solve normal equations scaled to a unit diagonal."""
-    diagonal = np.diag(N)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    scaled = N * np.outer(scale, scale) + _RIDGE * np.eye(len(N))
-    solution: Array = (linalg.cho_solve(linalg.cho_factor(scaled), (side.T * scale).T).T * scale).T
-    return solution
