@@ -175,6 +175,10 @@ class Joint(FileModel):
         Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
     capsule : Capsule, optional
         The link's shape, for keeping it out of forbidden boxes (`hil.model.capsules`).
+    torque_noise : float, optional
+        Standard deviation of a sample of the torque, for predictions [N m, or N].
+    friction_wander : float, optional
+        Standard deviation of the change of friction within a minute, likewise [N m, or N].
     """
 
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -187,6 +191,8 @@ class Joint(FileModel):
     torque_limit: float
     drive: Drive
     capsule: Capsule | None = None
+    torque_noise: float | None = None
+    friction_wander: float | None = None
 
     @field_validator("parameters")
     @classmethod
@@ -222,6 +228,17 @@ class Joint(FileModel):
             return _positive(value, f"{_UNIT[kind]}/s2", _MAX_ACCELERATION[kind], hint)
         unit = "N m" if kind == "revolute" else "N"
         return _positive(value, unit, 1e5, f"it looks like m{unit}")
+
+    @field_validator("torque_noise", "friction_wander")
+    @classmethod
+    def _check_noise(cls, value: float | None, info: ValidationInfo) -> float | None:
+        bound = info.data.get("torque_limit", math.inf)
+        if value is not None and not 0 < value < bound:
+            raise ValueError(
+                f"{value:g} must be positive and below torque_limit = {bound:g}; leave the key out"
+                " if it is not known"
+            )
+        return value
 
     @field_validator("drive")
     @classmethod

@@ -187,18 +187,29 @@ class ObjectDictionary:
 
     def write(self, index: int, subindex: int, value: int) -> None:
         """Write an integer from the bus: range, guards, storage, reactions."""
+        self.writer(index, subindex)(value)
+
+    def writer(self, index: int, subindex: int) -> Callable[[int], None]:
+        """Return a quick way to `write` an object again and again."""
         number = key(index, subindex)
         entry = self._entries[number]
-        low, high = self._ranges.get(number, (entry.low, entry.high))
-        if value > high:
-            raise SdoAbort(AbortCode.VALUE_HIGH)
-        if value < low:
-            raise SdoAbort(AbortCode.VALUE_LOW)
-        for check in self._guards[index]:
-            check(subindex, value)
-        self._values[number] = value
-        for action in self._reactions[index]:
-            action(subindex, value)
+        stated = entry.low, entry.high
+        ranges, values = self._ranges, self._values
+        guards, reactions = self._guards[index], self._reactions[index]
+
+        def write(value: int) -> None:
+            low, high = ranges.get(number, stated)
+            if value > high:
+                raise SdoAbort(AbortCode.VALUE_HIGH)
+            if value < low:
+                raise SdoAbort(AbortCode.VALUE_LOW)
+            for check in guards:
+                check(subindex, value)
+            values[number] = value
+            for action in reactions:
+                action(subindex, value)
+
+        return write
 
     def _reader(self, number: int) -> Callable[[], int]:
         return self._sources.get(number) or functools.partial(self.get, number >> 8, number & 0xFF)

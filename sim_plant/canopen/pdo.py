@@ -104,6 +104,10 @@ class Rpdo(Pdo):
         self._pending: bytes | None = None
         super().__init__(dictionary, number, 0x1400, rewired)
 
+    def _load(self) -> None:
+        super()._load()
+        self._write = [self._dictionary.writer(e.index, e.subindex) for e in self._entries]
+
     def receive(self, data: bytes) -> None:
         """Take a frame: now, or at the next SYNC."""
         if len(data) < self._size:
@@ -128,9 +132,9 @@ class Rpdo(Pdo):
 
     def _apply(self, data: bytes) -> None:
         values = self._layout.unpack_from(data)
-        for entry, value in zip(self._entries, values, strict=True):
+        for write, value in zip(self._write, values, strict=True):
             try:
-                self._dictionary.write(entry.index, entry.subindex, value)
+                write(value)
             except SdoAbort:
                 self._emergencies.report(ErrorCode.PDO_VALUE)
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from sim_plant.canopen.object_dictionary import ObjectDictionary
 
 PERIOD = 0x60C2
+_FOLLOWED = int(Status.SET_POINT_ACKNOWLEDGE)
+_CLIPPED = int(Status.INTERNAL_LIMIT | Status.WARNING)
 
 
 class CyclicPosition:
@@ -35,9 +37,9 @@ class CyclicPosition:
 
     def show(self) -> int:
         """Return the mode's bits of the statusword."""
-        return (0 if self._halted or self._clipped else Status.SET_POINT_ACKNOWLEDGE) | (
-            Status.INTERNAL_LIMIT | Status.WARNING if self._clipped else 0
-        )
+        if self._clipped:
+            return _CLIPPED
+        return 0 if self._halted else _FOLLOWED
 
     def start(self, _demand: int, controlword: int) -> None:
         """Begin without set-point."""

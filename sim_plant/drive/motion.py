@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
 
-_COMPLETION = AxisEvent.DONE | AxisEvent.STANDSTILL
+_COMPLETION = int(AxisEvent.DONE | AxisEvent.STANDSTILL)
 
 
 class Ramp(enum.IntEnum):
@@ -129,4 +129,6 @@ class Motion:
         return min(self._dictionary.get(index), self._dictionary.get(maximum))
 
     def _forget(self) -> None:
-        self.events &= ~int(_COMPLETION)
+        events = self.events
+        if events & _COMPLETION:
+            self.events = events & ~_COMPLETION

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sim_plant.compiled import inlined
+from sim_plant.compiled import in_order, inlined
 from sim_plant.physics import state as st
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def trapezoid(
     return segments
 
 
+@in_order
 def follow(profile: Array, now: float, target: float, period: float) -> None:
     """Take the next of a stream of set-points, one every `period` [s].
 
@@ -59,14 +60,18 @@ def follow(profile: Array, now: float, target: float, period: float) -> None:
     with their mean velocity; two accelerations lead there also from where an irregular set-point
     finds it. If no further set-point comes it goes to rest at the last one as if that came again.
     """
-    last = float(profile[st.TARGET])
+    last, p, v = profile[st.TARGET], profile[st.DEMAND], profile[st.DEMAND_V]
     half, speed = period / 2, (target - last) / period
-    ahead = (last + target) / 2 - float(profile[st.DEMAND])
-    v = float(profile[st.DEMAND_V])
+    ahead = (last + target) / 2 - p
     both, weighted = (speed - v) / half, 2 * (ahead / half - 2 * v) / half
     first = (weighted - both) / 2
-    segments = [(half, first), (half, both - first), (period, -speed / period)]
-    load(profile, now, segments, target)
+    profile[st.START], profile[st.P0], profile[st.V0] = now, p, v
+    profile[st.SEGMENTS : st.END] = 0.0
+    place = st.SEGMENTS
+    for duration, acceleration in ((half, first), (half, both - first), (period, -speed / period)):
+        profile[place], profile[place + 1] = duration, acceleration
+        place += 2
+    profile[st.END], profile[st.TARGET] = now + 2 * period, target
 
 
 def load(
