@@ -283,6 +283,7 @@ def _constants(axis: AxisFile, file: PlantFile) -> Array:
     c[st.BRISTLE_DAMPING] = math.sqrt(f.creep / f.presliding * motor_inertia)
     c[st.BRAKE] = BRAKE_OVER_PEAK * drive.peak_torque
     c[st.HEAT_TIME], c[st.DRIFT] = f.heat_time, float(file.drift)
+    c[st.DRIFT_STRENGTH] = file.drift_strength
     c[st.HEAT_PER_POWER] = _heat_per_power(c)
     for k, phase in enumerate(_ripple_phases(drive.node)):
         amplitude = file.noise.ripple * drive.peak_torque

@@ -177,6 +177,8 @@ class PlantFile(FileModel):
     """Period of the control loops and step of the physics [s]."""
     drift: bool = True
     """Whether friction drifts; if not it keeps the state that it starts with."""
+    drift_strength: Positive = 1.0
+    """Scale of what temperature, lubricant and chance do to friction."""
     symmetric: bool = False
     """Whether to disregard every axis's friction asymmetry."""
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)

@@ -109,9 +109,10 @@ def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
             - settled * x / LUBRICANT_SPEED_MOTION / STIRRING_TIME
         )
         state[i, st.LUBRICANT] = min(max(settled, 0.0), 1.0)
+        sigma = const[i, st.DRIFT_STRENGTH] * WANDER_SIGMA
         state[i, st.WANDER] += (
             -dt * state[i, st.WANDER] / WANDER_TIME
-            + WANDER_SIGMA * math.sqrt(2.0 * dt / WANDER_TIME) * normal[i]
+            + sigma * math.sqrt(2.0 * dt / WANDER_TIME) * normal[i]
         )
         refresh(const, state, i)
 
@@ -119,8 +120,9 @@ def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
 @compiled
 def refresh(const: Array, state: Array, i: int) -> None:
     """Friction coefficients of one axis from its slow states."""
-    warmer = state[i, st.TEMPERATURE] - REFERENCE_TEMPERATURE
-    settled = state[i, st.LUBRICANT]
+    strength = const[i, st.DRIFT_STRENGTH]
+    warmer = strength * (state[i, st.TEMPERATURE] - REFERENCE_TEMPERATURE)
+    settled = strength * state[i, st.LUBRICANT]
     common = 1.0 + state[i, st.WANDER]
     state[i, st.C_NOW] = (
         common * const[i, st.F_COULOMB] * math.exp(-KAPPA[0] * warmer)

@@ -44,6 +44,8 @@ TORQUE_PER_MILLE, CURRENT_PER_MILLE = next(_c), next(_c)
 """Joint torque of one per mille of rated torque and of rated current, signed [N m]."""
 NOISE = next(_c)
 """Standard deviation of the current sensor, as joint torque [N m]."""
+DRIFT_STRENGTH = next(_c)
+"""Scale of all that temperature, lubricant and chance do to friction."""
 N_CONST = next(_c)
 
 _c = count()
