@@ -26,10 +26,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """What two runs tell of a load; `gains` where its mass was given."""
+    """What two runs tell of a load.
+
+    Attributes
+    ----------
+    robot : Robot
+    before, after : Estimate
+        Without and with it.
+    payload : Payload
+    mass : float or None
+        As it was given [kg].
+    gains : Gains or None
+        Where the mass was given.
+    """
 
     robot: Robot
+    before: Estimate
+    after: Estimate
     payload: Payload
+    mass: float | None
     gains: Gains | None
 
 
@@ -58,7 +73,7 @@ def find_load(without: Path, loaded: Path, mass: float | None = None) -> Load:
     gains = None
     if mass is not None:
         gains = drive_gains(robot, _joint(folders[0], before), _joint(folders[1], after), mass)
-    return Load(robot, found, gains)
+    return Load(robot, before, after, found, mass, gains)
 
 
 def _estimate(folder: RunFolder) -> Estimate:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich import box
 from rich.table import Table
 
-from hil.model.base_parameters import base_parameters
+from hil.results.diagnosis_file import needless
 from hil.results.rounding import rounded, signed
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 SHOWN = 8
 """Candidates in the table."""
-NEEDLESS = 0.05
-"""p-value above which a stated parameter may as well be zero."""
 
 
 def render(found: Diagnosis, console: Console) -> None:
@@ -34,8 +32,8 @@ def _candidates(found: Diagnosis) -> Table:
     beside = {c.names: c for c in errors.after}
     table = Table(title=f"{found.robot.name}: what the robot file leaves out",
                   box=box.SIMPLE_HEAD, pad_edge=False)  # fmt: skip
-    table.add_column("parameter")
-    for heading in ("value", "std. error", "evidence t", "p", "t beside those found"):
+    table.add_column("parameter", no_wrap=True)
+    for heading in ("value", "std. error", "t", "p", "t beside found"):
         table.add_column(heading, justify="right", no_wrap=True)
     for c in errors.alone[:SHOWN]:
         s = c.standard_error
@@ -67,12 +65,7 @@ def _phase(found: Diagnosis) -> list[str]:
 
 
 def _needless(found: Diagnosis) -> list[str]:
-    base = base_parameters(found.robot)
-    names = [
-        f"{base.names[k]} ({base.expressions[k]})"
-        for k, p_value in enumerate(found.errors.p_values)
-        if p_value > NEEDLESS
-    ]
+    names = [f"{each.name} ({each.expression})" for each in needless(found)]
     return [f"not needed by the data: {', '.join(names)}"] if names else []
 
 
