@@ -1,0 +1,168 @@
+"""What a campaign shows of the noise: how much its torques scatter, how much friction wanders.
+
+White noise shows in the residuals of thousands of samples. Friction that wanders shows in how much
+more than that the measurements contradict each other: the score of a measurement is what its own
+normal equations leave at the solution of all,
+
+    s = X'(y - X x),   E(s s') = a S_white + b S_wander,
+
+with both matrices as for a prediction (`hil.planning.foreseen`). Scores are taken through what they
+do to the base parameters, in the metric of the information, and summed over the measurements of a
+kind. From these sums, chi-squared with as many degrees of freedom as their covariances say, a and b
+of each axis are the most likely ones. Their prior is log-normal: for a about the residuals' level,
+for b about what was expected beforehand (`hil.planning.noise`), and wide.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from hil.estimation.condensed import FEWEST, usable
+from hil.estimation.joint import Joint
+from hil.model.base_parameters import base_parameters
+from hil.planning.forecast import noise_gain
+from hil.planning.foreseen import moved_axes, n_unknowns, place, shares
+from hil.planning.noise import MINUTE, Noise, stated_noise
+from hil.planning.precision import Information, scatter_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.condensed import Condensed
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.foreseen import Share
+    from hil.planning.measurement import Strokes
+
+    Array = NDArray[np.float64]
+    Prepared = Sequence[tuple[Strokes, Signals]]
+
+WHITE_SPREAD = 0.3
+"""Standard deviation of the prior of log a."""
+WANDER_SPREAD = 2.0
+"""That of log b: the wander itself is known to a factor of about 3."""
+_RIDGE = 1e-12
+
+
+class Levels(NamedTuple):
+    """Noise as a campaign shows it, and what the campaign tells under it."""
+
+    noise: Noise
+    known: Information
+
+
+class _Piece(NamedTuple):
+    """One axis in one measurement: as measured, and as it was to be expected."""
+
+    kind: str
+    measured: Condensed
+    foreseen: Share
+
+
+class _Sums(NamedTuple):
+    """Over the measurements of one kind and axis: squared scores and what they are made of.
+
+    Expected is a `white` + b `wander`; `freedom` is that of the squares as a chi-squared variable.
+    """
+
+    squares: float
+    white: float
+    wander: float
+    freedom: float
+
+
+def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
+    """Find the noise of each axis from prepared measurements."""
+    used = [(m, s) for m, s in prepared if _is_told(robot, m, s)]
+    joint = Joint(robot, used)
+    pieces = list(_pieces(robot, used, joint))
+    expected = stated_noise(robot)
+    white = 1.0 / joint.weight / noise_gain(used[0][1].period)
+    found = []
+    for axis, sums in enumerate(_all_sums(robot, pieces, joint)):
+        told = white[axis] if sums else expected.white[axis]
+        found.append(_likeliest(sums, float(told), float(expected.walk[axis])))
+    a, b = np.array(found).T
+    noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
+    return Levels(noise, _known(robot, pieces, noise))
+
+
+def _is_told(robot: Robot, measurement: Strokes, s: Signals) -> bool:
+    """Whether the estimator uses `measurement` at all."""
+    return any(usable(robot, s, axis).sum() >= FEWEST for axis in moved_axes(measurement))
+
+
+def _pieces(robot: Robot, used: Prepared, joint: Joint) -> Iterator[_Piece]:
+    for (measurement, s), items in zip(used, joint.items, strict=True):
+        foreseen = {share.axis: share for share in shares(robot, measurement, s.period)}
+        for item in items:
+            if item.axis in foreseen:
+                yield _Piece(measurement.kind, item, foreseen[item.axis])
+
+
+def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: Joint) -> list[list[_Sums]]:
+    """Sums of each axis, one for each kind of measurement that it moved in."""
+    n_base = len(base_parameters(robot))
+    x, inverse = _solution(joint)
+    metric = np.linalg.cholesky(np.linalg.inv(inverse[:n_base, :n_base])).T
+    squares: dict[tuple[int, str], list[Array]] = defaultdict(list)
+    for piece in pieces:
+        item, at = piece.measured, place(robot, piece.measured.axis)
+        weight = joint.weight[item.axis]
+        effect = weight * metric @ inverse[:n_base, at]
+        score = effect @ (item.vector - item.information @ x[at])
+        own = effect @ item.information
+        # the solution has bent towards this measurement by its share of the information
+        bent = weight * np.sum(own @ inverse[np.ix_(at, at)] * own) / np.sum(own * effect)
+        white = (1.0 - bent) * effect @ piece.foreseen.white @ effect.T
+        wander = (1.0 - bent) * effect @ piece.foreseen.wander @ effect.T
+        each = [score @ score, np.trace(white), np.trace(wander), np.sum(white**2)]
+        squares[item.axis, piece.kind].append(np.array(each))
+    found: list[list[_Sums]] = [[] for _ in range(robot.n_joints)]
+    for (axis, _), parts in squares.items():
+        square, white_sum, wander_sum, spread = np.sum(parts, axis=0).tolist()
+        found[axis].append(_Sums(square, white_sum, wander_sum, white_sum**2 / spread))
+    return found
+
+
+def _solution(joint: Joint) -> tuple[Array, Array]:
+    """All unknowns, and the inverse of the information."""
+    matrix, vector = (np.sum(part, axis=0) for part in zip(*joint.shares, strict=True))
+    size = 1.0 / np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
+    scaled = matrix * np.outer(size, size) + _RIDGE * np.eye(len(size))
+    inverse = np.linalg.inv(scaled) * np.outer(size, size)
+    return inverse @ vector, inverse
+
+
+def _likeliest(sums: Sequence[_Sums], white: float, walk: float) -> tuple[float, float]:
+    """White noise's variance and the walk's growth, from what is expected of them."""
+
+    def cost(logs: Array) -> float:
+        factors = np.exp(logs)
+        total = (logs[0] / WHITE_SPREAD) ** 2 + (logs[1] / WANDER_SPREAD) ** 2
+        for each in sums:
+            mean = factors[0] * white * each.white + factors[1] * walk * each.wander
+            total += each.freedom * (np.log(mean) + each.squares / mean)
+        return float(total)
+
+    best = optimize.minimize(cost, np.zeros(2), method="Nelder-Mead")
+    a, b = np.exp(best.x).tolist()
+    return white * a, walk * b
+
+
+def _known(robot: Robot, pieces: Sequence[_Piece], noise: Noise) -> Information:
+    """What was measured, as information of the kind that predictions add up."""
+    n = n_unknowns(robot)
+    matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
+    for piece in pieces:
+        axis = piece.measured.axis
+        at = np.ix_(place(robot, axis), place(robot, axis))
+        matrix[at] += piece.measured.information / noise.white[axis]
+        scatter[at] += scatter_of(piece.foreseen, noise)
+    return Information(matrix, scatter)
