@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from hil.results.plot_style import (
     INK,
@@ -27,19 +27,27 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
     from hil.estimation.local_fits import LocalValue
     from hil.results.load_file import Element
     from hil.results.phase import Phase
 
-_ROW = 1.25
+    Array = NDArray[np.float64]
+
+_ROW = 1.35
 """Height of a row of panels [inch]."""
+_NARROW = 4.0
+"""Angles that are shown at least [deg]."""
 
 
 def residuals_over_angles(
     values: Sequence[LocalValue], n_joints: int, symbol: str, unit: str
 ) -> Figure:
     """Measured less modelled elements of every axis against every joint angle.
+
+    What is the same at all configurations of an axis is taken off: it is friction that differs by
+    direction, or that step 1 takes for part of the element, and hides what depends on angles.
 
     Parameters
     ----------
@@ -55,33 +63,46 @@ def residuals_over_angles(
     panels = figure.subplots(
         rows, n_joints, squeeze=False, sharey="row", sharex="col",
         gridspec_kw={
-            "left": 0.075, "right": 0.99, "bottom": 0.5 / height, "top": 1 - 0.4 / height,
-            "wspace": 0.1, "hspace": 0.18,
+            "left": 0.075, "right": 0.99, "bottom": 0.5 / height, "top": 1 - 0.5 / height,
+            "wspace": 0.1, "hspace": 0.32,
         },
     )  # fmt: skip
     for axis, row in zip(axes, panels, strict=False):
         own = [value for value in values if value.axis == axis]
+        left = np.array([value.value - value.model for value in own])
+        mean = float(left.mean())
         for joint, panel in enumerate(row):
-            _residuals(panel, own, joint)
+            _residuals(panel, own, left - mean, joint)
         index = f"{axis + 1}" if symbol == "g" else f"{axis + 1}{axis + 1}"
         row[0].set_ylabel(f"Δ${symbol}_{{{index}}}$ [{unit}]")
+        row[0].set_title(f"mean {signed(f'{mean:.2g}')} {unit} taken off", fontweight="normal",
+                         fontsize=8, color=MUTED)  # fmt: skip
     for joint, panel in enumerate(panels[-1]):
         panel.set_xlabel(f"$q_{{{joint + 1}}}$ [deg]")
+        _scale(panel)
     figure.align_ylabels(panels[:, 0])
     legend(figure, panels[0][0])
     return figure
 
 
-def _residuals(panel: Axes, values: Sequence[LocalValue], joint: int) -> None:
+def _residuals(panel: Axes, values: Sequence[LocalValue], left: Array, joint: int) -> None:
     angle = np.degrees([value.q[joint] for value in values])
-    left = [value.value - value.model for value in values]
     error = 2.0 * np.nan_to_num([value.standard_error for value in values])
+    panel.axhline(0.0, color=MODEL, linewidth=0.9)
     panel.errorbar(angle, left, error, fmt="x", color=MEASURED, markersize=3.5, elinewidth=0.7,
                    label="measured − modelled, ± 2 standard errors")  # fmt: skip
-    panel.axhline(0.0, color=MODEL, linewidth=0.9)
     panel.margins(x=0.08, y=0.12)
-    panel.xaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 3, 4.5, 5, 6, 9, 10]))
     panel.yaxis.set_major_locator(MaxNLocator(4))
+
+
+def _scale(panel: Axes) -> None:
+    """Ticks at right angles; a joint that hardly moved is not blown up."""
+    low, high = panel.get_xlim()
+    if high - low < _NARROW:
+        panel.set_xlim((low + high - _NARROW) / 2, (low + high + _NARROW) / 2)
+        panel.xaxis.set_major_locator(MaxNLocator(3))
+    else:
+        panel.xaxis.set_major_locator(MultipleLocator(180 if high - low > 340 else 90))
 
 
 def shifted_sinusoid(phase: Phase, found: str) -> Figure:
@@ -89,8 +110,9 @@ def shifted_sinusoid(phase: Phase, found: str) -> Figure:
     figure, grid = fixed_grid(0.75 * WIDTH, 3.6, 1, 1)
     panel = figure.add_subplot(grid[0])
     angle = np.linspace(-np.pi, np.pi, 181)
-    panel.plot(np.degrees(angle), phase.stated.at(angle), color=MODEL, label="robot file")
-    panel.plot(np.degrees(angle), phase.extended.at(angle), "--", color=MEASURED,
+    panel.plot(np.degrees(angle), phase.stated.at(angle), "--", color=MODEL,
+               label="robot file")  # fmt: skip
+    panel.plot(np.degrees(angle), phase.extended.at(angle), color=MODEL,
                label=f"with {found}")  # fmt: skip
     error = 2.0 * np.nan_to_num(phase.standard_error)
     panel.errorbar(np.degrees(phase.angle), phase.torque, error, fmt="x", color=MEASURED,

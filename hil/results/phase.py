@@ -7,7 +7,8 @@ sinusoid is largest, and the one that is shifted most is shown; of several alike
 weakest motor, whose friction hides least.
 
 A measurement at another configuration is brought to the one shown: it is drawn as the extended
-model there, plus what the extended model leaves of it where it was taken.
+model there, plus what the extended model leaves of it where it was taken, less what it leaves of
+all of them alike, which is friction that differs by direction.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
         stated=stated,
         extended=extended,
         angle=np.array([v.q[over] for v in own]),
-        torque=np.array([_brought(errors, v, value.q, over) for v in own]),
+        torque=_brought(errors, own, value.q, over),
         standard_error=np.array([v.standard_error for v in own]),
     )
 
@@ -137,14 +138,17 @@ def _sinusoids(errors: ModelErrors, q: Array, axis: int, over: int) -> tuple[Sin
     return found[0], found[1]
 
 
-def _brought(errors: ModelErrors, value: LocalValue, q: Array, over: int) -> float:
-    """Extended model at `q` with the measurement's own angle, plus the measurement's residual."""
+def _brought(errors: ModelErrors, values: list[LocalValue], q: Array, over: int) -> Array:
+    """Extended model at `q` with each measurement's own angle, plus residuals less their mean."""
     stated, extended = models(errors)
-    here = np.array([q])
-    here[0, over] = value.q[over]
-    shifted = _torque(errors, np.array([value.q]), value.axis, extended - stated)[0]
-    left = value.value - value.model - shifted
-    return float(_torque(errors, here, value.axis, extended)[0] + left)
+    axis = values[0].axis
+    there = np.array([value.q for value in values])
+    here = np.tile(q, (len(values), 1))
+    here[:, over] = there[:, over]
+    left = np.array([value.value - value.model for value in values])
+    left = left - _torque(errors, there, axis, extended - stated)
+    torque: Array = _torque(errors, here, axis, extended) + left - left.mean()
+    return torque
 
 
 def models(errors: ModelErrors) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from hil.estimation.local_fits import REFERENCE_SPEED
 from hil.model.base_parameters import base_parameters
 from hil.planning.trajectory import Trajectory
 from hil.results.advice import correlation
+from hil.results.findings_plots import residuals_over_angles
 from hil.results.plot_style import (
     INK,
     MEASURED,
@@ -82,6 +83,18 @@ def moments_of_inertia(evidence: Evidence) -> Figure:
 def couplings(evidence: Evidence) -> Figure:
     """Off-diagonal elements by eq. (21) against M_ji(q) of the model."""
     return _elements(evidence.of_kind("coupling"), "M", "inertia [kg m²]")
+
+
+def gravity_over_angles(evidence: Evidence) -> Figure:
+    """Residuals of the gravity torques against every joint angle: the paper's Fig. 7."""
+    values, n = evidence.of_kind("gravity"), evidence.robot.n_joints
+    return residuals_over_angles(values, n, "g", "N m")
+
+
+def inertia_over_angles(evidence: Evidence) -> Figure:
+    """Residuals of the moments of inertia against every joint angle."""
+    values, n = evidence.of_kind("inertia"), evidence.robot.n_joints
+    return residuals_over_angles(values, n, "M", "kg m²")
 
 
 def friction_levels(evidence: Evidence) -> Figure:
@@ -161,6 +174,8 @@ PLOTS = {
     "coupling": couplings,
     "friction": friction_levels,
     "residuals": residuals,
+    "gravity-angles": gravity_over_angles,
+    "inertia-angles": inertia_over_angles,
     "correlation": correlations,
 }
 """All of them by name, in the order of a report."""

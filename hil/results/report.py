@@ -2,7 +2,8 @@
 
 It can be written again at any time, without hardware and without the network; what `hil identify`
 wrote before is only mentioned. Plots are embedded as SVG. The text is in `templates/report.html`,
-the figures that stand in it come from `hil.results.report_content`.
+the figures that stand in it come from `hil.results.report_content`. What `hil payload` and `hil
+diagnose` found is shown as they wrote it (`hil.results.findings_report`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from hil.estimation.identification import NotIdentifiable, estimates
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import now, versions
-from hil.results import friction_report, plots, report_content
+from hil.results import findings_content, findings_report, friction_report, plots, report_content
 from hil.results.advice import advice
 from hil.results.model_file import NAME as MODEL_NAME
 from hil.results.model_file import ModelFile, recorded
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hil.measuring.recording_file import Measured
+    from hil.results.findings_report import Findings
 
 NAME = "report.html"
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -63,8 +65,9 @@ def report(run_folder: Path | str, figures: Path | None = None) -> Path:
     result = _evaluate(folder, campaign)
     path = folder.path / NAME
     with drawn():
-        drawings = _draw(folder, result)
-        write_file(path, _html(folder, campaign, result, drawings).encode())
+        findings = findings_report.of_campaign(folder, result.estimate)
+        drawings = _draw(folder, result) | findings_report.drawings(findings)
+        write_file(path, _html(folder, campaign, result, findings, drawings).encode())
         if figures is not None:
             _write_figures(figures, drawings)
     return path
@@ -105,7 +108,11 @@ def _draw(folder: RunFolder, result: Result) -> dict[str, Figure]:
 
 
 def _html(
-    folder: RunFolder, campaign: Sequence[Measured], result: Result, drawings: dict[str, Figure]
+    folder: RunFolder,
+    campaign: Sequence[Measured],
+    result: Result,
+    findings: Findings,
+    drawings: dict[str, Figure],
 ) -> str:
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
@@ -120,6 +127,8 @@ def _html(
         content=report_content,
         plots={name: _data_uri(image(figure, "svg")) for name, figure in drawings.items()},
         model_note=_model_note(folder),
+        findings=findings,
+        findings_content=findings_content,
         written=now(),
         version=versions()["canopen-robot-identification"],
         signals=signals,
