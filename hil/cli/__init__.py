@@ -19,15 +19,22 @@ from rich.console import Console
 
 from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
-from hil.cli import commissioning, findings, first_steps, friction, monitoring, trajectory
-from hil.measuring.atomic_file import operator_told, write_file
+from hil.cli import (
+    commissioning,
+    findings,
+    first_steps,
+    friction,
+    monitoring,
+    planning,
+    trajectory,
+)
+from hil.measuring.atomic_file import operator_told
 from hil.measuring.rehearsal import SPEED
 from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.dry_run import BITRATE, dry_run
-from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
-from hil.planning.workspace import load_workspace
+from hil.planning.plan import load_plan, refuse_other_robot
 from hil.terminal import dry_run_view, robot_view
 from hil.terminal.drives_check import StatedAxis, refuse_contradictions
 from hil.terminal.run_command import bus_options, carry_out, prepare_folder, with_workspace
@@ -38,6 +45,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
     from hil.model.robot import Robot
+    from hil.planning.dry_run import DryRun
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
 
@@ -47,6 +55,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(planning.commands)
 app.add_typer(first_steps.commands)
 app.add_typer(commissioning.commands)
 app.add_typer(monitoring.commands)
@@ -99,40 +108,27 @@ def robot(name: Annotated[str, typer.Argument(help="Name, or path of a robot fil
     robot_view.render(load_robot(name), out)
 
 
-@app.command()
-def plan(
-    name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
-    gravity: Annotated[int, typer.Option(min=1, help="Gravity measurements.")] = 64,
-    inertia: Annotated[int, typer.Option(min=1, help="Inertia measurements.")] = 92,
-    coupling: Annotated[int, typer.Option(min=1, help="Coupling measurements.")] = 9,
-    warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand [s].")] = 0.0,
-    workspace: WorkspaceOption = None,
-) -> None:
-    """Choose configurations and motions from g(q) and M(q)."""
-    from hil.planning.experiment_design import design  # noqa: PLC0415 - slow to import, used here only
-
-    the_robot = load_robot(name)
-    if output.exists():
-        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
-    try:
-        guard = None if workspace is None else load_workspace(workspace, the_robot)
-        designed = design(the_robot, (gravity, inertia, coupling), warm_up, guard)
-    except ValueError as error:
-        raise FileError(f"{name}: {error}") from error
-    write_file(output, dump_plan(designed).encode())
-    out.print(f"{len(designed.measurements)} measurements in {output}", highlight=False)
-
-
 @app.command("dry-run")
 def dry_run_(
     plan_file: PlanFile,
     robot_file: RobotOption = None,
     bitrate: Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s")] = BITRATE,
     workspace: WorkspaceOption = None,
+    noise_from: planning.NoiseFrom = None,
+    drives_file: Annotated[
+        Path | None, typer.Option("--drives", help="Drives file, for the torques' resolution.")
+    ] = None,
 ) -> None:
     """Tell what a plan will take and give; nothing moves."""
-    _dry_run(plan_file, *_load(plan_file, robot_file, workspace), bitrate, quiet=False)
+    the_plan, the_robot = _load(plan_file, robot_file, workspace)
+    result = _dry_run(plan_file, the_plan, the_robot, bitrate, quiet=False)
+    if result.groups:
+        from hil.planning.precision import predict  # noqa: PLC0415 - slow to import, used here only
+        from hil.terminal import precision_view  # noqa: PLC0415 - slow to import, used here only
+
+        noise = planning.noise_of(the_robot, noise_from, drives_file)
+        found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
+        precision_view.render(found, the_robot, out)
 
 
 @app.command()
@@ -192,6 +188,10 @@ def run(
 def identify(
     folder: RunPath,
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
+    others: Annotated[
+        list[Path] | None,
+        typer.Option("--with", help="Further run to identify it with, may be repeated."),
+    ] = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
     from hil.estimation.friction.symmetry import of_local_values  # noqa: PLC0415 - slow to import
@@ -199,10 +199,11 @@ def identify(
     from hil.terminal import estimate_view, friction_view  # noqa: PLC0415 - slow to import
 
     begun = perf_counter()
-    found = model_file.identify(folder, method.value)
+    found = model_file.identify(folder, method.value, others or ())
     estimate_view.render(found, load_robot(folder / "robot.yaml"), out)
     friction_view.render_symmetry(of_local_values(found.local), out)
-    _tell_shortfall(folder)
+    for each in (folder, *(others or ())):
+        _tell_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
     out.print(f"model in {folder / model_file.NAME} ({took})", highlight=False, soft_wrap=True)
 
@@ -250,13 +251,14 @@ def _load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tu
 
 def _dry_run(
     plan_file: Path, the_plan: Plan, the_robot: Robot, bitrate: int, *, quiet: bool
-) -> None:
+) -> DryRun:
     result = dry_run(the_plan, the_robot, bitrate)
     if not quiet:
         dry_run_view.render(result, out)
     if result.problems:
         text = plan_file.read_text(encoding="utf-8")
         raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
+    return result
 
 
 def _gate(folder: Path, the_robot: Robot) -> None:

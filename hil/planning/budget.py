@@ -84,7 +84,14 @@ def design_within(
     return as_plan(robot, _numbered(order, set()), warm_up, workspace)
 
 
-def refine(robot: Robot, minutes: float, noise: Noise, known: Information, run: Plan) -> Plan:
+def refine(
+    robot: Robot,
+    minutes: float,
+    noise: Noise,
+    known: Information,
+    run: Plan,
+    taken: set[str] | None = None,
+) -> Plan:
     """Plan what to measure next, of at most `minutes`.
 
     Parameters
@@ -97,7 +104,9 @@ def refine(robot: Robot, minutes: float, noise: Noise, known: Information, run: 
     known : Information
         What the run tells.
     run : Plan
-        That of the run; ids go on from there.
+        That of the run, from which workspace and sampling are taken.
+    taken : set of str, optional
+        Ids to be avoided; those of the run by default.
 
     Raises
     ------
@@ -107,10 +116,10 @@ def refine(robot: Robot, minutes: float, noise: Noise, known: Information, run: 
     guarded = narrowed(robot, run.workspace)
     options = pool(guarded, run.workspace, run.sample_period, noise)
     worth = weighed(known.matrix, known.scatter)
-    selection = Selection(guarded, options, run.travel, "torque", worth)
+    selection = Selection(guarded, options, TRAVEL, "torque", worth)
     order = _filled(robot, options, selection, 60 * minutes, 1, run.workspace)
-    order = _numbered(order, {measurement.id for measurement in run.measurements})
-    plan = as_plan(robot, order, 0.0, run.workspace)
+    avoided = {m.id for m in run.measurements} if taken is None else taken
+    plan = as_plan(robot, _numbered(order, avoided), 0.0, run.workspace)
     return plan.model_copy(update={"sample_period": run.sample_period})
 
 

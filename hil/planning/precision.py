@@ -25,6 +25,7 @@ from scipy.stats import qmc
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.foreseen import n_unknowns, place, shares
+from hil.planning.measurement import Friction
 from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -136,8 +137,8 @@ def information(
     n = n_unknowns(robot)
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
     for measurement in measurements:
-        if isinstance(measurement, Trajectory):
-            continue
+        if isinstance(measurement, Friction | Trajectory):
+            continue  # of no use to the joint estimator
         for share in shares(robot, measurement, period):
             at = np.ix_(place(robot, share.axis), place(robot, share.axis))
             matrix[at] += share.information / noise.white[share.axis]

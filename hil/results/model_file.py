@@ -7,7 +7,6 @@ the run's recordings; nothing in it is an input to anything but reports.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
@@ -20,17 +19,25 @@ from hil.measuring.atomic_file import write_file
 from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import now
 from hil.model.base_parameters import base_parameters
+from hil.results.pooling import open_runs, pooled, recorded
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
-    from hil.measuring.recording import Recording
-    from hil.measuring.recording_file import Measured
-    from hil.planning.measurement import Measurement
+
+__all__ = [
+    "NAME",
+    "ModelFile",
+    "Parameter",
+    "Provenance",
+    "identify",
+    "load_model",
+    "recorded",
+]
 
 NAME = "model.yaml"
 
@@ -48,7 +55,7 @@ class Parameter(FileModel):
 
 
 class Provenance(FileModel):
-    """Where a model comes from."""
+    """Where a model comes from; `together_with` names further runs that it was made from."""
 
     robot: str
     robot_digest: str
@@ -57,6 +64,7 @@ class Provenance(FileModel):
     bus: str
     measurements: int
     missing: int = 0
+    together_with: tuple[str, ...] = ()
     left_out: tuple[str, ...]
     identified: str
     method: str
@@ -89,7 +97,9 @@ class ModelFile(FileModel):
         return np.array([parameter.value for parameter in self.parameters])
 
 
-def identify(run_folder: Path | str, method: Method = "improved") -> Estimate:
+def identify(
+    run_folder: Path | str, method: Method = "improved", others: Sequence[Path | str] = ()
+) -> Estimate:
     """Estimate the base parameters from a run and write `model.yaml` into its folder.
 
     Parameters
@@ -97,20 +107,21 @@ def identify(run_folder: Path | str, method: Method = "improved") -> Estimate:
     run_folder : path
     method : {"improved", "printed"}
         See `hil.estimation.identification`.
+    others : sequence of path
+        Further runs of the same robot, identified together with the first.
 
     Raises
     ------
     FileError
         No run folder, a damaged recording, or measurements that do not suffice.
     """
-    folder = RunFolder.open(run_folder)
+    folder, *more = open_runs([run_folder, *others])
     try:
-        result = estimate(folder.robot, recorded(folder), method)
+        result = estimate(folder.robot, pooled([folder, *more]), method)
     except NotIdentifiable as error:
         raise FileError(f"{folder.path}: {error}") from error
-    text = yaml.safe_dump(
-        _content(folder, result).model_dump(mode="json"), sort_keys=False, width=200
-    )
+    content = _content(folder, result, more)
+    text = yaml.safe_dump(content.model_dump(mode="json"), sort_keys=False, width=200)
     write_file(folder.path / NAME, text.encode())
     return result
 
@@ -129,19 +140,7 @@ def load_model(run_folder: Path | str) -> ModelFile:
     return load_yaml(path, ModelFile)
 
 
-def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[Measurement, Recording]]:
-    """All recordings of a run folder; bus time goes on from one session to the next."""
-    session, offset, last = 0, 0.0, 0.0
-    for measured in campaign:
-        if measured.session != session:
-            session, offset = measured.session, last
-        recording = measured.recording
-        shifted = replace(recording, time=recording.time + offset)
-        last = max(last, float(shifted.time[-1]))
-        yield measured.measurement, shifted
-
-
-def _content(folder: RunFolder, result: Estimate) -> ModelFile:
+def _content(folder: RunFolder, result: Estimate, more: Sequence[RunFolder]) -> ModelFile:
     base = base_parameters(folder.robot)
     group_of = {index: group for group, members in base.groups.items() for index in members}
     half = result.half_width()
@@ -165,7 +164,8 @@ def _content(folder: RunFolder, result: Estimate) -> ModelFile:
         measured=sessions[-1].started if sessions else "",
         bus=sessions[-1].bus if sessions else "",
         measurements=len(result.local),
-        missing=len(folder.missing),
+        missing=sum(len(each.missing) for each in (folder, *more)),
+        together_with=tuple(str(each.path) for each in more),
         left_out=result.left_out,
         identified=now(),
         method=result.method,
