@@ -96,9 +96,14 @@ def products(
             shares = [stacked[used & period] for stacked, used in axes]
             blocks.append([share.T @ share for share in shares])
             counts.append([len(share) for share in shares])
-    n_friction = columns(robot, np.zeros((1, robot.n_joints)), 0, terms, np.zeros(1)).shape[1]
+    n_friction = _n_friction(robot, terms)
     n_base = (np.shape(blocks)[-1] - 1) // 2 - n_friction
     return Products(np.array(blocks), np.array(counts, dtype=float), n_base, n_friction)
+
+
+def _n_friction(robot: Robot, terms: Terms) -> int:
+    still = np.zeros((1, robot.n_joints))
+    return columns(robot, still, still, 0, terms, np.zeros(1)).shape[1]
 
 
 def _axis(
@@ -115,7 +120,7 @@ def _axis(
     for q, qd, qdd in ((s.q, s.qd, s.qdd), commanded):
         direction = np.sign(s.smoothed(qd[:, axis]))
         stacked.append(regressor(robot, q, qd, qdd, joints=[axis])[:, 0])
-        stacked.append(columns(robot, qd, axis, terms, direction))
+        stacked.append(columns(robot, q, qd, axis, terms, direction))
     slow = np.abs(s.smoothed(s.qd[:, axis])) < slowest * robot.velocity_limit[axis]
     used = s.away_from(slow) if slowest else np.ones(len(y), dtype=bool)
     return s.smoothed(np.hstack(stacked)), used
