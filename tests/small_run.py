@@ -13,19 +13,21 @@ SIMULATED = "sim_plant manutec-r15"
 NOISE = 0.0025
 
 
-def write_run(path, robot):
-    """Write a whole run of a small plan; friction decays and has an offset."""
+def write_run(path, robot, truth=None, seed=1):
+    """Write a whole run of a small plan; friction decays and has an offset.
+
+    `truth`: the robot as it is and its base parameters, if it is not as its file says.
+    """
+    machine, p = truth or (robot, TABLE_3_A)
     plan = design(robot, COUNTS)
     folder = RunFolder.create(path, plan, robot)
     friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
-    rng, begin = np.random.default_rng(1), 0.0
+    rng, begin = np.random.default_rng(seed), 0.0
     with folder.session(SIMULATED) as session:
         folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
                           for n in range(1, 7)])  # fmt: skip
         for measurement in plan.measurements:
-            recording = record(
-                robot, measurement, TABLE_3_A, friction, begin=begin, noise=NOISE, rng=rng
-            )
+            recording = record(machine, measurement, p, friction, begin=begin, noise=NOISE, rng=rng)
             folder.write(Measured(measurement, recording, session=session))
             begin = float(recording.time[-1]) + 1.0
     return folder
