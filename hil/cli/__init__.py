@@ -26,6 +26,7 @@ from hil.cli import (
     friction,
     monitoring,
     planning,
+    study,
     trajectory,
 )
 from hil.measuring.atomic_file import operator_told
@@ -62,6 +63,7 @@ app.add_typer(monitoring.commands)
 app.add_typer(findings.commands)
 app.add_typer(friction.commands, name="friction")
 app.add_typer(trajectory.commands, name="trajectory")
+app.add_typer(study.commands, name="study")
 out = Console()
 
 PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]

@@ -116,7 +116,7 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     FileError
         No such file, or a plant whose torques no base parameters of `robot` can give.
     """
-    path = _find(plant)
+    path = find_plant(plant)
     content = load_yaml(path, _Plant)
     _refuse_other_frames(robot, content, path)
     standard = content.standard()
@@ -125,7 +125,7 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     return p
 
 
-def _find(plant: Path | str) -> Path:
+def find_plant(plant: Path | str) -> Path:
     """Path of a plant file; the package of the plant is located, never imported."""
     spec = find_spec(_PLANT)
     folders = [] if spec is None else list(spec.submodule_search_locations or [])

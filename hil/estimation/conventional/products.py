@@ -103,7 +103,7 @@ def products(
 
 def _n_friction(robot: Robot, terms: Terms) -> int:
     still = np.zeros((1, robot.n_joints))
-    return columns(robot, still, still, 0, terms, np.zeros(1)).shape[1]
+    return int(columns(robot, still, still, 0, terms, np.zeros(1)).shape[1])
 
 
 def _axis(

@@ -62,8 +62,8 @@ VARIANTS: dict[str, Variant] = {
     "strongest": Variant("rich", slowest=SLOW),
 }
 """Friction estimated jointly; a warm-up is a matter of the plan."""
-COMPENSATED = Variant("none")
-"""With a friction characteristic measured beforehand."""
+COMPENSATED = Variant("none", slowest=SLOW)
+"""With a friction characteristic measured beforehand, which says nothing of reversals."""
 
 
 def trajectories(

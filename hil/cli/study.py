@@ -1,0 +1,80 @@
+"""Studies over many virtual plants, on this machine or on a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from drivers.yaml_file import FileError
+
+commands = typer.Typer(help="Methods against one another on plants whose truth is known.")
+out = Console()
+
+
+@commands.callback()
+def _group() -> None:
+    """Keep `drift` a sub-command while it is the only one."""
+
+
+@commands.command()
+def drift(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the study.")],
+    robot: Annotated[str, typer.Option(help="Name, or path of a robot file.")] = "manutec-r15",
+    plant: Annotated[
+        str | None, typer.Option(help="Plant file of it, or name; by default the robot's name.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=2, help="Plants of each scenario.")] = 20,
+    first_seed: Annotated[int, typer.Option(min=0, help="Their seeds count from here.")] = 101,
+    scenario: Annotated[
+        list[str] | None, typer.Option(help="off, on, strong, asymmetric, load; all if none.")
+    ] = None,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(help="two-step, trajectory, compensated, warmed; the first three if none."),
+    ] = None,
+    share: Annotated[
+        float, typer.Option(min=0.05, max=4, help="Of the designed plan's measurements.")
+    ] = 1.0,
+    workers: Annotated[int | None, typer.Option(min=1, help="Campaigns at once.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
+    ] = None,
+) -> None:
+    """Set the two-step method against conventional ones, friction drifting or not."""
+    from hil.study import drift as study  # noqa: PLC0415 - slow to import, used here only
+    from hil.study import execution, summary  # noqa: PLC0415
+    from hil.study.campaigns import KINDS  # noqa: PLC0415
+    from hil.study.scenarios import SCENARIOS  # noqa: PLC0415
+    from hil.terminal import study_view  # noqa: PLC0415
+
+    scenarios = _known(scenario, tuple(SCENARIOS), "--scenario") or tuple(SCENARIOS)
+    kinds = _known(kind, KINDS, "--kind") or KINDS[:3]
+    numbers = range(first_seed, first_seed + seeds)
+    try:
+        cells = study.prepare(output, robot, plant or robot, numbers, scenarios, kinds, share)
+    except ValueError as error:
+        raise FileError(f"{output}: {error}") from error
+    workers = workers or os.cpu_count() or 1
+    where = execution.cluster(scheduler) if scheduler else execution.local(workers)
+    failed = 0
+    with where as execute, study_view.shown(out) as show:
+        for done in study.carry_out(cells, execute):
+            show(done)
+            failed += bool(done.error)
+    rows = summary.summarise(study.judged(cells))
+    summary.write(output, rows)
+    study_view.render(rows, out)
+    out.print(f"table and picture in {output}", highlight=False, soft_wrap=True)
+    if failed:
+        raise FileError(f"{output}: {failed} campaigns failed, see above; the same command retries")
+
+
+def _known(given: list[str] | None, known: tuple[str, ...], option: str) -> tuple[str, ...]:
+    for name in given or ():
+        if name not in known:
+            raise typer.BadParameter(f"{name} must be one of {', '.join(known)}", param_hint=option)
+    return tuple(dict.fromkeys(given or ()))

@@ -1,0 +1,1 @@
+"""Methods set against one another on many virtual plants whose truth is known."""

@@ -1,0 +1,111 @@
+"""What is measured in a study: campaigns of equal duration, one for each way of identifying.
+
+two-step
+    the designed plan of gravity, inertia and coupling measurements;
+trajectory
+    exciting trajectories, friction being estimated jointly;
+compensated
+    a friction sweep first and the trajectories in what is left of the time;
+warmed
+    the same after half an hour of motion, which does not count as measuring time.
+
+Several different trajectories, each optimised from starts of its own, tell more than one repeated.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.measuring.atomic_file import write_file
+from hil.model.base_parameters import base_parameters
+from hil.planning.experiment_design import COUNTS, design
+from hil.planning.friction_plans import sweep
+from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
+from hil.planning.timetable import timetable
+from hil.planning.trajectory_design import design_trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+
+KINDS = ("two-step", "trajectory", "compensated", "warmed")
+TRAJECTORIES, PERIOD = 4, 10.0
+"""Different ones, and the period of each [s]."""
+SPEEDS, SLOWEST = 12, 0.01
+"""Of the sweep beforehand: creep tells the peak at standstill, which no compensation uses."""
+WARM_UP = 1800.0
+"""[s]."""
+TRAVEL_AND_REST = 3.5
+"""Of each trajectory, about [s]."""
+
+
+def campaigns(robot: Robot, share: float, folder: Path) -> dict[str, Plan]:
+    """Return the plans of a study; those in `folder` are taken as they are, others written there.
+
+    Parameters
+    ----------
+    share : float
+        Of the number of measurements that `hil plan` chooses.
+
+    Raises
+    ------
+    FileError
+        Plans of another robot, or a full disk.
+    ValueError
+        So small a share that trajectories do not fit in beside the sweep.
+    """
+    found = {}
+    for kind in KINDS:
+        path = folder / f"{kind}.yaml"
+        if not path.exists():
+            plans = _designed(robot, share)
+            for name, plan in plans.items():
+                write_file(folder / f"{name}.yaml", dump_plan(plan).encode())
+        found[kind] = load_plan(path, robot)
+    return found
+
+
+def duration(robot: Robot, plan: Plan) -> float:
+    """Expected time of a plan's measurements and travels [s]."""
+    return sum(e.travel + e.duration for e in timetable(plan, robot, plan.measurements))
+
+
+def _designed(robot: Robot, share: float) -> dict[str, Plan]:
+    groups = base_parameters(robot).groups.values()
+    counts = [max(round(share * n), len(g)) for n, g in zip(COUNTS, groups, strict=True)]
+    two_step = design(robot, (counts[0], counts[1], counts[2]))
+    beforehand = sweep(robot, speeds=SPEEDS, slowest=SLOWEST)
+    waves = [
+        design_trajectory(robot, PERIOD, 1, "condition", k, name=f"t{k + 1}")
+        for k in range(TRAJECTORIES)
+    ]
+    time = duration(robot, two_step)
+    left = time - duration(robot, beforehand)
+    compensated = [*beforehand.measurements, *_filling(waves, left)]
+    return {
+        "two-step": two_step,
+        "trajectory": _plan(robot, _filling(waves, time)),
+        "compensated": _plan(robot, compensated),
+        "warmed": _plan(robot, compensated, WarmUp(duration=WARM_UP)),
+    }
+
+
+def _filling(waves: Sequence[Measurement], time: float) -> list[Measurement]:
+    cycles = int((time / len(waves) - TRAVEL_AND_REST) / PERIOD)
+    if cycles < 1:
+        raise ValueError(
+            f"{max(time, 0.0) / 60:.1f} min left for trajectories must be at least"
+            f" {len(waves) * (PERIOD + TRAVEL_AND_REST) / 60:.1f}; raise --share"
+        )
+    return [wave.model_copy(update={"cycles": cycles}) for wave in waves]
+
+
+def _plan(robot: Robot, measurements: Sequence[Measurement], warm_up: WarmUp | None = None) -> Plan:
+    return Plan(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        warm_up=warm_up,
+        measurements=tuple(measurements),
+    )

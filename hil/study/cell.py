@@ -1,0 +1,217 @@
+"""One campaign on one plant: measured by `hil run`, judged by every method that it serves.
+
+A campaign is a process of its own, so that anybody can repeat any figure by hand with the same
+command, and that what goes wrong in one campaign touches no other. What is judged is kept as a
+small file; the recordings stay until somebody deletes them.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+from drivers.yaml_file import FileError
+from hil.estimation.conventional.products import products
+from hil.estimation.conventional.variants import (
+    COMPENSATED,
+    VARIANTS,
+    estimate_of,
+    identify,
+    trajectories,
+)
+from hil.estimation.identification import METHODS, estimates
+from hil.measuring.atomic_file import write_file
+from hil.measuring.run_folder import RunFolder
+from hil.results.compare import comparison
+from hil.results.friction_file import fit
+from hil.results.model_file import recorded
+from hil.results.truth import true_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+OUR_DEFAULT = "two-step, improved"
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A campaign of a study.
+
+    Attributes
+    ----------
+    study : Path
+    scenario, kind : str
+    seed : int
+    other : int
+        Seed of the session from which a friction measured earlier is taken.
+    """
+
+    study: Path
+    scenario: str
+    kind: str
+    seed: int
+    other: int
+
+    @property
+    def run(self) -> Path:
+        """Folder of its run."""
+        return self._run(self.seed)
+
+    @property
+    def earlier_run(self) -> Path:
+        """Folder of the run of the other session."""
+        return self._run(self.other)
+
+    @property
+    def plant(self) -> Path:
+        """Plant file."""
+        return self.study / self.scenario / "plant.yaml"
+
+    @property
+    def plan(self) -> Path:
+        """Plan file."""
+        return self.study / f"{self.kind}.yaml"
+
+    @property
+    def verdict(self) -> Path:
+        """File of what was found."""
+        return self.study / self.scenario / self.kind / f"seed-{self.seed}.json"
+
+    def __str__(self) -> str:
+        return f"{self.scenario}, {self.kind}, seed {self.seed}"
+
+    def _run(self, seed: int) -> Path:
+        return self.study / self.scenario / self.kind / f"seed-{seed}"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How far one method was from the truth in one campaign.
+
+    Attributes
+    ----------
+    method : str
+    group_error : dict
+        See `hil.results.compare.Comparison`.
+    torque_error : float
+        Mean over joints, relative.
+    inside, n : int
+        Parameters whose interval of 95 % holds the truth, and all.
+    error : list of float
+        Of each parameter.
+    """
+
+    method: str
+    group_error: dict[str, float]
+    torque_error: float
+    inside: int
+    n: int
+    error: list[float]
+
+
+def measure(cell: Cell) -> None:
+    """Measure what is missing of a campaign.
+
+    Raises
+    ------
+    FileError
+        The campaign did not come to its end; the message is its own.
+    """
+    if cell.run.exists() and not RunFolder.open(cell.run).missing:
+        return
+    cell.run.parent.mkdir(parents=True, exist_ok=True)
+    robot = cell.study / "robot.yaml"
+    command = [
+        *(sys.executable, "-m", "hil", "run", cell.plan, "-o", cell.run, "--robot", robot),
+        *("--channel", cell.plant, "--bus-option", f"seed={cell.seed}"),
+        *(("--drives", drives) if (drives := cell.study / "drives.yaml").exists() else ()),
+        *(("--resume",) if cell.run.exists() else ()),
+    ]
+    done = subprocess.run(  # noqa: S603 - our own command
+        [str(part) for part in command], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise FileError(f"{cell}: {done.stderr.strip() or f'ended with {done.returncode}'}")
+
+
+def judge(cell: Cell) -> list[Outcome]:
+    """Estimate by all methods that the campaign serves, and compare; kept in a file."""
+    if cell.verdict.exists():
+        return [Outcome(**each) for each in json.loads(cell.verdict.read_text())]
+    folder = RunFolder.open(cell.run)
+    truth = true_parameters(folder.robot, cell.plant)
+    found = [
+        _outcome(name, estimate, folder.robot, truth)
+        for name, estimate in _METHODS[cell.kind](cell, folder)
+    ]
+    text = json.dumps([asdict(each) for each in found], indent=1)
+    write_file(cell.verdict, text.encode())
+    return found
+
+
+def _outcome(name: str, estimate: Estimate, robot: Robot, truth: Array) -> Outcome:
+    found = comparison(estimate, robot, truth)
+    return Outcome(
+        method=name,
+        group_error={group: float(error) for group, error in found.group_error.items()},
+        torque_error=found.mean_torque_error,
+        inside=int(found.inside.sum()),
+        n=len(found.inside),
+        error=found.error.tolist(),
+    )
+
+
+def _two_step(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
+    for method, found in estimates(folder.robot, list(recorded(folder)), METHODS).items():
+        yield f"two-step, {method}", found
+
+
+def _jointly(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
+    """Conventional methods with friction in the regression; variants share what they can."""
+    measured = trajectories(recorded(folder))
+    condensed = {
+        key: products(folder.robot, measured, *key)
+        for key in dict.fromkeys((v.terms, v.slowest) for v in VARIANTS.values())
+    }
+    for name, variant in VARIANTS.items():
+        data = condensed[variant.terms, variant.slowest]
+        yield f"jointly: {name}", estimate_of(folder.robot, data, variant, name)
+
+
+def _beforehand(cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
+    """Friction measured in this session, and in another one."""
+    warm = " after warm-up" if cell.kind == "warmed" else ""
+    measured = trajectories(recorded(folder))
+    sessions = {"same session": cell.run, "other session": cell.earlier_run}
+    for session, run in sessions.items():
+        known = _characteristics(run, folder.robot)
+        name = f"beforehand{warm}: {session}"
+        yield name, identify(folder.robot, measured, COMPENSATED, known, name)
+
+
+def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
+    fits = {each.axis: each.models[each.chosen] for each in fit(run).axes}
+    missing = [str(axis + 1) for axis in range(robot.n_joints) if axis not in fits]
+    if missing:
+        raise FileError(f"{run}: no friction model of axis {', '.join(missing)}")
+    return [fits[axis].torque for axis in range(robot.n_joints)]
+
+
+_METHODS: dict[str, Callable[[Cell, RunFolder], Iterator[tuple[str, Estimate]]]] = {
+    "two-step": _two_step,
+    "trajectory": _jointly,
+    "compensated": _beforehand,
+    "warmed": _beforehand,
+}

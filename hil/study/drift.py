@@ -1,0 +1,135 @@
+"""The paper's claim as a study: what drift does to each way of identifying, over many plants.
+
+Every seed is a plant of its own. In each scenario (`scenarios`) it is measured for the same time in
+each way (`campaigns`), and every method's estimate is set against the truth (`cell`). First all
+campaigns are measured, since a friction measured in another session is that of another campaign;
+then all are judged. Whatever is there already is not done again.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from drivers.yaml_file import FileError
+from hil.measuring.atomic_file import write_file
+from hil.model.robot import ROBOTS, load_robot
+from hil.study.campaigns import KINDS, campaigns
+from hil.study.cell import Cell, judge, measure
+from hil.study.scenarios import SCENARIOS, write_plant
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from hil.study.cell import Outcome
+    from hil.study.execution import Execute
+
+SETTINGS = "study.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """One job is done, or failed.
+
+    Attributes
+    ----------
+    cell : Cell
+    step : {"measured", "judged"}
+    error : str
+        Empty where all went well.
+    done, of : int
+        Jobs of this step.
+    """
+
+    cell: Cell
+    step: str
+    error: str
+    done: int
+    of: int
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What all methods made of one campaign."""
+
+    cell: Cell
+    outcomes: tuple[Outcome, ...]
+
+
+def prepare(
+    folder: Path,
+    robot: str,
+    plant: str,
+    seeds: Sequence[int],
+    scenarios: Sequence[str],
+    kinds: Sequence[str] = KINDS[:3],
+    share: float = 1.0,
+) -> list[Cell]:
+    """Make or open the folder of a study, and return its campaigns.
+
+    Parameters
+    ----------
+    robot : str
+        Name, or path of a robot file.
+    plant : str
+        Plant file on which all scenarios are built, or the name of one that comes along.
+    share : float
+        Of the designed plan's measurements.
+
+    Raises
+    ------
+    FileError
+        A folder of another study, no such plant, a full disk.
+    """
+    the_robot = load_robot(robot)
+    folder.mkdir(parents=True, exist_ok=True)
+    _keep(folder / SETTINGS, {"robot": the_robot.digest, "plant": plant, "share": share})
+    packaged = ROBOTS / f"{robot}.yaml"
+    shutil.copyfile(packaged if packaged.exists() else robot, folder / "robot.yaml")
+    drives = ROBOTS / f"{robot}.drives.yaml"
+    if drives.exists():
+        shutil.copyfile(drives, folder / "drives.yaml")
+    campaigns(the_robot, share, folder)
+    for name in scenarios:
+        (folder / name).mkdir(exist_ok=True)
+        write_plant(SCENARIOS[name], plant, folder / name / "plant.yaml")
+    return [
+        Cell(folder.resolve(), scenario, kind, seed, seeds[(k + 1) % len(seeds)])
+        for k, seed in enumerate(seeds)
+        for scenario in scenarios
+        for kind in kinds
+    ]
+
+
+def carry_out(cells: Sequence[Cell], execute: Execute[Any, Any]) -> Iterator[Done]:
+    """Measure all campaigns, then judge them."""
+    measured = set(cells)
+    for step, function in (("measured", measure), ("judged", judge)):
+        jobs = [cell for cell in cells if cell in measured]
+        for count, (cell, result) in enumerate(execute(function, jobs), start=1):
+            error = ""
+            if isinstance(result, Exception):
+                measured.discard(cell)
+                error = str(result) or type(result).__name__
+            yield Done(cell, step, error, count, len(jobs))
+
+
+def judged(cells: Sequence[Cell]) -> list[Judged]:
+    """Return what has been judged so far."""
+    return [Judged(cell, tuple(judge(cell))) for cell in cells if cell.verdict.exists()]
+
+
+def _keep(path: Path, settings: dict[str, Any]) -> None:
+    """Write what a study is about, or refuse a folder that is about something else."""
+    if not path.exists():
+        write_file(path, json.dumps(settings, indent=1).encode())
+        return
+    for key, before in json.loads(path.read_text()).items():
+        if before != settings[key]:
+            raise FileError(
+                f"{path}: {key} was {before} and is {settings[key]} now; give the study a folder"
+                " of its own"
+            )

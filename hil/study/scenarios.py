@@ -1,0 +1,76 @@
+"""What the friction of the plants in a study does: one plant file made of another, key by key.
+
+Two things may spoil an identification, that friction changes while one measures and that it is no
+function of the form assumed. The scenarios tell them apart: "off" has the misfit alone, "on" and
+"strong" have drift besides, "asymmetric" also breaks the assumption of the two-step method, and
+under "load" friction grows with the torque that the gear transmits, which no model of speed holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from drivers.yaml_file import FileError
+from hil.measuring.atomic_file import operator_told, write_file
+from hil.results.truth import find_plant
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """Changes to a plant file.
+
+    Attributes
+    ----------
+    says : str
+        What differs, for tables.
+    plant : dict
+        Keys of the plant.
+    friction : dict
+        Keys of every axis's friction.
+    """
+
+    says: str
+    plant: dict[str, Any] = field(default_factory=dict)
+    friction: dict[str, Any] = field(default_factory=dict)
+
+
+SCENARIOS: dict[str, Scenario] = {
+    "off": Scenario("no drift, symmetric", {"drift": False, "symmetric": True}),
+    "on": Scenario("drift, symmetric", {"drift": True, "symmetric": True}),
+    "strong": Scenario(
+        "drift three times as strong, symmetric",
+        {"drift": True, "symmetric": True, "drift_strength": 3.0},
+    ),
+    "asymmetric": Scenario("drift, asymmetric", {"drift": True}),
+    "load": Scenario("drift, asymmetric, 5 % of the load", {"drift": True}, {"load": 0.05}),
+}
+
+
+def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
+    """Write the plant file of a scenario.
+
+    Parameters
+    ----------
+    plant : str
+        Plant file, or the name of one that comes along.
+
+    Raises
+    ------
+    FileError
+        No such plant file.
+    """
+    source = find_plant(plant)
+    with operator_told(source, "read"):
+        content = yaml.safe_load(source.read_text(encoding="utf-8"))
+    if not isinstance(content, dict) or not isinstance(content.get("axes"), list):
+        raise FileError(f"{source}: is no plant file: it has no list of axes")
+    content |= scenario.plant
+    for axis in content["axes"]:
+        axis["friction"] |= scenario.friction
+    write_file(path, yaml.safe_dump(content, sort_keys=False).encode())

@@ -1,0 +1,154 @@
+"""A study's figures: each method in each scenario, over all seeds, as a table and as a picture."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hil.measuring.atomic_file import write_file
+from hil.results.plot_style import GRID, INK, MEASURED, MODEL, MUTED, drawn, image
+from hil.study.cell import OUR_DEFAULT
+from hil.study.scenarios import SCENARIOS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from hil.study.cell import Outcome
+    from hil.study.drift import Judged
+
+TABLE, PICTURE = "study.csv", "study"
+GROUPS = ("gravity", "diagonal", "off_diagonal")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """One method in one scenario.
+
+    Attributes
+    ----------
+    scenario, method : str
+    n : int
+        Seeds.
+    group_error : dict
+        Relative, root mean square over the seeds.
+    torque_error : float
+        The same of the torques.
+    torque_errors : tuple of float
+        Of each seed.
+    ratio : float
+        `torque_error` over that of our default in the same scenario; NaN where there is none.
+    coverage : float
+        Share of intervals of 95 % that hold the truth.
+    """
+
+    scenario: str
+    method: str
+    n: int
+    group_error: dict[str, float]
+    torque_error: float
+    torque_errors: tuple[float, ...]
+    ratio: float
+    coverage: float
+
+
+def summarise(found: Sequence[Judged]) -> list[Row]:
+    """Put the outcomes of all seeds together, our methods first."""
+    cases: dict[tuple[str, str], list[int]] = {}
+    flat = [(each.cell.scenario, outcome) for each in found for outcome in each.outcomes]
+    for number, (scenario, outcome) in enumerate(flat):
+        cases.setdefault((scenario, outcome.method), []).append(number)
+    ours = {
+        scenario: _rms([flat[k][1].torque_error for k in numbers])
+        for (scenario, method), numbers in cases.items()
+        if method == OUR_DEFAULT
+    }
+    order = list(SCENARIOS)
+    return [
+        _row(scenario, method, [flat[k][1] for k in numbers], ours.get(scenario, np.nan))
+        for (scenario, method), numbers in sorted(
+            cases.items(), key=lambda case: order.index(case[0][0])
+        )
+    ]
+
+
+def write(folder: Path, rows: Sequence[Row]) -> None:
+    """Write the table as CSV and the picture as SVG and PNG into the study's folder."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    headings = ("scenario", "method", "seeds", *GROUPS, "torque", "ratio", "coverage")
+    writer.writerow(headings)
+    for row in rows:
+        groups = [row.group_error.get(group, np.nan) for group in GROUPS]
+        figures = [*groups, row.torque_error, row.ratio, row.coverage]
+        writer.writerow([row.scenario, row.method, row.n, *(f"{x:.6g}" for x in figures)])
+    write_file(folder / TABLE, text.getvalue().encode())
+    for kind in ("svg", "png"):
+        with drawn():
+            write_file(folder / f"{PICTURE}.{kind}", image(picture(rows), kind))
+
+
+def picture(rows: Sequence[Row]) -> Figure:
+    """Torque errors of all methods, one panel a scenario, one dot a seed, bars for their rms."""
+    scenarios = list(dict.fromkeys(row.scenario for row in rows))
+    methods = list(dict.fromkeys(row.method for row in rows))
+    height = 1.1 + 0.22 * len(methods)
+    figure = Figure(figsize=(2.6 + 1.85 * len(scenarios), height))
+    panels = figure.subplots(1, len(scenarios), sharex=True, sharey=True, squeeze=False)[0]
+    figure.subplots_adjust(
+        left=2.35 / figure.get_figwidth(), right=0.985, wspace=0.08,
+        bottom=0.55 / height, top=1 - 0.5 / height,
+    )  # fmt: skip
+    for panel, scenario in zip(panels, scenarios, strict=True):
+        _panel(panel, methods, {r.method: r for r in rows if r.scenario == scenario})
+        panel.set_title("\n".join(_lines(SCENARIOS[scenario].says)), fontsize=8.5)
+    panels[0].set_yticks(range(len(methods)), methods)
+    panels[0].invert_yaxis()
+    figure.supxlabel("error of predicted rigid-body torques, %", fontsize=9, color=INK)
+    return figure
+
+
+def _panel(panel: Axes, methods: Sequence[str], rows: dict[str, Row]) -> None:
+    for place, method in enumerate(methods):
+        row = rows.get(method)
+        if row is None:
+            continue
+        colour = MODEL if method == OUR_DEFAULT else MEASURED
+        errors = 100 * np.array(row.torque_errors)
+        panel.plot(errors, np.full(row.n, place), "o", ms=3, color=colour, alpha=0.5, mew=0)
+        panel.plot(100 * row.torque_error, place, "|", ms=11, mew=1.8, color=colour)
+    panel.set_xscale("log")
+    panel.grid(axis="y", color=GRID)
+    panel.tick_params(axis="y", length=0)
+    panel.spines["left"].set_color(MUTED)
+
+
+def _lines(text: str) -> list[str]:
+    """A scenario's description in lines that fit over a panel."""
+    return text.split(", ")
+
+
+def _row(scenario: str, method: str, outcomes: Sequence[Outcome], ours: float) -> Row:
+    torques = [outcome.torque_error for outcome in outcomes]
+    groups = outcomes[0].group_error
+    return Row(
+        scenario=scenario,
+        method=method,
+        n=len(outcomes),
+        group_error={g: _rms([outcome.group_error[g] for outcome in outcomes]) for g in groups},
+        torque_error=_rms(torques),
+        torque_errors=tuple(torques),
+        ratio=_rms(torques) / ours,
+        coverage=sum(o.inside for o in outcomes) / sum(o.n for o in outcomes),
+    )
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
