@@ -194,6 +194,13 @@ class TestAdvice:
         assert re.search(r"scatters by .* N m, \d+ times as much", items[odd.id].what)
         assert not {v.id for v in local if v is not odd} & set(items)
 
+    def test_axes_on_which_the_local_models_do_not_fit_are_told(self, folder, found):
+        best = found["improved"]
+        residual = folder.robot.torque_limit * [0.003, 0.02, 0.003, 0.015, np.nan, 0.003]
+        item = self.advised(folder, replace(best, residual=residual))["axis 2, axis 4"]
+        assert "leave 2.0 %, 1.5 % of the torque limit" in item.what
+        assert item.urgent
+
     def test_findings_and_measurements_left_out_are_told(self, folder, found):
         campaign = list(folder)
         finding = Finding("stuck", "axis 2 stood still for 0.3 s", 0.3, 0.1)

@@ -46,6 +46,8 @@ CONDITION = 100.0
 """Condition number above which a group is badly excited."""
 OUTLIER = 4.0
 """Scatter inside a measurement over that of its axis's others from which on it stands out."""
+MISFIT = 0.01
+"""Residual of an axis's local models over its torque limit from which on it is more than noise."""
 OFFSET = 4.0
 """Mean deviation of half-sums over its standard error that betrays an offset."""
 
@@ -86,6 +88,7 @@ def advice(
     return (
         *_campaign(estimate, plan, campaign),
         *_outliers(estimate),
+        *_misfit(estimate, robot),
         *_groups(estimate, robot),
         *_parameters(estimate, prediction, robot, plan),
         *_correlations(estimate, robot),
@@ -135,6 +138,20 @@ def _outliers(estimate: Estimate) -> Iterator[Advice]:
                 "look for a cause (contact, saturation, a cable), move its recording away and"
                 " --resume",
             )
+
+
+def _misfit(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+    """Axes whose local models leave more than noise would."""
+    share = np.nan_to_num(estimate.residual / robot.torque_limit)
+    axes = np.flatnonzero(share > MISFIT)
+    if axes.size:
+        left = ", ".join(f"{100 * share[axis]:.1f} %" for axis in axes)
+        yield Advice(
+            _listed([f"axis {axis + 1}" for axis in axes]),
+            f"local models leave {left} of the torque limit: something is not modelled, such as a"
+            " soft gear, and neither standard errors nor hil diagnose know of it",
+            "look in recordings for torques that ring after the corners of a motion",
+        )
 
 
 def _groups(estimate: Estimate, robot: Robot) -> Iterator[Advice]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """Findings of one run; `phase` is None where nothing significant is left out."""
+    """Findings of one run; `phase` is None where nothing left out shows in gravity torques."""
 
     robot: Robot
     estimate: Estimate

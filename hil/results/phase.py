@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 SMALL = 0.5
 """Amplitude below which a sinusoid is no place to read a phase [N m]."""
+SEEN = 0.005
+"""Shift below which what was found acts by its inertia only [rad]."""
 ALIKE = 0.8
 """Share of the largest shift from which on shifts count as alike."""
 
@@ -92,8 +94,8 @@ class Phase:
         return self.extended.phase_against(self.stated)
 
 
-def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Phase:
-    """Find the pair of axes whose sinusoid is shifted most."""
+def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Phase | None:
+    """Find the pair of axes whose sinusoid is shifted most; None where gravity is not concerned."""
     local = [value for value in best.local if value.kind == "gravity"]
     largest = [
         _largest(errors, [v for v in local if v.axis == axis], over)
@@ -103,6 +105,8 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
     ]
     clear = [each for each in largest if each[2].amplitude > SMALL] or largest
     shifts = [abs(extended.phase_against(stated)) for *_, stated, extended in clear]
+    if max(shifts, default=0.0) < SEEN:
+        return None
     alike = [each for each, s in zip(clear, shifts, strict=True) if s >= ALIKE * max(shifts)]
     value, over, stated, extended = min(alike, key=lambda each: torque_limit[each[0].axis])
     own = [v for v in local if v.axis == value.axis]
