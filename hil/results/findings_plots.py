@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 _ROW = 1.35
 """Height of a row of panels [inch]."""
+_LONG = 40
+"""Letters from which on names do not go into a legend."""
 _NARROW = 4.0
 """Angles that are shown at least [deg]."""
 
@@ -113,7 +115,7 @@ def shifted_sinusoid(phase: Phase, found: str) -> Figure:
     panel.plot(np.degrees(angle), phase.stated.at(angle), "--", color=MODEL,
                label="robot file")  # fmt: skip
     panel.plot(np.degrees(angle), phase.extended.at(angle), color=MODEL,
-               label=f"with {found}")  # fmt: skip
+               label=f"with {found if len(found) < _LONG else 'what was found'}")  # fmt: skip
     error = 2.0 * np.nan_to_num(phase.standard_error)
     panel.errorbar(np.degrees(phase.angle), phase.torque, error, fmt="x", color=MEASURED,
                    markersize=4.5, elinewidth=0.9, label="measured")  # fmt: skip
