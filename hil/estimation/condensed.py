@@ -49,7 +49,8 @@ JERK = 5.0
 """Samples are used up to this jerk, per acceleration limit of the axis [1/s]."""
 FEWEST = 50
 """Usable samples below which an axis's share of a measurement is left out."""
-_RANK = 1e-8
+_RANK = 1e-12
+"""Relative size below which a combination of friction's columns counts as none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,11 +95,15 @@ class Condensed:
 
 def condense(robot: Robot, measurement: Strokes, s: Signals) -> list[Condensed]:
     """Condense one measurement, one item for each axis that moved on purpose."""
-    axes = [measurement.index]
-    if isinstance(measurement, Coupling):
-        axes.append(measurement.partner.index)
-    items = [_condense_axis(robot, s, axis) for axis in axes]
+    items = [_condense_axis(robot, s, axis) for axis in moved_axes(measurement)]
     return [item for item in items if item is not None]
+
+
+def moved_axes(measurement: Strokes) -> tuple[int, ...]:
+    """Axes that a measurement moves on purpose, indices from 0."""
+    if isinstance(measurement, Coupling):
+        return measurement.index, measurement.partner.index
+    return (measurement.index,)
 
 
 def _condense_axis(robot: Robot, s: Signals, axis: int) -> Condensed | None:
@@ -129,14 +134,39 @@ def products(
         Samples less eliminated coefficients.
     """
     motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-    rows = regressor(robot, s.q, s.qd, s.qdd, joints=[axis])[:, 0]
-    limit = float(robot.velocity_limit[axis])
-    common, friction = _common(robot, s, axis, limit), _friction(s, axis, limit)
+    rows, common, friction = columns(robot, s, axis)
     stacked = s.smoothed(np.column_stack([torques, motor, rows, common, friction]))[used]
-    kept = stacked.shape[1] - friction.shape[1]
-    basis = _orthonormal(stacked[:, kept:])
-    left = stacked[:, :kept] - basis @ (basis.T @ stacked[:, :kept])
-    return left.T @ left, len(left) - basis.shape[1]
+    product, rank = eliminated(stacked.T @ stacked, friction.shape[1])
+    return product, len(stacked) - rank
+
+
+def columns(robot: Robot, s: Signals, axis: int) -> tuple[Array, Array, Array]:
+    """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...)."""
+    limit = float(robot.velocity_limit[axis])
+    rows = regressor(robot, s.q, s.qd, s.qdd, joints=[axis])[:, 0]
+    return rows, _common(robot, s, axis, limit), _friction(s, axis, limit)
+
+
+def eliminated(product: Array, k: int) -> tuple[Array, int]:
+    """Inner products of columns with the span of the last `k` projected out, and its rank.
+
+    Parameters
+    ----------
+    product : ndarray, shape (n + k, n + k)
+
+    Returns
+    -------
+    product : ndarray, shape (n, n)
+    rank : int
+    """
+    n = len(product) - k
+    diagonal = np.diag(product)[n:]
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    sizes, vectors = np.linalg.eigh(product[n:, n:] * np.outer(scale, scale))
+    told = sizes > _RANK * sizes[-1]
+    basis = scale[:, np.newaxis] * vectors[:, told] / np.sqrt(sizes[told])
+    within = product[:n, n:] @ basis
+    return product[:n, :n] - within @ within.T, int(told.sum())
 
 
 def usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
@@ -161,9 +191,3 @@ def _common(robot: Robot, s: Signals, axis: int, limit: float) -> Array:
     return np.column_stack([np.ones(len(speed)), speed, np.cos(angle), np.sin(angle)])
 
 
-def _orthonormal(columns: Array) -> Array:
-    """Orthonormal basis of the columns' span."""
-    length = np.linalg.norm(columns, axis=0)
-    u, sizes, _ = np.linalg.svd(columns / np.where(length > 0, length, 1.0), full_matrices=False)
-    basis: Array = u[:, sizes > _RANK * sizes[0]]
-    return basis

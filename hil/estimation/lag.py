@@ -179,12 +179,13 @@ class _Likelihood:
 
     def _best(self, Q: Array, lag: Array, axis: int) -> float:
         """Lag of one axis that minimises J, those of the others as they are."""
+        own = slice(axis * self._k, (axis + 1) * self._k)
+        c = np.concatenate([self._coefficients(each) for each in lag])
+        square, cross = Q[own, own], Q[own] @ c - Q[own, own] @ c[own]
 
-        def objective(own: float) -> float:
-            trial = lag.copy()
-            trial[axis] = own
-            c = np.concatenate([self._coefficients(each) for each in trial])
-            return float(c @ Q @ c)
+        def objective(trial: float) -> float:
+            of_trial = self._coefficients(trial)
+            return float(of_trial @ (square @ of_trial + 2 * cross))
 
         grid = np.linspace(EARLIEST, LATEST, _GRID)
         near = grid[int(np.argmin([objective(each) for each in grid]))]
