@@ -105,7 +105,7 @@ def test_a_dry_run_predicts_from_an_earlier_run(hil, run):
     assert "noise as an earlier run showed it" in out
     status, out, _ = hil("dry-run", run / "plan.yaml")
     assert status == 0
-    assert "torque noise of 0.25% of the torque limit, an expectation" in out
+    assert "noise expected: 0.25% of the torque limit" in out
 
 
 def test_refining_tells_the_deviations_now_and_then(hil, run, tmp_path):

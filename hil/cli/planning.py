@@ -33,7 +33,6 @@ NoiseFrom = Annotated[
     Path | None,
     typer.Option(help="Run that shows this robot's noise; else what the robot file states."),
 ]
-Count = Annotated[int | None, typer.Option(min=1)]
 
 
 @commands.command()

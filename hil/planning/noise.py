@@ -87,12 +87,15 @@ def stated_noise(robot: Robot, resolution: Sequence[float] | None = None) -> Noi
         ]
     )
     steps = np.zeros(len(joints)) if resolution is None else np.asarray(resolution, float)
-    stated = [j.torque_noise is not None for j in joints]
+    stated = [value is not None for j in joints for value in (j.torque_noise, j.friction_wander)]
     return Noise(np.sqrt(torque**2 + steps**2 / 12), wander, _source(stated))
 
 
 def _source(stated: Sequence[bool]) -> str:
     if all(stated):
-        return "torque noise as the robot file states it"
-    expected = f"torque noise of {TORQUE_NOISE:.2%} of the torque limit, an expectation"
-    return f"{expected} where the robot file states none" if any(stated) else expected
+        return "noise as the robot file states it"
+    expected = (
+        f"noise expected: {TORQUE_NOISE:.2%} of the torque limit, friction that wanders by"
+        f" {FRICTION_WANDER:.1%} of it in a minute"
+    )
+    return f"{expected}, where the robot file states none" if any(stated) else expected

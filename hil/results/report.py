@@ -151,6 +151,11 @@ def _model_note(folder: RunFolder) -> str:
         model = load_yaml(path, ModelFile)
     except FileError as error:
         return f"{MODEL_NAME} cannot be used: {error}"
+    if model.provenance.together_with:
+        return (
+            f"{MODEL_NAME} was identified from this run together with"
+            f" {', '.join(model.provenance.together_with)}; here the run stands alone."
+        )
     if model.provenance.method != "improved":
         return (
             f"{MODEL_NAME} holds the parameters of the {model.provenance.method} method, not these;"
