@@ -86,5 +86,6 @@ def _share(robot: Robot, s: Signals, axis: int, *, friction_known: bool) -> Arra
     X = np.column_stack([rows, common, friction])[moving & s.valid]
     product = X.T @ X
     if friction_known or not len(X):
-        return product[: -friction.shape[1], : -friction.shape[1]]
+        kept: Array = product[: -friction.shape[1], : -friction.shape[1]]
+        return kept
     return eliminated(product, friction.shape[1])[0]

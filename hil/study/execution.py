@@ -1,13 +1,17 @@
 """Many independent jobs at once: on the cores of this machine, or on a Dask cluster.
 
+A worker of this machine computes in one thread: linear algebra in several threads would have the
+workers wait for one another.
 Both give futures, in the order in which they are done. On a cluster, workers need the same
 environment and must see the study's folder under the same path.
 """
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from drivers.yaml_file import FileError
@@ -25,7 +29,9 @@ if TYPE_CHECKING:
 @contextmanager
 def local(workers: int) -> Iterator[Execute[Any, Any]]:
     """Processes of this machine."""
-    with ProcessPoolExecutor(workers) as pool:
+    for library in ("OPENBLAS", "MKL", "OMP"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
 
         def execute(
             function: Callable[[Any], Any], jobs: Iterable[Any]
