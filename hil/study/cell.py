@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from hil.estimation.conventional.products import Products
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
 
@@ -181,13 +182,14 @@ def _two_step(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
 def _jointly(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
     """Conventional methods with friction in the regression; variants share what they can."""
     measured = trajectories(recorded(folder))
-    condensed = {
-        key: products(folder.robot, measured, *key)
-        for key in dict.fromkeys((v.terms, v.slowest) for v in VARIANTS.values())
-    }
-    for name, variant in VARIANTS.items():
-        data = condensed[variant.terms, variant.slowest]
-        yield f"jointly: {name}", estimate_of(folder.robot, data, variant, name)
+    condensed: dict[tuple[str, float, bool], Products] = {}
+    for name, v in VARIANTS.items():
+        key = v.terms, v.slowest, v.by_period
+        if key not in condensed:
+            condensed[key] = products(
+                folder.robot, measured, v.terms, v.slowest, by_period=v.by_period
+            )
+        yield f"jointly: {name}", estimate_of(folder.robot, condensed[key], v, name)
 
 
 def _beforehand(cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:

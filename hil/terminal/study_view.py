@@ -56,7 +56,7 @@ def render(rows: Sequence[Row], console: Console) -> None:
 def _table(rows: Sequence[Row]) -> Table:
     title = f"{rows[0].scenario}: {SCENARIOS[rows[0].scenario].says}"
     table = Table(title=title, box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
-    table.add_column("relative error, rms over seeds, %")
+    table.add_column("relative error, rms over seeds, %", no_wrap=True)
     headings = (*(group.replace("_", "-") for group in GROUPS), "torques", "over ours")
     for heading in (*headings, "in 95 %", "seeds"):
         table.add_column(heading, justify="right", no_wrap=True)

@@ -18,8 +18,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.conventional.friction_terms import columns, compensated
+from hil.estimation.condensed import eliminated
+from hil.estimation.conventional.friction_terms import N_OF_SPEED, columns, compensated
 from hil.estimation.signals import signals
+from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
@@ -68,6 +70,8 @@ def products(
     terms: Terms,
     slowest: float = 0.0,
     characteristics: Sequence[Characteristic] | None = None,
+    *,
+    by_period: bool = False,
 ) -> Products:
     """Condense recordings of trajectories.
 
@@ -79,7 +83,14 @@ def products(
         Samples of an axis below this share of its speed limit are left out.
     characteristics : sequence of callable, optional
         Friction that is subtracted beforehand, one for each axis.
+    by_period : bool
+        Each period has friction coefficients of its own, which are eliminated; no instruments.
     """
+    n_base = len(base_parameters(robot))
+    n_friction = _n_friction(robot, terms)
+    n_local = N_OF_SPEED[terms] if by_period else 0
+    kept = np.r_[: 1 + n_base, 1 + n_base + n_local : 1 + n_base + n_friction]
+    local = np.r_[kept, 1 + n_base : 1 + n_base + n_local]
     blocks, counts = [], []
     for trajectory, recording in recorded:
         s = signals(recording)
@@ -94,11 +105,12 @@ def products(
             period = s.valid & (s.stroke == number)
             period[np.arange(len(period)) % THINNED != 0] = False
             shares = [stacked[used & period] for stacked, used in axes]
-            blocks.append([share.T @ share for share in shares])
-            counts.append([len(share) for share in shares])
-    n_friction = _n_friction(robot, terms)
-    n_base = (np.shape(blocks)[-1] - 1) // 2 - n_friction
-    return Products(np.array(blocks), np.array(counts, dtype=float), n_base, n_friction)
+            inner = [share.T @ share for share in shares]
+            if by_period:
+                inner = [eliminated(each[np.ix_(local, local)], n_local)[0] for each in inner]
+            blocks.append(inner)
+            counts.append([len(share) - n_local for share in shares])
+    return Products(np.array(blocks), np.array(counts, dtype=float), n_base, n_friction - n_local)
 
 
 def _n_friction(robot: Robot, terms: Terms) -> int:

@@ -43,12 +43,15 @@ class Variant:
         See `hil.estimation.conventional.solution`.
     slowest : float
         Samples below this share of the speed limit are left out.
+    by_period : bool
+        Friction has coefficients of its own in each period of a trajectory.
     """
 
     terms: Terms
     weighting: Weighting = "residual"
     solver: Solver = "least squares"
     slowest: float = 0.0
+    by_period: bool = False
 
 
 VARIANTS: dict[str, Variant] = {
@@ -60,8 +63,10 @@ VARIANTS: dict[str, Variant] = {
     "instrumental, model 2": Variant("model 2", solver="instrumental"),
     "total, model 2": Variant("model 2", solver="total"),
     "strongest": Variant("rich", slowest=SLOW),
+    "friction by period": Variant("rich", slowest=SLOW, by_period=True),
 }
-"""Friction estimated jointly; a warm-up is a matter of the plan."""
+"""Friction estimated jointly; a warm-up is a matter of the plan. The last is no method of the
+literature: it takes from the two-step method that friction is fitted anew again and again."""
 COMPENSATED = Variant("none", slowest=SLOW)
 """With a friction characteristic measured beforehand, which says nothing of reversals."""
 
@@ -101,7 +106,14 @@ def identify(
     name : str
         Of the method, for the estimate.
     """
-    data = products(robot, recorded, variant.terms, variant.slowest, characteristics)
+    data = products(
+        robot,
+        recorded,
+        variant.terms,
+        variant.slowest,
+        characteristics,
+        by_period=variant.by_period,
+    )
     return estimate_of(robot, data, variant, name)
 
 
