@@ -251,6 +251,29 @@ def moving_about(plant: Plant, seconds: float) -> None:
     plant.advance(seconds)
 
 
+@pytest.mark.parametrize("strength", [1.0, 3.0])
+def test_drift_has_a_strength_that_scales_warmth_lubricant_and_wander(strength: float) -> None:
+    plant = machine(drift_strength=strength)
+    i, warmth, settled, wander = 3, 31.0, 0.4, -0.02
+    plant.state[i, [st.TEMPERATURE, st.LUBRICANT, st.WANDER]] = warmth, settled, wander
+    friction.refresh(plant.const, plant.state, i)
+    plant.state[i, [st.ENABLED, st.LOAD]] = 1.0, 0.0
+    warmer = 15 + strength * (warmth - 15)
+    expected = characteristic(i, 0.8, warmer, strength * settled, wander)
+    assert slide(plant, i, 0.8) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_strong_wander_is_a_multiple_of_the_plain_one() -> None:
+    found = []
+    for strength in (1.0, 3.0):
+        plant = machine(drift_strength=strength)
+        normal = np.random.default_rng(5).standard_normal((400, 6))
+        for row in normal:
+            friction.drift(plant.const, plant.state, row, 1.0)
+        found.append(plant.state[:, st.WANDER].copy())
+    assert found[1] == pytest.approx(3 * found[0])
+
+
 @pytest.mark.parametrize(("drift", "changes"), [(True, True), (False, False)])
 def test_friction_changes_only_if_it_is_to_drift(drift: bool, changes: bool) -> None:
     plant = machine(drift=drift)
