@@ -27,6 +27,10 @@ TABLE_3_A = (
     32.015, -28.058, -2.187, 19.905, 48.491, 9.602, 13.313,
     -15.836, 0.0, 0.0443, 0.2883, 0.1554, -0.1885, 0.3760,
 )  # fmt: skip
+REAL_BODIES = (
+    32.13, -22.44, -2.184, 22.99, 47.18, 9.607, 13.303,
+    -15.836, 0.0096, 0.0696, 0.1837, 0.1933, -0.1878, 0.3541,
+)  # fmt: skip
 PINOCCHIO = [0, 1, 2, 3, 4, 7, 5, 8, 9, 6]
 """Our columns of a body in Pinocchio's order: m, s, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
 
@@ -142,6 +146,12 @@ def test_the_estimators_torques_cause_the_accelerations_that_they_belong_to(
 def test_the_truth_is_table_3_a(truth: Arm, manutec: Robot) -> None:
     base = base_parameters(manutec).matrix @ standard_parameters(truth.bodies, manutec)
     assert np.allclose(base, TABLE_3_A, rtol=0, atol=1e-12)
+
+
+def test_the_second_plant_is_another_one_near_the_first(manutec: Robot) -> None:
+    bodies = load_plant("manutec-r15-bodies")._arm[2]
+    p = base_parameters(manutec).matrix @ standard_parameters(bodies, manutec)
+    assert p == pytest.approx(REAL_BODIES)
 
 
 def test_mass_matrix_of_the_truth_is_positive_definite_over_the_workspace(truth: Arm) -> None:
