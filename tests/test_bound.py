@@ -9,10 +9,10 @@ import pytest
 from synthetic import TABLE_3_A
 
 from hil.estimation.bound import cramer_rao
-from hil.estimation.condensed import columns
 from hil.estimation.signals import signals
 from hil.measuring.recording import Recording
 from hil.model.robot import load_robot
+from hil.planning.columns import columns
 from hil.planning.measurement import Inertia
 
 if TYPE_CHECKING:

@@ -10,12 +10,13 @@ from hil.estimation.signals import signals
 from hil.measuring.recording import IDLE, Recording
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot
-from hil.planning import foreseen
+from hil.planning.columns import usable
 from hil.planning.experiment_design import design
-from hil.planning.forecast import forecast, noise_gain
+from hil.planning.forecast import forecast
 from hil.planning.foreseen import shares
 from hil.planning.noise import Noise, stated_noise
 from hil.planning.precision import predict, torque_scale
+from hil.planning.smoothing import noise_gain
 
 PERIOD = 0.004
 DRAWS = 600
@@ -43,12 +44,6 @@ def ideal(measurement):
 
 def deviations(robot, measurements, noise):
     return predict(robot, measurements, PERIOD, noise).deviation
-
-
-def test_unknowns_are_laid_out_as_the_estimator_s(manutec):
-    assert foreseen.RIPPLE_ORDERS == condensed.RIPPLE_ORDERS
-    assert foreseen.N_COMMON == condensed.N_COMMON
-    assert foreseen.FEWEST == condensed.FEWEST
 
 
 @pytest.mark.parametrize("kind", ["gravity", "inertia", "coupling"])
@@ -79,7 +74,8 @@ def test_noise_scatters_the_normal_equations_as_foreseen(manutec, one_of_each, k
     if what == "wander":
         walk = np.cumsum(np.sqrt(PERIOD) * drawn, axis=0)
         drawn = np.sign(s.qd[:, axis])[:, np.newaxis] * walk
-    product, _ = condensed.products(manutec, s, axis, drawn, condensed.usable(manutec, s, axis))
+    used = s.valid & usable(manutec, s, axis)
+    product, _ = condensed.products(manutec, s, axis, drawn, used)
     n_base = len(base_parameters(manutec))
     scores = product[DRAWS + 1 :, :DRAWS][:n_base]
     expected = getattr(shares(manutec, measurement, PERIOD)[0], what)[:n_base, :n_base]

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from hil.estimation.signals import CUTOFF, HALF_WIDTH, signals
+from hil.estimation.signals import CUTOFF, signals
 from hil.measuring.recording import Recording
+from hil.planning.smoothing import HALF_WIDTH
 
 PERIOD = 0.004
 

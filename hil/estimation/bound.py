@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.condensed import N_COMMON, columns, eliminated, moved_axes
+from hil.estimation.condensed import eliminated
 from hil.estimation.signals import NotEnoughData, signals
 from hil.model.base_parameters import base_parameters
+from hil.planning.columns import columns, n_unknowns, place
 from hil.planning.measurement import Coupling, Gravity, Inertia
 
 if TYPE_CHECKING:
@@ -56,8 +57,7 @@ def cramer_rao(
     friction_known : bool
         Friction and common terms need not be estimated.
     """
-    n_base = len(base_parameters(robot))
-    n = n_base + robot.n_joints * N_COMMON
+    n_base, n = len(base_parameters(robot)), n_unknowns(robot)
     information = np.zeros((n, n))
     for measurement, recording in recorded:
         if not isinstance(measurement, Gravity | Inertia | Coupling):
@@ -66,11 +66,10 @@ def cramer_rao(
             s = signals(recording)
         except NotEnoughData:
             continue
-        for axis in moved_axes(measurement):
-            first = n_base + axis * N_COMMON
-            place = np.r_[:n_base, first : first + N_COMMON]
+        for axis in measurement.moved:
+            at = np.ix_(place(robot, axis), place(robot, axis))
             share = _share(robot, s, axis, friction_known=friction_known)
-            information[np.ix_(place, place)] += share / variance[axis]
+            information[at] += share / variance[axis]
     if friction_known:
         information = information[:n_base, :n_base]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))

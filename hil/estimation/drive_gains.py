@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.condensed import N_COMMON
 from hil.estimation.payload import MASS, load_columns
+from hil.planning.columns import N_COMMON
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

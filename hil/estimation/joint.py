@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from hil.estimation.condensed import N_COMMON, condense
+from hil.estimation.condensed import condense
 from hil.model.base_parameters import base_parameters
+from hil.planning.columns import n_unknowns, place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +41,8 @@ class Joint:
     def __init__(self, robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> None:
         condensed = [condense(robot, measurement, s) for measurement, s in prepared]
         self._items = [items for items in condensed if items]
-        self._n_base, self._n_joints = len(base_parameters(robot)), robot.n_joints
+        self._robot, self._n_joints = robot, robot.n_joints
+        self._n_base = len(base_parameters(robot))
         self._weight = np.ones(robot.n_joints)
         for _ in range(_ROUNDS):
             self._add_up()
@@ -84,21 +86,21 @@ class Joint:
         n = len(self._sum[1])
         sides = np.zeros((n, 2 * self._n_joints))
         for item in (item for items in self._items for item in items):
-            place, weight = self._place(item), self._weight[item.axis]
-            sides[place, item.axis] += weight * (item.vector + item.motor)
-            sides[place, self._n_joints + item.axis] -= weight * item.motor
+            at, weight = place(self._robot, item.axis), self._weight[item.axis]
+            sides[at, item.axis] += weight * (item.vector + item.motor)
+            sides[at, self._n_joints + item.axis] -= weight * item.motor
         return self._solve(self._sum[0], sides)[: self._n_base]
 
     def _add_up(self) -> None:
         """Weighted information and vector of each measurement, and their sums."""
-        n = self._n_base + self._n_joints * N_COMMON
+        n = n_unknowns(self._robot)
         self._shares: list[tuple[Array, Array]] = []
         for items in self._items:
             information, vector = np.zeros((n, n)), np.zeros(n)
             for item in items:
-                place, weight = self._place(item), self._weight[item.axis]
-                information[np.ix_(place, place)] += weight * item.information
-                vector[place] += weight * item.vector
+                at, weight = place(self._robot, item.axis), self._weight[item.axis]
+                information[np.ix_(at, at)] += weight * item.information
+                vector[at] += weight * item.vector
             self._shares.append((information, vector))
         self._sum = (
             np.sum([share[0] for share in self._shares], axis=0),
@@ -119,12 +121,7 @@ class Joint:
     def _residual_variance(self, solution: Array) -> Array:
         square, count = np.zeros(self._n_joints), np.zeros(self._n_joints)
         for item in (item for items in self._items for item in items):
-            x = solution[self._place(item)]
+            x = solution[place(self._robot, item.axis)]
             square[item.axis] += item.square - 2 * item.vector @ x + x @ item.information @ x
             count[item.axis] += item.n
         return np.maximum(square, 0.0) / np.maximum(count, 1.0)
-
-    def _place(self, item: Condensed) -> NDArray[np.intp]:
-        """Where base parameters and the axis's common terms stand among all unknowns."""
-        first = self._n_base + item.axis * N_COMMON
-        return np.concatenate([np.arange(self._n_base), np.arange(first, first + N_COMMON)])

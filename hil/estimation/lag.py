@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import optimize
 
-from hil.estimation.condensed import FEWEST, N_COMMON, products
-from hil.estimation.local_fits import SLOW
+from hil.estimation.condensed import products
 from hil.estimation.signals import interpolation
 from hil.model.base_parameters import base_parameters
+from hil.planning.columns import FEWEST, moving, n_unknowns, place
 from hil.planning.measurement import Inertia
 
 if TYPE_CHECKING:
@@ -91,7 +91,6 @@ def no_lags(robot: Robot) -> Lags:
 
 def find_lags(robot: Robot, prepared: Prepared) -> Lags:
     """Estimate the lag of every axis."""
-    n, n_base = robot.n_joints, len(base_parameters(robot))
     inertial = [(m, s) for m, s in prepared if isinstance(m, Inertia)]
     if not inertial:
         return no_lags(robot)
@@ -101,15 +100,14 @@ def find_lags(robot: Robot, prepared: Prepared) -> Lags:
     items = [item for item in found if item is not None]
     if not items:
         return no_lags(robot)
-    likelihood = _Likelihood(items, n, n_base, shifts, period)
+    likelihood = _Likelihood(robot, items, shifts, period)
     return likelihood.lags(likelihood.maximise(), base_parameters(robot).groups["diagonal"])
 
 
 def _item(robot: Robot, axis: int, s: Signals, shifts: NDArray[np.intp]) -> _Item | None:
     reach = int(np.abs(shifts).max())
     edge = np.ones(2 * reach + 1, dtype=bool)
-    slow = np.abs(s.smoothed(s.qd[:, axis])) < SLOW * robot.velocity_limit[axis]
-    spoilt = ~(s.valid & s.away_from(slow))
+    spoilt = ~(s.valid & moving(robot, s, axis))
     clear = np.convolve(spoilt, edge, mode="same") == 0
     clear[np.arange(len(clear)) % THINNED != 0] = False
     if clear.sum() < FEWEST:
@@ -124,13 +122,14 @@ class _Likelihood:
     """J as a quadratic form in the weights of the shifted torques."""
 
     def __init__(
-        self, items: Sequence[_Item], n: int, n_base: int, shifts: NDArray[np.intp], period: float
+        self, robot: Robot, items: Sequence[_Item], shifts: NDArray[np.intp], period: float
     ) -> None:
-        self._items, self._n, self._n_base = items, n, n_base
+        self._robot, self._items, self._n = robot, items, robot.n_joints
+        self._n_base = len(base_parameters(robot))
         self._shifts, self._period = shifts, period
         self._k = len(shifts) + 1
-        self._size = n_base + n * N_COMMON
-        self._weight = np.ones(n)
+        self._size = n_unknowns(robot)
+        self._weight = np.ones(self._n)
         self._axes = sorted({item.axis for item in items})
         self._total = {
             a: np.sum([item.product for item in items if item.axis == a], axis=0)
@@ -240,8 +239,8 @@ class _Likelihood:
     def _information(self) -> Array:
         N = np.zeros((self._size, self._size))
         for axis in self._axes:
-            place = self._place(axis)
-            N[np.ix_(place, place)] += self._weight[axis] * self._total[axis][self._k :, self._k :]
+            own = self._place(axis)
+            N[np.ix_(own, own)] += self._weight[axis] * self._total[axis][self._k :, self._k :]
         return N
 
     def _coefficients(self, lag: float) -> Array:
@@ -261,8 +260,7 @@ class _Likelihood:
         return slope
 
     def _place(self, axis: int) -> NDArray[np.intp]:
-        first = self._n_base + axis * N_COMMON
-        return np.concatenate([np.arange(self._n_base), np.arange(first, first + N_COMMON)])
+        return place(self._robot, axis)
 
 
 def _solve(N: Array, side: Array) -> Array:

@@ -26,6 +26,7 @@ import numpy as np
 from hil.estimation.signals import NotEnoughData
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
+from hil.planning.columns import SLOW
 from hil.planning.measurement import Coupling, Gravity, Inertia
 
 if TYPE_CHECKING:
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SLOW = 0.05
-"""Share of the speed limit below which samples are left out."""
 SETTLING = 0.16
 """Time after a ramp before the axis counts as at constant velocity [s]."""
 STEADY = 0.1

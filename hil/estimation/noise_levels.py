@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from hil.estimation.condensed import FEWEST, usable
 from hil.estimation.joint import Joint
 from hil.model.base_parameters import base_parameters
-from hil.planning.forecast import noise_gain
-from hil.planning.foreseen import moved_axes, n_unknowns, place, shares
+from hil.planning.columns import FEWEST, n_unknowns, place, usable
+from hil.planning.foreseen import shares
 from hil.planning.noise import MINUTE, Noise, stated_noise
 from hil.planning.precision import Information, scatter_of
+from hil.planning.smoothing import noise_gain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -95,7 +95,8 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
 
 def _is_told(robot: Robot, measurement: Strokes, s: Signals) -> bool:
     """Whether the estimator uses `measurement` at all."""
-    return any(usable(robot, s, axis).sum() >= FEWEST for axis in moved_axes(measurement))
+    used = (s.valid & usable(robot, s, axis) for axis in measurement.moved)
+    return any(each.sum() >= FEWEST for each in used)
 
 
 def _pieces(robot: Robot, used: Prepared, joint: Joint) -> Iterator[_Piece]:

@@ -10,8 +10,8 @@ Two low-passes are there. The paper's is a "non-causal, phase-neutral eighth-ord
 low-pass". Here that is a Butterworth filter of order four run forth and back: phase zero, the
 magnitude that of order eight, 6 dB down at the cut-off frequency (`Signals.filtered`). Its response
 rings on for longer than a reversal of friction lasts. So the improved method takes a Blackman
-window instead, which is phase-neutral too and ends after `HALF_WIDTH`: a sample further than that
-from a reversal knows nothing of it (`Signals.smoothed`).
+window instead, which is phase-neutral too and soon ends (`Signals.smoothed`,
+`hil.planning.smoothing`).
 
 Nothing is reflected or extrapolated where it matters: recordings begin and end with samples at
 rest, and samples closer to an end or to a missing sample than the filters reach are marked invalid.
@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage, signal
 
+from hil.planning.smoothing import half_width, smooth
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -38,8 +40,6 @@ CUTOFF = 30.0
 """Of the low-pass [Hz]."""
 ORDER = 4
 """Of the filter that runs forth and back."""
-HALF_WIDTH = 0.024
-"""Of the Blackman window [s]."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
@@ -85,9 +85,7 @@ class Signals:
 
     def smoothed(self, x: Array) -> Array:
         """Weighted mean over a Blackman window along the first axis."""
-        window = np.blackman(2 * _half_width(self.period) + 3)[1:-1]
-        mean: Array = ndimage.correlate1d(x, window / window.sum(), axis=0, mode="nearest")
-        return mean
+        return smooth(x, self.period)
 
     def torque_advanced(self, lag: Array) -> Signals:
         """The same with each axis's torque as it is read `lag` later, shape (n_joints,) [s]."""
@@ -172,11 +170,7 @@ def _butterworth(period: float) -> Array:
 
 def _reach(period: float) -> int:
     """Samples over which filters and differences spread a disturbance (noticeably)."""
-    return max(_half_width(period) + len(_SECOND) // 2, round(1.0 / CUTOFF / period))
-
-
-def _half_width(period: float) -> int:
-    return max(2, round(HALF_WIDTH / period))
+    return max(half_width(period) + len(_SECOND) // 2, round(1.0 / CUTOFF / period))
 
 
 def _on_grid(time: Array, sampled: Array, values: Array) -> Array:

@@ -3,7 +3,7 @@
 Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
 partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
 servos round the corners of the trapezoids; samples there are of no use to the estimator anyway and
-are left out here by the same rules (`hil.estimation.condensed`): close to a reversal, and where the
+are left out here by the same rules (`hil.planning.columns`): close to a reversal, and where the
 acceleration changes fast.
 """
 
@@ -16,25 +16,19 @@ import numpy as np
 from scipy import ndimage
 
 from hil.planning.measurement import PARTNER_TURN, REST, SETTLED, TURN, Coupling
+from hil.planning.smoothing import smooth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.model.robot import Robot
     from hil.planning.measurement import Strokes
     from hil.planning.profile import Trapezoid
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
 
-HALF_WIDTH = 0.024
-"""Of the Blackman window that the estimator smooths with [s]."""
 REACH = 1.0 / 30.0
 """How far samples near a reversal spoil others [s]."""
-SLOW = 0.05
-"""Share of the speed limit below which samples are left out."""
-JERK = 5.0
-"""Samples are used up to this jerk, per acceleration limit of the axis [1/s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,16 +53,11 @@ class Forecast:
 
     def smoothed(self, x: Array) -> Array:
         """Weighted mean over the estimator's window along the first axis."""
-        mean: Array = ndimage.correlate1d(x, _window(self.period), axis=0, mode="nearest")
-        return mean
+        return smooth(x, self.period)
 
-    def usable(self, robot: Robot, axis: int) -> Mask:
-        """Samples that the estimator will use of one axis, shape (n,)."""
-        slow = np.abs(self.smoothed(self.qd[:, axis])) < SLOW * robot.velocity_limit[axis]
-        jerk = np.abs(np.gradient(self.smoothed(self.qdd[:, axis]), self.period))
-        far = ~ndimage.binary_dilation(slow, iterations=_steps(REACH, self.period))
-        used: Mask = far & (jerk < JERK * robot.acceleration_limit[axis])
-        return used
+    def away_from(self, excluded: Mask) -> Mask:
+        """Samples further than `REACH` from the `excluded` ones."""
+        return ~ndimage.binary_dilation(excluded, iterations=max(2, round(REACH / self.period)))
 
 
 def forecast(measurement: Strokes, period: float) -> Forecast:
@@ -84,20 +73,6 @@ def forecast(measurement: Strokes, period: float) -> Forecast:
     if isinstance(measurement, Coupling):
         _add_partner(motion, measurement, time, stroke)
     return Forecast(period, time, *motion)
-
-
-def noise_gain(period: float) -> float:
-    """Variance that the estimator's window leaves of white noise."""
-    return float(np.sum(_window(period) ** 2))
-
-
-def _window(period: float) -> Array:
-    window = np.blackman(2 * _steps(HALF_WIDTH, period) + 3)[1:-1]
-    return np.asarray(window / window.sum())
-
-
-def _steps(duration: float, period: float) -> int:
-    return max(2, round(duration / period))
 
 
 def _add(motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, since: Array) -> None:

@@ -83,6 +83,11 @@ class _Strokes(FileModel):
         return self.axis - 1
 
     @property
+    def moved(self) -> tuple[int, ...]:
+        """Joint indices of all axes that move on purpose, from 0."""
+        return (self.index,)
+
+    @property
     def n_strokes(self) -> int:
         """Strokes in all; even numbers go forward, odd ones back."""
         return 2 * self.cycles
@@ -137,6 +142,11 @@ class Coupling(_Strokes):
                 " that q names"
             )
         return self
+
+    @property
+    def moved(self) -> tuple[int, ...]:
+        """Joint indices of the axis and its partner, from 0."""
+        return self.index, self.partner.index
 
     @property
     def start(self) -> tuple[float, ...]:

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
+from hil.planning.columns import place
 from hil.planning.elements import ELEMENTS, candidates
-from hil.planning.foreseen import place, shares
+from hil.planning.foreseen import shares
 from hil.planning.precision import scatter_of
 
 if TYPE_CHECKING:

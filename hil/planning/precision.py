@@ -24,7 +24,8 @@ from scipy.stats import qmc
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
-from hil.planning.foreseen import n_unknowns, place, shares
+from hil.planning.columns import n_unknowns, place
+from hil.planning.foreseen import shares
 from hil.planning.measurement import Friction
 from hil.planning.trajectory import Trajectory
 

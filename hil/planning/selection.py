@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
-from hil.planning.foreseen import n_unknowns
+from hil.planning.columns import n_unknowns
 from hil.planning.precision import torque_scale
 from hil.planning.timetable import SETTLING
 

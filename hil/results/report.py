@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from drivers.yaml_file import FileError, load_yaml
-from hil.estimation import condensed, local_fits, signals
+from hil.estimation import signals
 from hil.estimation.identification import NotIdentifiable, estimates
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import now, versions
+from hil.planning import columns, smoothing
 from hil.results import findings_content, findings_report, friction_report, plots, report_content
 from hil.results.advice import advice
 from hil.results.model_file import NAME as MODEL_NAME
@@ -132,8 +133,8 @@ def _html(
         written=now(),
         version=versions()["canopen-robot-identification"],
         signals=signals,
-        local_fits=local_fits,
-        condensed=condensed,
+        smoothing=smoothing,
+        columns=columns,
         **friction_report.of_campaign(folder, list(recorded(campaign)), result.estimate),
     )
 
