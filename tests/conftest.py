@@ -7,6 +7,8 @@ import os
 import struct
 from typing import TYPE_CHECKING, ClassVar
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices, and a worker on every core
+
 import canopen
 import numpy as np
 import pytest
