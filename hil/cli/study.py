@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from drivers.yaml_file import FileError
+from hil.cli.drive_commands import interruptible
 
 commands = typer.Typer(help="Methods against one another on plants whose truth is known.")
 out = Console()
@@ -54,21 +55,23 @@ def drift(
     scenarios = _known(scenario, tuple(SCENARIOS), "--scenario") or tuple(SCENARIOS)
     kinds = _known(kind, KINDS, "--kind") or KINDS[:3]
     numbers = range(first_seed, first_seed + seeds)
-    try:
-        cells = study.prepare(output, robot, plant or robot, numbers, scenarios, kinds, share)
-    except ValueError as error:
-        raise FileError(f"{output}: {error}") from error
     workers = workers or os.cpu_count() or 1
-    where = execution.cluster(scheduler) if scheduler else execution.local(workers)
     failed = 0
-    with where as execute, study_view.shown(out) as show:
-        for done in study.carry_out(cells, execute):
-            show(done)
-            failed += bool(done.error)
-    rows = summary.summarise(study.judged(cells))
-    summary.write(output, rows)
-    study_view.render(rows, out)
-    out.print(f"table and picture in {output}", highlight=False, soft_wrap=True)
+    with interruptible(f"stopped; what is done stays in {output}, the same command goes on"):
+        try:
+            cells = study.prepare(output, robot, plant or robot, numbers, scenarios, kinds, share)
+        except ValueError as error:
+            raise FileError(f"{output}: {error}") from error
+        where = execution.cluster(scheduler) if scheduler else execution.local(workers)
+        with where as execute, study_view.shown(out) as show:
+            for done in study.carry_out(cells, execute):
+                show(done)
+                failed += bool(done.error)
+        rows = summary.summarise(study.judged(cells))
+        if rows:
+            summary.write(output, rows)
+            study_view.render(rows, out)
+            out.print(f"table and picture in {output}", highlight=False, soft_wrap=True)
     if failed:
         raise FileError(f"{output}: {failed} campaigns failed, see above; the same command retries")
 
@@ -77,4 +80,4 @@ def _known(given: list[str] | None, known: tuple[str, ...], option: str) -> tupl
     for name in given or ():
         if name not in known:
             raise typer.BadParameter(f"{name} must be one of {', '.join(known)}", param_hint=option)
-    return tuple(dict.fromkeys(given or ()))
+    return tuple(name for name in known if name in (given or ()))

@@ -57,15 +57,14 @@ def campaigns(robot: Robot, share: float, folder: Path) -> dict[str, Plan]:
     ValueError
         So small a share that trajectories do not fit in beside the sweep.
     """
-    found = {}
-    for kind in KINDS:
-        path = folder / f"{kind}.yaml"
-        if not path.exists():
-            plans = _designed(robot, share)
-            for name, plan in plans.items():
-                write_file(folder / f"{name}.yaml", dump_plan(plan).encode())
-        found[kind] = load_plan(path, robot)
-    return found
+    paths = {kind: folder / f"{kind}.yaml" for kind in KINDS}
+    found = {kind: load_plan(path, robot) for kind, path in paths.items() if path.exists()}
+    if len(found) < len(KINDS):
+        for kind, plan in _designed(robot, share, found.get("two-step")).items():
+            if kind not in found:
+                write_file(paths[kind], dump_plan(plan).encode())
+                found[kind] = plan
+    return {kind: found[kind] for kind in KINDS}
 
 
 def duration(robot: Robot, plan: Plan) -> float:
@@ -73,10 +72,9 @@ def duration(robot: Robot, plan: Plan) -> float:
     return sum(e.travel + e.duration for e in timetable(plan, robot, plan.measurements))
 
 
-def _designed(robot: Robot, share: float) -> dict[str, Plan]:
-    groups = base_parameters(robot).groups.values()
-    counts = [max(round(share * n), len(g)) for n, g in zip(COUNTS, groups, strict=True)]
-    two_step = design(robot, (counts[0], counts[1], counts[2]))
+def _designed(robot: Robot, share: float, given: Plan | None) -> dict[str, Plan]:
+    """All plans; those with trajectories take as long as the two-step plan, given or not."""
+    two_step = given or _two_step(robot, share)
     beforehand = sweep(robot, speeds=SPEEDS, slowest=SLOWEST)
     waves = [
         design_trajectory(robot, PERIOD, 1, "condition", k, name=f"t{k + 1}")
@@ -93,14 +91,22 @@ def _designed(robot: Robot, share: float) -> dict[str, Plan]:
     }
 
 
+def _two_step(robot: Robot, share: float) -> Plan:
+    groups = base_parameters(robot).groups.values()
+    counts = [max(round(share * n), len(g)) for n, g in zip(COUNTS, groups, strict=True)]
+    return design(robot, (counts[0], counts[1], counts[2]))
+
+
 def _filling(waves: Sequence[Measurement], time: float) -> list[Measurement]:
-    cycles = int((time / len(waves) - TRAVEL_AND_REST) / PERIOD)
-    if cycles < 1:
+    """Trajectories with as many periods as there is time for, the first ones with one more."""
+    periods = int((time - len(waves) * TRAVEL_AND_REST) / PERIOD)
+    if periods < len(waves):
         raise ValueError(
             f"{max(time, 0.0) / 60:.1f} min left for trajectories must be at least"
             f" {len(waves) * (PERIOD + TRAVEL_AND_REST) / 60:.1f}; raise --share"
         )
-    return [wave.model_copy(update={"cycles": cycles}) for wave in waves]
+    each, more = divmod(periods, len(waves))
+    return [wave.model_copy(update={"cycles": each + (k < more)}) for k, wave in enumerate(waves)]
 
 
 def _plan(robot: Robot, measurements: Sequence[Measurement], warm_up: WarmUp | None = None) -> Plan:

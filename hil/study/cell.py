@@ -26,7 +26,7 @@ from hil.estimation.identification import METHODS, estimates
 from hil.measuring.atomic_file import write_file
 from hil.measuring.run_folder import RunFolder
 from hil.results.compare import comparison
-from hil.results.friction_file import fit
+from hil.results.friction_result import evaluate
 from hil.results.model_file import recorded
 from hil.results.truth import true_parameters
 
@@ -130,7 +130,8 @@ def measure(cell: Cell) -> None:
     FileError
         The campaign did not come to its end; the message is its own.
     """
-    if cell.run.exists() and not RunFolder.open(cell.run).missing:
+    begun = (cell.run / "run.json").exists()
+    if begun and not RunFolder.open(cell.run).missing:
         return
     cell.run.parent.mkdir(parents=True, exist_ok=True)
     robot = cell.study / "robot.yaml"
@@ -138,10 +139,14 @@ def measure(cell: Cell) -> None:
         *(sys.executable, "-m", "hil", "run", cell.plan, "-o", cell.run, "--robot", robot),
         *("--channel", cell.plant, "--bus-option", f"seed={cell.seed}"),
         *(("--drives", drives) if (drives := cell.study / "drives.yaml").exists() else ()),
-        *(("--resume",) if cell.run.exists() else ()),
+        *(("--resume",) if begun else ()),
     ]
     done = subprocess.run(  # noqa: S603 - our own command
-        [str(part) for part in command], capture_output=True, text=True, check=False
+        [str(part) for part in command],
+        stdin=subprocess.DEVNULL,  # it would listen to the terminal's keys otherwise
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if done.returncode:
         raise FileError(f"{cell}: {done.stderr.strip() or f'ended with {done.returncode}'}")
@@ -204,7 +209,10 @@ def _beforehand(cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]
 
 
 def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
-    fits = {each.axis: each.models[each.chosen] for each in fit(run).axes}
+    folder = RunFolder.open(run)
+    if folder.missing:  # what is judged stays, so it must not rest on a part of them
+        raise FileError(f"{run}: {folder.shortfall}")
+    fits = {each.axis: each.models[each.chosen] for each in evaluate(folder).axes}
     missing = [str(axis + 1) for axis in range(robot.n_joints) if axis not in fits]
     if missing:
         raise FileError(f"{run}: no friction model of axis {', '.join(missing)}")

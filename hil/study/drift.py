@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from drivers.yaml_file import FileError
 from hil.measuring.atomic_file import write_file
 from hil.model.robot import ROBOTS, load_robot
+from hil.results.truth import true_parameters
 from hil.study.campaigns import KINDS, campaigns
 from hil.study.cell import Cell, judge, measure
 from hil.study.scenarios import SCENARIOS, write_plant
@@ -82,9 +83,10 @@ def prepare(
     Raises
     ------
     FileError
-        A folder of another study, no such plant, a full disk.
+        A folder of another study, no such plant or another robot's, a full disk.
     """
     the_robot = load_robot(robot)
+    true_parameters(the_robot, plant)  # refuses now what no estimate could be set against later
     folder.mkdir(parents=True, exist_ok=True)
     _keep(folder / SETTINGS, {"robot": the_robot.digest, "plant": plant, "share": share})
     packaged = ROBOTS / f"{robot}.yaml"
@@ -97,7 +99,7 @@ def prepare(
         (folder / name).mkdir(exist_ok=True)
         write_plant(SCENARIOS[name], plant, folder / name / "plant.yaml")
     return [
-        Cell(folder.resolve(), scenario, kind, seed, seeds[(k + 1) % len(seeds)])
+        Cell(folder.resolve(), scenario, kind, seed, seeds[k - 1 if k else 1])
         for k, seed in enumerate(seeds)
         for scenario in scenarios
         for kind in kinds
@@ -128,8 +130,7 @@ def _keep(path: Path, settings: dict[str, Any]) -> None:
         write_file(path, json.dumps(settings, indent=1).encode())
         return
     for key, before in json.loads(path.read_text()).items():
-        if before != settings[key]:
+        if before != (now := settings.get(key)):
             raise FileError(
-                f"{path}: {key} was {before} and is {settings[key]} now; give the study a folder"
-                " of its own"
+                f"{path}: {key} was {before} and is {now} now; give the study a folder of its own"
             )

@@ -1,17 +1,22 @@
 """Many independent jobs at once: on the cores of this machine, or on a Dask cluster.
 
 A worker of this machine computes in one thread: linear algebra in several threads would have the
-workers wait for one another.
-Both give futures, in the order in which they are done. On a cluster, workers need the same
-environment and must see the study's folder under the same path.
+workers wait for one another. It is in a process group of its own, so that Ctrl-C reaches the study
+alone. An interrupted study ends its workers, and a worker ends the campaign that it measures; so
+does a worker whose study is gone.
+
+Jobs come back in the order in which they are done. On a cluster, workers need the same environment
+and must see the study's folder under the same path. Interrupted, they finish what they are at.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from multiprocessing import get_context
+from contextlib import contextmanager, suppress
+from multiprocessing import active_children, get_context, parent_process
+from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from drivers.yaml_file import FileError
@@ -28,10 +33,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def local(workers: int) -> Iterator[Execute[Any, Any]]:
-    """Processes of this machine."""
+    """Processes of this machine; whatever goes wrong here, none of them is left behind."""
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    others = set(active_children())
+    context = get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_start) as pool:
 
         def execute(
             function: Callable[[Any], Any], jobs: Iterable[Any]
@@ -43,7 +50,8 @@ def local(workers: int) -> Iterator[Execute[Any, Any]]:
         try:
             yield execute
         except BaseException:
-            pool.shutdown(cancel_futures=True)
+            for worker in set(active_children()) - others:
+                worker.terminate()
             raise
 
 
@@ -77,3 +85,27 @@ def cluster(address: str) -> Iterator[Execute[Any, Any]]:
                 yield futures[future], future.exception() or future.result()
 
         yield execute
+
+
+def _start() -> None:
+    """Make a worker of this process."""
+    os.setpgrp()
+    signal.signal(signal.SIGTERM, _leave)
+    Thread(target=_leave_with_study, name="study", daemon=True).start()
+
+
+def _leave(*_signal: object) -> None:
+    """End this worker once the campaign that it measures has ended."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    os.killpg(0, signal.SIGTERM)
+    with suppress(ChildProcessError):
+        while True:
+            os.wait()
+    os._exit(1)
+
+
+def _leave_with_study() -> None:
+    study = parent_process()
+    assert study is not None  # noqa: S101 - a worker has one
+    study.join()
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -44,16 +44,16 @@ SCENARIOS: dict[str, Scenario] = {
     "off": Scenario("no drift, symmetric", {"drift": False, "symmetric": True}),
     "on": Scenario("drift, symmetric", {"drift": True, "symmetric": True}),
     "strong": Scenario(
-        "drift three times as strong, symmetric",
+        "threefold drift, symmetric",
         {"drift": True, "symmetric": True, "drift_strength": 3.0},
     ),
     "asymmetric": Scenario("drift, asymmetric", {"drift": True}),
-    "load": Scenario("drift, asymmetric, 5 % of the load", {"drift": True}, {"load": 0.05}),
+    "load": Scenario("drift, asymmetric, 5 % of load as friction", {"drift": True}, {"load": 0.05}),
 }
 
 
 def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
-    """Write the plant file of a scenario.
+    """Write the plant file of a scenario, unless it is there.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
     Raises
     ------
     FileError
-        No such plant file.
+        No such plant file, or one that says something else than when the study was begun.
     """
     source = find_plant(plant)
     with operator_told(source, "read"):
@@ -72,5 +72,12 @@ def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
         raise FileError(f"{source}: is no plant file: it has no list of axes")
     content |= scenario.plant
     for axis in content["axes"]:
-        axis["friction"] |= scenario.friction
-    write_file(path, yaml.safe_dump(content, sort_keys=False).encode())
+        axis["friction"] = axis.get("friction", {}) | scenario.friction
+    text = yaml.safe_dump(content, sort_keys=False).encode()
+    if not path.exists():
+        write_file(path, text)
+    elif path.read_bytes() != text:
+        raise FileError(
+            f"{path}: is another plant than {source} gives now; measured is the former, so give the"
+            " study a folder of its own"
+        )

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from hil.measuring.atomic_file import write_file
 from hil.results.plot_style import GRID, INK, MEASURED, MODEL, MUTED, drawn, image
+from hil.study.campaigns import KINDS
 from hil.study.cell import OUR_DEFAULT
 from hil.study.scenarios import SCENARIOS
 
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
 
 TABLE, PICTURE = "study.csv", "study"
 GROUPS = ("gravity", "diagonal", "off_diagonal")
+LEGEND = "error of predicted rigid-body torques, %\na dot for each plant, a bar for their rms"
+LABELS, PANEL, BELOW = 2.6, 1.85, 0.62
+"""Width of the methods' names and of a panel, height below the panels [inch]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +67,8 @@ class Row:
 def summarise(found: Sequence[Judged]) -> list[Row]:
     """Put the outcomes of all seeds together, our methods first."""
     cases: dict[tuple[str, str], list[int]] = {}
-    flat = [(each.cell.scenario, outcome) for each in found for outcome in each.outcomes]
+    ordered = sorted(found, key=_place)
+    flat = [(each.cell.scenario, outcome) for each in ordered for outcome in each.outcomes]
     for number, (scenario, outcome) in enumerate(flat):
         cases.setdefault((scenario, outcome.method), []).append(number)
     ours = {
@@ -70,12 +76,9 @@ def summarise(found: Sequence[Judged]) -> list[Row]:
         for (scenario, method), numbers in cases.items()
         if method == OUR_DEFAULT
     }
-    order = list(SCENARIOS)
     return [
         _row(scenario, method, [flat[k][1] for k in numbers], ours.get(scenario, np.nan))
-        for (scenario, method), numbers in sorted(
-            cases.items(), key=lambda case: order.index(case[0][0])
-        )
+        for (scenario, method), numbers in cases.items()
     ]
 
 
@@ -99,19 +102,22 @@ def picture(rows: Sequence[Row]) -> Figure:
     """Torque errors of all methods, one panel a scenario, one dot a seed, bars for their rms."""
     scenarios = list(dict.fromkeys(row.scenario for row in rows))
     methods = list(dict.fromkeys(row.method for row in rows))
-    height = 1.1 + 0.22 * len(methods)
-    figure = Figure(figsize=(2.6 + 1.85 * len(scenarios), height))
+    titles = [SCENARIOS[scenario].says.replace(", ", "\n") for scenario in scenarios]
+    above = 0.15 + 0.15 * max(1 + title.count("\n") for title in titles)
+    height = above + BELOW + 0.2 * len(methods)
+    width = LABELS + max(PANEL * len(scenarios), 3.2)
+    figure = Figure(figsize=(width, height))
     panels = figure.subplots(1, len(scenarios), sharex=True, sharey=True, squeeze=False)[0]
+    left, right = LABELS / width, 1 - 0.12 / width
     figure.subplots_adjust(
-        left=2.35 / figure.get_figwidth(), right=0.985, wspace=0.08,
-        bottom=0.55 / height, top=1 - 0.5 / height,
-    )  # fmt: skip
-    for panel, scenario in zip(panels, scenarios, strict=True):
+        left=left, right=right, wspace=0.08, bottom=BELOW / height, top=1 - above / height
+    )
+    for panel, scenario, title in zip(panels, scenarios, titles, strict=True):
         _panel(panel, methods, {r.method: r for r in rows if r.scenario == scenario})
-        panel.set_title("\n".join(_lines(SCENARIOS[scenario].says)), fontsize=8.5)
+        panel.set_title(title, fontsize=8.5)
     panels[0].set_yticks(range(len(methods)), methods)
-    panels[0].invert_yaxis()
-    figure.supxlabel("error of predicted rigid-body torques, %", fontsize=9, color=INK)
+    panels[0].set_ylim(len(methods) - 0.5, -0.5)
+    figure.supxlabel(LEGEND, x=(left + right) / 2, y=0.06 / height, fontsize=8.5, color=INK)
     return figure
 
 
@@ -125,14 +131,17 @@ def _panel(panel: Axes, methods: Sequence[str], rows: dict[str, Row]) -> None:
         panel.plot(errors, np.full(row.n, place), "o", ms=3, color=colour, alpha=0.5, mew=0)
         panel.plot(100 * row.torque_error, place, "|", ms=11, mew=1.8, color=colour)
     panel.set_xscale("log")
+    panel.xaxis.set_major_locator(LogLocator(numticks=6))
+    panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    panel.xaxis.set_minor_formatter(NullFormatter())
     panel.grid(axis="y", color=GRID)
     panel.tick_params(axis="y", length=0)
     panel.spines["left"].set_color(MUTED)
 
 
-def _lines(text: str) -> list[str]:
-    """A scenario's description in lines that fit over a panel."""
-    return text.split(", ")
+def _place(found: Judged) -> tuple[int, int]:
+    """Where it stands in tables, whatever has failed: scenarios and campaigns in their order."""
+    return list(SCENARIOS).index(found.cell.scenario), KINDS.index(found.cell.kind)
 
 
 def _row(scenario: str, method: str, outcomes: Sequence[Outcome], ours: float) -> Row:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich import box
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
@@ -37,7 +39,7 @@ def shown(console: Console) -> Iterator[Callable[[Done], None]]:
             left = clock(spent / before * (done.of - done.done)) if done.done > 1 else "?"
             text = f"{done.step} {done.done} of {done.of}: {done.cell}"
             if done.error:
-                console.print(f"[red]{done.error}[/]", highlight=False, soft_wrap=True)
+                console.print(f"[red]{escape(done.error)}[/]", highlight=False, soft_wrap=True)
             elif not console.is_terminal:
                 console.print(f"{text}, {left} left", highlight=False, soft_wrap=True)
             progress.update(
@@ -50,23 +52,39 @@ def shown(console: Console) -> Iterator[Callable[[Done], None]]:
 def render(rows: Sequence[Row], console: Console) -> None:
     """Print one table a scenario."""
     for scenario in dict.fromkeys(row.scenario for row in rows):
-        console.print(_table([row for row in rows if row.scenario == scenario]))
+        console.print(_table([row for row in rows if row.scenario == scenario]), "")
 
 
 def _table(rows: Sequence[Row]) -> Table:
-    title = f"{rows[0].scenario}: {SCENARIOS[rows[0].scenario].says}"
-    table = Table(title=title, box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
-    table.add_column("relative error, rms over seeds, %", no_wrap=True)
-    headings = (*(group.replace("_", "-") for group in GROUPS), "torques", "over ours")
-    for heading in (*headings, "in 95 %", "seeds"):
+    says = f"{rows[0].scenario}: {SCENARIOS[rows[0].scenario].says}"
+    table = Table(
+        title=f"{says}\nrelative errors in %, rms over the seeds",
+        box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0),
+        title_justify="left",
+    )  # fmt: skip
+    table.add_column("")
+    groups = [group.replace("off_", "off-\n") for group in GROUPS]
+    for heading in (*groups, "torques", "over\nours", "in\n95 %", "seeds"):
         table.add_column(heading, justify="right", no_wrap=True)
+    family = ""
     for row in rows:
-        errors = [row.group_error.get(group, float("nan")) for group in GROUPS]
+        before, colon, method = row.method.rpartition(": ")
+        if colon and before != family:
+            table.add_row(f"{before}:")
+        family = before
+        errors = [row.group_error.get(group, math.nan) for group in GROUPS]
         table.add_row(
-            row.method,
-            *(significant(100 * error, 2) for error in (*errors, row.torque_error)),
-            significant(row.ratio, 2),
+            f"  {method}" if colon else method,
+            *(_figure(100 * error) for error in (*errors, row.torque_error)),
+            _figure(row.ratio),
             f"{100 * row.coverage:.0f} %",
             str(row.n),
         )
     return table
+
+
+def _figure(value: float) -> str:
+    """Two digits, without an exponent; nothing where there is no figure."""
+    if not math.isfinite(value):
+        return ""
+    return f"{float(f'{value:.2g}'):.0f}" if value >= 100 else significant(value, 2)
