@@ -1,12 +1,14 @@
 """Run folders with known parameters, written in a moment: recordings without a plant."""
 
 import numpy as np
+from matplotlib.figure import Figure
 from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
 from hil.measuring.recording_file import Measured
 from hil.measuring.run_folder import RunFolder
 from hil.planning.experiment_design import design
+from hil.results.plots import PLOTS
 
 COUNTS = (12, 24, 3)
 SIMULATED = "sim_plant manutec-r15"
@@ -31,3 +33,10 @@ def write_run(path, robot, truth=None, seed=1):
             folder.write(Measured(measurement, recording, session=session))
             begin = float(recording.time[-1]) + 1.0
     return folder
+
+
+def empty_plots(monkeypatch):
+    """Let reports have all their pictures, with nothing drawn."""
+    blank = dict.fromkeys(PLOTS, lambda _evidence: Figure())
+    monkeypatch.setattr("hil.results.plots.PLOTS", blank)
+    monkeypatch.setattr("hil.results.report.image", lambda _figure, _kind: b"<svg/>")

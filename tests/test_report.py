@@ -8,7 +8,7 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from small_run import SIMULATED, write_run
+from small_run import SIMULATED, empty_plots, write_run
 
 from drivers.yaml_file import FileError
 from hil import cli
@@ -37,7 +37,13 @@ def figures(folder):
 
 
 @pytest.fixture(scope="module")
-def page(folder, figures):
+def style():
+    """Of plots, before the first was drawn."""
+    return dict(mpl.rcParams)
+
+
+@pytest.fixture(scope="module")
+def page(folder, figures, style):
     return report(folder.path, figures).read_text()
 
 
@@ -49,10 +55,17 @@ def found(folder):
 @pytest.fixture
 def copy(folder, tmp_path, monkeypatch):
     """A copy of the run to be changed, whose report is written with empty plots."""
-    monkeypatch.setattr("hil.results.report.image", lambda _figure, _kind: b"<svg/>")
+    empty_plots(monkeypatch)
     written = shutil.ignore_patterns("model.yaml", "report.html", "figures")
     shutil.copytree(folder.path, tmp_path / "run", ignore=written)
     return tmp_path / "run"
+
+
+@pytest.fixture
+def as_it_was(copy, found, monkeypatch):
+    """A copy whose recordings stay as they are, and so what is estimated from them."""
+    monkeypatch.setattr("hil.results.report.estimates", lambda *_: found)
+    return copy
 
 
 def text_of(markup):
@@ -105,10 +118,9 @@ class TestPage:
         assert {path.stem for path in figures.iterdir()} == set(PLOTS)
         assert all(path.read_bytes().startswith(PNG) for path in figures.iterdir())
 
-    def test_it_leaves_no_style_behind(self, copy):
-        before = dict(mpl.rcParams)
-        report(copy)
-        assert dict(mpl.rcParams) == before
+    @pytest.mark.usefixtures("page")
+    def test_it_leaves_no_style_behind(self, style):
+        assert dict(mpl.rcParams) == style
 
 
 class TestModelNote:
@@ -119,26 +131,26 @@ class TestModelNote:
         ("method", "told"),
         [("printed", "holds the parameters of the printed method"), ("improved", "same method")],
     )
-    def test_it_tells_by_which_method_the_model_was_made(self, copy, method, told):
-        identify(copy, method)
-        assert told in report(copy).read_text()
+    def test_it_tells_by_which_method_the_model_was_made(self, as_it_was, method, told):
+        identify(as_it_was, method)
+        assert told in report(as_it_was).read_text()
 
-    def test_a_damaged_model_does_not_matter(self, copy):
-        (copy / "model.yaml").write_text("format: 9\n")
-        assert "model.yaml cannot be used" in report(copy).read_text()
+    def test_a_damaged_model_does_not_matter(self, as_it_was):
+        (as_it_was / "model.yaml").write_text("format: 9\n")
+        assert "model.yaml cannot be used" in report(as_it_was).read_text()
 
 
 class TestOtherRuns:
-    def test_what_a_session_noted_is_told(self, copy):
-        journal = copy / "run.json"
+    def test_what_a_session_noted_is_told(self, as_it_was):
+        journal = as_it_was / "run.json"
         note = "joint 2 <node 2>: warning 4210"
         journal.write_text(journal.read_text().replace('"notes": []', f'"notes": ["{note}"]'))
-        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(copy).read_text()
+        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(as_it_was).read_text()
 
-    def test_a_run_on_hardware_is_not_called_simulated(self, copy):
-        journal = copy / "run.json"
+    def test_a_run_on_hardware_is_not_called_simulated(self, as_it_was):
+        journal = as_it_was / "run.json"
         journal.write_text(journal.read_text().replace(SIMULATED, "socketcan <can0>"))
-        page = report(copy).read_text()
+        page = report(as_it_was).read_text()
         assert "SIMULATED" not in page
         assert "socketcan &lt;can0&gt;" in page
 
