@@ -32,6 +32,7 @@ from hil.estimation.bound import cramer_rao
 from hil.estimation.identification import estimates
 from hil.measuring.run_folder import RunFolder
 from hil.model.robot import load_robot
+from hil.model.robot_file import LINK_PARAMETERS
 from hil.results.compare import Comparison, comparison
 from hil.results.diagnosis import diagnose, evidence_for
 from hil.results.load import find_load
@@ -178,8 +179,9 @@ def tell_payload(folder: Path, seeds: Sequence[int]) -> None:
         found = find_load(folder / "default" / f"seed-{seeds[k - 1]}", loaded).payload
         truth = true_parameters(robot, loaded.with_suffix(".yaml")) - bare
         change.append(100 * float(np.linalg.norm(found.change - truth) / np.linalg.norm(truth)))
-        mass.append(100 * (found.phi[0] / MASS - 1))
-        distance.append(1e3 * (found.phi[3] / found.phi[0] - DISTANCE))
+        load = dict(zip(LINK_PARAMETERS, found.phi, strict=True))
+        mass.append(100 * (load["m"] / MASS - 1))
+        distance.append(1e3 * (load["sz"] / load["m"] - DISTANCE))
         inside.append(np.abs(found.change - truth) < 1.96 * found.standard_error)
     print(
         f"payload, {len(seeds)} seeds: dp {rms(change):.3f} % of its norm (0.3), mass"
