@@ -187,14 +187,14 @@ def _two_step(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
 def _jointly(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
     """Conventional methods with friction in the regression; variants share what they can."""
     measured = trajectories(recorded(folder))
-    condensed: dict[tuple[str, float, bool], Products] = {}
-    for name, v in VARIANTS.items():
-        key = v.terms, v.slowest, v.by_period
-        if key not in condensed:
-            condensed[key] = products(
-                folder.robot, measured, v.terms, v.slowest, by_period=v.by_period
-            )
-        yield f"jointly: {name}", estimate_of(folder.robot, condensed[key], v, name)
+    condensed: dict[float, Products] = {}
+    for name, variant in VARIANTS.items():
+        if variant.slowest not in condensed:
+            condensed[variant.slowest] = products(folder.robot, measured, "rich", variant.slowest)
+        yield (
+            f"jointly: {name}",
+            estimate_of(folder.robot, condensed[variant.slowest], variant, name),
+        )
 
 
 def _beforehand(cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:

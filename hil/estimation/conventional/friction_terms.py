@@ -27,7 +27,10 @@ Terms = Literal["model 1", "model 2", "rich", "none"]
 Characteristic = Callable[["Array"], "Array"]
 """Friction torque of one axis [N m] at its velocities (n,) [rad/s], measured beforehand."""
 N_OF_SPEED = {"model 1": 2, "model 2": 3, "rich": 5, "none": 0}
-"""How many of a set's columns, its first, are functions of speed that change as friction does."""
+"""How many of a set's columns, its first, are functions of speed that change as friction does.
+
+Each set begins with the columns of the smaller ones.
+"""
 BEND = 0.08
 """Share of the speed limit at which the rich set's atan bends."""
 

@@ -13,13 +13,13 @@ found as the one at which it resembles the measured motion most.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.estimation.condensed import eliminated
-from hil.estimation.conventional.friction_terms import N_OF_SPEED, columns, compensated
+from hil.estimation.conventional.friction_terms import columns, compensated
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
@@ -63,6 +63,27 @@ class Products:
     n_base: int
     n_friction: int
 
+    def first(self, n_friction: int) -> Products:
+        """The same with no more than the first columns of friction."""
+        width, own = self.n_base + self.n_friction, np.arange(self.n_base + n_friction)
+        kept = np.concatenate([[0], 1 + own, 1 + width + own])
+        return replace(self, blocks=self.blocks[..., kept[:, None], kept], n_friction=n_friction)
+
+    def by_period(self, n_local: int) -> Products:
+        """The same with the first columns of friction eliminated, block by block; no instruments.
+
+        So each period has coefficients of its own for them.
+        """
+        begin, end = 1 + self.n_base, 1 + self.n_base + self.n_friction
+        order = np.r_[:begin, begin + n_local : end, begin : begin + n_local]
+        blocks = [
+            [eliminated(product[np.ix_(order, order)], n_local)[0] for product in block]
+            for block in self.blocks
+        ]
+        return Products(
+            np.array(blocks), self.counts - n_local, self.n_base, self.n_friction - n_local
+        )
+
 
 def products(
     robot: Robot,
@@ -70,8 +91,6 @@ def products(
     terms: Terms,
     slowest: float = 0.0,
     characteristics: Sequence[Characteristic] | None = None,
-    *,
-    by_period: bool = False,
 ) -> Products:
     """Condense recordings of trajectories.
 
@@ -83,14 +102,7 @@ def products(
         Samples of an axis below this share of its speed limit are left out.
     characteristics : sequence of callable, optional
         Friction that is subtracted beforehand, one for each axis.
-    by_period : bool
-        Each period has friction coefficients of its own, which are eliminated; no instruments.
     """
-    n_base = len(base_parameters(robot))
-    n_friction = _n_friction(robot, terms)
-    n_local = N_OF_SPEED[terms] if by_period else 0
-    kept = np.r_[: 1 + n_base, 1 + n_base + n_local : 1 + n_base + n_friction]
-    local = np.r_[kept, 1 + n_base : 1 + n_base + n_local]
     blocks, counts = [], []
     for trajectory, recording in recorded:
         s = signals(recording)
@@ -102,15 +114,12 @@ def products(
             for axis in range(robot.n_joints)
         ]
         for number in range(trajectory.cycles):
-            period = s.valid & (s.stroke == number)
-            period[np.arange(len(period)) % THINNED != 0] = False
-            shares = [stacked[used & period] for stacked, used in axes]
-            inner = [share.T @ share for share in shares]
-            if by_period:
-                inner = [eliminated(each[np.ix_(local, local)], n_local)[0] for each in inner]
-            blocks.append(inner)
-            counts.append([len(share) - n_local for share in shares])
-    return Products(np.array(blocks), np.array(counts, dtype=float), n_base, n_friction - n_local)
+            period = np.flatnonzero(s.valid & (s.stroke == number))[::THINNED]
+            shares = [stacked[period[used[period]]] for stacked, used in axes]
+            blocks.append([share.T @ share for share in shares])
+            counts.append([len(share) for share in shares])
+    n_base, n_friction = len(base_parameters(robot)), _n_friction(robot, terms)
+    return Products(np.array(blocks), np.array(counts, dtype=float), n_base, n_friction)
 
 
 def _n_friction(robot: Robot, terms: Terms) -> int:
@@ -142,7 +151,7 @@ def _commanded(trajectory: Trajectory, s: Signals) -> tuple[Array, Array, Array]
     """Motion that was commanded, at the samples' times less the drives' delay."""
     t = s.time - s.time[int(np.argmax(s.stroke >= 0))]
     end = trajectory.cycles * trajectory.period
-    moving = s.stroke >= 0
+    moving = np.flatnonzero(s.stroke >= 0)[::THINNED]
     apart = [
         float(np.sum((trajectory.motion(t[moving] - delay)[0] - s.q[moving]) ** 2))
         for delay in DELAYS

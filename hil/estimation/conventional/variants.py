@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.conventional.friction_terms import N_OF_SPEED
 from hil.estimation.conventional.products import products
 from hil.estimation.conventional.solution import solve
 from hil.estimation.estimate import Estimate
@@ -106,19 +107,19 @@ def identify(
     name : str
         Of the method, for the estimate.
     """
-    data = products(
-        robot,
-        recorded,
-        variant.terms,
-        variant.slowest,
-        characteristics,
-        by_period=variant.by_period,
-    )
+    data = products(robot, recorded, variant.terms, variant.slowest, characteristics)
     return estimate_of(robot, data, variant, name)
 
 
 def estimate_of(robot: Robot, data: Products, variant: Variant, name: str) -> Estimate:
-    """Identify from condensed trajectories, which variants of the same friction can share."""
+    """Identify from condensed trajectories, which several variants can share.
+
+    `data` may hold more columns of friction than the variant has.
+    """
+    if variant.terms != "rich":
+        data = data.first(N_OF_SPEED[variant.terms])
+    if variant.by_period:
+        data = data.by_period(N_OF_SPEED[variant.terms])
     found = solve(data, robot.torque_limit, variant.weighting, variant.solver)
     n = data.n_base
     return Estimate(
