@@ -14,8 +14,8 @@ from hil.planning.noise import stated_noise
 from hil.planning.plan import dump_plan
 from hil.planning.pool import pool
 from hil.planning.precision import covariance, information, precision, torque_scale
-from hil.planning.selection import Selection, travel_times
-from hil.planning.timetable import travel_time
+from hil.planning.selection import Selection
+from hil.planning.timetable import travel_time, travel_times
 from hil.planning.workspace import Box, Workspace
 
 PERIOD = 0.004

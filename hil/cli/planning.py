@@ -76,8 +76,8 @@ def plan(
         if minutes is None:
             from hil.planning.experiment_design import COUNTS, design  # noqa: PLC0415 - slow to import
 
-            asked = tuple(c or default for c, default in zip(counts, COUNTS, strict=True))
-            designed = design(the_robot, (asked[0], asked[1], asked[2]), warm_up, guard)
+            asked = gravity or COUNTS[0], inertia or COUNTS[1], coupling or COUNTS[2]
+            designed = design(the_robot, asked, warm_up, guard)
         else:
             from hil.planning.budget import design_within  # noqa: PLC0415 - slow to import
 
@@ -115,20 +115,16 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
     from hil.terminal import precision_view  # noqa: PLC0415 - slow to import, used here only
 
     folders, (noise, known) = _experience(runs)
-    first = folders[0]
+    first, robot = folders[0], folders[0].robot
     taken = {measurement.id for folder in folders for measurement in folder.plan.measurements}
     try:
-        designed = refine(first.robot, minutes, noise, known, first.plan, taken)
+        designed = refine(robot, minutes, noise, known, first.plan, taken)
     except ValueError as error:
         raise FileError(f"{first.path}: {error}") from error
     _write(output, designed)
-    more = information(first.robot, designed.measurements, designed.sample_period, noise)
-    precision_view.render_refinement(
-        precision(first.robot, known, noise.source),
-        precision(first.robot, known + more, noise.source),
-        first.robot,
-        out,
-    )
+    more = information(robot, designed.measurements, designed.sample_period, noise)
+    now, then = (precision(robot, each, noise.source) for each in (known, known + more))
+    precision_view.render_refinement(now, then, robot, out)
 
 
 def _experience(runs: Sequence[Path]) -> tuple[list[RunFolder], Levels]:

@@ -112,7 +112,7 @@ def estimates(
     NotIdentifiable
         Base parameters that the measurements do not excite.
     """
-    raw, unusable = _prepare(recorded)
+    raw, unusable = prepare(recorded)
     found = {}
     for method in methods:
         lags = no_lags(robot) if method == "printed" else find_lags(robot, raw)
@@ -155,10 +155,10 @@ def _estimate(
     )
 
 
-def _prepare(
+def prepare(
     recorded: Iterable[tuple[Measurement, Recording]],
 ) -> tuple[list[tuple[Element, Signals]], list[str]]:
-    """Signals of all measurements, and the reasons for those without any."""
+    """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
         if isinstance(measurement, Friction):

@@ -16,6 +16,7 @@ for b about what was expected beforehand (`hil.planning.noise`), and wide.
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,10 +24,10 @@ from scipy import optimize
 
 from hil.estimation.joint import Joint
 from hil.model.base_parameters import base_parameters
-from hil.planning.columns import FEWEST, n_unknowns, place, usable
+from hil.planning.columns import FEWEST, place, usable
 from hil.planning.foreseen import shares
 from hil.planning.noise import MINUTE, Noise, stated_noise
-from hil.planning.precision import Information, scatter_of
+from hil.planning.precision import added_up
 from hil.planning.smoothing import noise_gain
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.foreseen import Share
     from hil.planning.measurement import Strokes
+    from hil.planning.precision import Information
 
     Array = NDArray[np.float64]
     Prepared = Sequence[tuple[Strokes, Signals]]
@@ -86,11 +88,12 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     white = 1.0 / joint.weight / noise_gain(used[0][1].period)
     found = []
     for axis, sums in enumerate(_all_sums(robot, pieces, joint)):
-        told = white[axis] if sums else expected.white[axis]
-        found.append(_likeliest(sums, float(told), float(expected.walk[axis])))
+        level = white[axis] if sums else expected.white[axis]
+        found.append(_likeliest(sums, float(level), float(expected.walk[axis])))
     a, b = np.array(found).T
     noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
-    return Levels(noise, _known(robot, pieces, noise))
+    told = (replace(each.foreseen, information=each.measured.information) for each in pieces)
+    return Levels(noise, added_up(robot, told, noise))
 
 
 def _is_told(robot: Robot, measurement: Strokes, s: Signals) -> bool:
@@ -155,15 +158,3 @@ def _likeliest(sums: Sequence[_Sums], white: float, walk: float) -> tuple[float,
     best = optimize.minimize(cost, np.zeros(2), method="Nelder-Mead")
     a, b = np.exp(best.x).tolist()
     return white * a, walk * b
-
-
-def _known(robot: Robot, pieces: Sequence[_Piece], noise: Noise) -> Information:
-    """What was measured, as information of the kind that predictions add up."""
-    n = n_unknowns(robot)
-    matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
-    for piece in pieces:
-        axis = piece.measured.axis
-        at = np.ix_(place(robot, axis), place(robot, axis))
-        matrix[at] += piece.measured.information / noise.white[axis]
-        scatter[at] += scatter_of(piece.foreseen, noise)
-    return Information(matrix, scatter)

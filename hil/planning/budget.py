@@ -19,10 +19,9 @@ import numpy as np
 
 from hil.planning.experiment_design import TRAVEL, as_plan, greedy, places
 from hil.planning.guarded_tour import guarded_tour
-from hil.planning.measurement import Element as Measured
 from hil.planning.pool import pool, weighed
-from hil.planning.selection import Selection, travel_times
-from hil.planning.timetable import timetable
+from hil.planning.selection import Selection
+from hil.planning.timetable import timetable, travel_times
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
+    from hil.planning.measurement import Element as Measured
     from hil.planning.noise import Noise
     from hil.planning.plan import Plan
     from hil.planning.pool import Option
@@ -78,8 +78,7 @@ def design_within(
     selection = Selection(guarded, options, TRAVEL)
     for number in _core(guarded, options):
         selection.take(number)
-    least = len(selection.chosen)
-    budget = 60 * minutes - warm_up
+    budget, least = 60 * minutes - warm_up, len(selection.chosen)
     order = _filled(robot, options, selection, budget, least, workspace)
     return as_plan(robot, _numbered(order, set()), warm_up, workspace)
 
@@ -150,6 +149,20 @@ def _filled(
     while selection.duration < _AHEAD * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = [options[k].measurement for k in selection.chosen]
+    fitting = chosen[: _how_many(robot, chosen, least, budget)]
+    if workspace:
+        return _guarded(robot, workspace, fitting, least, budget)
+    return _tour(robot, fitting)
+
+
+def _how_many(robot: Robot, chosen: Sequence[Measured], least: int, budget: float) -> int:
+    """How many of `chosen`, from the first, fit into `budget` [s].
+
+    Raises
+    ------
+    ValueError
+        Not even `least` of them.
+    """
     needed = _duration(robot, _tour(robot, chosen[:least]))
     if needed > budget:
         raise ValueError(
@@ -163,26 +176,16 @@ def _filled(
             exceeds = middle
         else:
             fits = middle
-    if workspace:
-        return _guarded(robot, workspace, chosen[:fits], least, budget)
-    return _tour(robot, chosen[:fits])
+    return fits
 
 
 def _guarded(
-    robot: Robot,
-    workspace: Workspace,
-    chosen: Sequence[Measured],
-    least: int,
-    budget: float,
+    robot: Robot, workspace: Workspace, chosen: Sequence[Measured], least: int, budget: float
 ) -> list[Measured]:
     """Order those measurements, from the first, whose clear tour is within `budget` [s]."""
     guarded, fits = narrowed(robot, workspace), len(chosen)
     while True:
-        order = [
-            measurement
-            for measurement in guarded_tour(guarded, workspace, chosen[:fits], TRAVEL)
-            if isinstance(measurement, Measured)
-        ]
+        order = guarded_tour(guarded, workspace, chosen[:fits], TRAVEL)
         excess = _duration(robot, order) - budget
         if excess <= 0 or fits <= least:
             return order

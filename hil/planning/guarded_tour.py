@@ -6,7 +6,7 @@ to are put in afterwards, between two measurements where both ways are clear.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+M = TypeVar("M", bound="Measurement")
+
 _AT_ONCE = 4
 """Ways looked at together: mostly the first is clear."""
 
@@ -33,8 +35,8 @@ _BEGINNINGS = 8
 
 
 def guarded_tour(
-    robot: Robot, workspace: Workspace, measurements: Sequence[Measurement], fraction: float
-) -> list[Measurement]:
+    robot: Robot, workspace: Workspace, measurements: Sequence[M], fraction: float
+) -> list[M]:
     """Order `measurements` so that travels at `fraction` of the limits are clear.
 
     Raises

@@ -6,9 +6,10 @@ the estimator's terms for friction leave of that is small, but it lasts, so it d
 as white noise does. It is described as a random walk of the friction level.
 
 Both stand in the robot file if somebody knows them, `torque_noise` and `friction_wander`. Else they
-are expectations, stated here, or learnt from an earlier run (`hil.results.noise`). The increments
-of encoders are left out: differentiating makes noise of high frequency of them, of which the
-smoothing leaves 1 % of the variance of the rest on our robot.
+are expectations, stated here, or learnt from an earlier run (`hil.estimation.noise_levels`).
+
+The increments of encoders are left out: differentiating makes noise of high frequency of them, of
+which the smoothing leaves 1 % of the variance of the rest on the manutec-r15.
 """
 
 from __future__ import annotations
@@ -73,22 +74,17 @@ def stated_noise(robot: Robot, resolution: Sequence[float] | None = None) -> Noi
     resolution : sequence (n_joints,), optional
         Smallest step of each axis's torque reading [N m].
     """
-    joints = robot.file.joints
-    torque = np.array(
-        [
-            TORQUE_NOISE * j.torque_limit if j.torque_noise is None else j.torque_noise
-            for j in joints
-        ]
-    )
-    wander = np.array(
-        [
-            FRICTION_WANDER * j.torque_limit if j.friction_wander is None else j.friction_wander
-            for j in joints
-        ]
-    )
+    joints, limit = robot.file.joints, robot.torque_limit
+    torques, wanders = [j.torque_noise for j in joints], [j.friction_wander for j in joints]
     steps = np.zeros(len(joints)) if resolution is None else np.asarray(resolution, float)
-    stated = [value is not None for j in joints for value in (j.torque_noise, j.friction_wander)]
-    return Noise(np.sqrt(torque**2 + steps**2 / 12), wander, _source(stated))
+    torque = np.hypot(_or(torques, TORQUE_NOISE * limit), steps / np.sqrt(12.0))
+    wander = _or(wanders, FRICTION_WANDER * limit)
+    return Noise(torque, wander, _source([value is not None for value in torques + wanders]))
+
+
+def _or(stated: Sequence[float | None], expected: Array) -> Array:
+    """What is stated, or else expected, of each axis."""
+    return np.array([e if s is None else s for s, e in zip(stated, expected, strict=True)])
 
 
 def _source(stated: Sequence[bool]) -> str:

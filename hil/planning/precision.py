@@ -30,7 +30,7 @@ from hil.planning.measurement import Friction
 from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -134,16 +134,20 @@ def precision(robot: Robot, known: Information, source: str) -> Precision:
 def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
-    """Add up what `measurements` will tell."""
+    """What `measurements` will tell, those of use to the joint estimator."""
+    useful = (m for m in measurements if not isinstance(m, Friction | Trajectory))
+    found = (share for m in useful for share in shares(robot, m, period))
+    return added_up(robot, found, noise)
+
+
+def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
+    """What shares tell together under `noise`."""
     n = n_unknowns(robot)
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
-    for measurement in measurements:
-        if isinstance(measurement, Friction | Trajectory):
-            continue  # of no use to the joint estimator
-        for share in shares(robot, measurement, period):
-            at = np.ix_(place(robot, share.axis), place(robot, share.axis))
-            matrix[at] += share.information / noise.white[share.axis]
-            scatter[at] += scatter_of(share, noise)
+    for share in found:
+        at = np.ix_(place(robot, share.axis), place(robot, share.axis))
+        matrix[at] += share.information / noise.white[share.axis]
+        scatter[at] += scatter_of(share, noise)
     return Information(matrix, scatter)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.planning.columns import n_unknowns
 from hil.planning.precision import torque_scale
-from hil.planning.timetable import SETTLING
+from hil.planning.timetable import SETTLING, travel_times
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -133,20 +133,6 @@ class Selection:
         way = np.where(np.isfinite(self._way), self._way, 0.0)
         costs: Array = self._durations + way + SETTLING
         return costs
-
-
-def travel_times(robot: Robot, start: Array, ends: Array, fraction: float) -> Array:
-    """Duration of moving all axes at once from `start` to each of `ends` [s].
-
-    As `hil.planning.timetable.travel_time`, for many at a time; shape (n,).
-    """
-    velocity, acceleration = fraction * robot.velocity_limit, fraction * robot.acceleration_limit
-    way = np.abs(ends - start)
-    peak = np.minimum(velocity, np.sqrt(way * acceleration))
-    moving = way > 0
-    durations = np.divide(way, peak, out=np.zeros_like(way), where=moving) + peak / acceleration
-    longest: Array = durations.max(axis=1)
-    return longest
 
 
 def _blocks(options: Sequence[Option]) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]:

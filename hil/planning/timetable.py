@@ -8,14 +8,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.planning.profile import Trapezoid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
+
+    Array = NDArray[np.float64]
 
 SETTLING = 0.3
 """Expected time from the end of a travel's profile until all axes stand still [s]."""
@@ -48,6 +54,20 @@ def travel_time(
             start, end, robot.velocity_limit, robot.acceleration_limit, strict=True
         )
     )
+
+
+def travel_times(robot: Robot, start: Array, ends: Array, fraction: float) -> Array:
+    """Duration of moving all axes at once from `start` to each of `ends` [s].
+
+    As `travel_time`, for many at a time; shape (n,).
+    """
+    velocity, acceleration = fraction * robot.velocity_limit, fraction * robot.acceleration_limit
+    way = np.abs(ends - start)
+    peak = np.minimum(velocity, np.sqrt(way * acceleration))
+    moving = way > 0
+    durations = np.divide(way, peak, out=np.zeros_like(way), where=moving) + peak / acceleration
+    longest: Array = durations.max(axis=1)
+    return longest
 
 
 def timetable(
