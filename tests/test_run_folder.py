@@ -18,6 +18,7 @@ from hil.measuring.finding import Finding
 from hil.measuring.recording import Recording
 from hil.measuring.recording_file import Measured
 from hil.measuring.run_folder import RunFolder
+from hil.measuring.run_lock import locked
 from hil.model.robot import Robot, load_robot
 from hil.planning.plan import Plan
 
@@ -55,6 +56,17 @@ def test_what_is_written_is_read_back_bit_by_bit(folder: RunFolder, recording: R
         ours, theirs = getattr(recording, name), getattr(back.recording, name)
         assert ours.dtype == theirs.dtype
         assert ours.tobytes() == theirs.tobytes()
+
+
+def test_only_one_measures_into_a_folder_at_a_time(folder: RunFolder) -> None:
+    with (
+        locked(folder.path),
+        pytest.raises(FileError, match="another process measures into it now"),
+        locked(folder.path),
+    ):
+        pass
+    with locked(folder.path):
+        assert not list(folder.path.glob("*lock*"))
 
 
 def test_any_hdf5_tool_finds_units_and_the_measurement(

@@ -15,6 +15,7 @@ from hil.measuring.campaign import rehearse_campaign, run_campaign
 from hil.measuring.events import Finished
 from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import SIMULATED
+from hil.measuring.run_lock import locked
 from hil.planning.workspace import load_workspace
 from hil.results.rounding import clock
 from hil.terminal.keyboard_stop import HINT, KeyboardStop
@@ -104,6 +105,8 @@ def carry_out(
 
     Raises
     ------
+    FileError
+        Another process measures into the folder.
     typer.Exit
         With status 130 when interrupted, 1 when drives, bus or disk failed; all has been told.
     """
@@ -116,6 +119,17 @@ def carry_out(
         and not bus_name.startswith(SIMULATED)
     ):
         out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
+    with locked(folder.path):
+        _carry_out(folder, open_bus, bus_name, out, rehearsal)
+
+
+def _carry_out(
+    folder: RunFolder,
+    open_bus: Callable[[], DriveBus],
+    bus_name: str,
+    out: Console,
+    rehearsal: float | None,
+) -> None:
     previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with KeyboardStop() as keyboard, shown(out) as show:
