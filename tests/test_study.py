@@ -18,6 +18,7 @@ from small_study import PLANT, SEEDS, begun, cell_of, here, opened, put, small_p
 from drivers.yaml_file import FileError
 from hil import cli
 from hil.measuring.run_folder import RunFolder
+from hil.model.robot import ROBOTS, load_robot
 from hil.results.model_file import recorded
 from hil.study import execution, summary
 from hil.study.cell import OUR_DEFAULT, judge, measure
@@ -216,6 +217,17 @@ class TestFailure:
         for name in SCENARIOS:
             assert name in err
         assert not (tmp_path / "study").exists()
+
+    def test_a_robot_of_ones_own_needs_a_drives_file(self, tmp_path: Path) -> None:
+        text = (ROBOTS / f"{PLANT}.yaml").read_text()
+        own = tmp_path / "own.yaml"
+        own.write_text(text.replace(f"name: {PLANT}", "name: own"))
+        with pytest.raises(FileError, match=r"give one for .*own\.yaml with --drives"):
+            opened(tmp_path / "study", robot=str(own))
+        put(small_plans(load_robot(own)), tmp_path / "study")
+        drives = ROBOTS / f"{PLANT}.drives.yaml"
+        opened(tmp_path / "study", robot=str(own), drives=drives)
+        assert (tmp_path / "study" / "drives.yaml").read_text() == drives.read_text()
 
     def test_an_unknown_plant_is_refused_before_anything_is_made(
         self, tmp_path: Path, hil: Callable[..., tuple[int, str, str]]

@@ -28,6 +28,9 @@ def drift(
     plant: Annotated[
         str | None, typer.Option(help="Plant file of it, or name; by default the robot's name.")
     ] = None,
+    drives_file: Annotated[
+        Path | None, typer.Option("--drives", help="Drives file; by default that of the robot.")
+    ] = None,
     seeds: Annotated[int, typer.Option(min=2, help="Plants of each scenario.")] = 20,
     first_seed: Annotated[int, typer.Option(min=0, help="Their seeds count from here.")] = 101,
     scenario: Annotated[
@@ -59,7 +62,9 @@ def drift(
     failed = 0
     with interruptible(f"stopped; what is done stays in {output}, the same command goes on"):
         try:
-            cells = study.prepare(output, robot, plant or robot, numbers, scenarios, kinds, share)
+            cells = study.prepare(
+                output, robot, plant or robot, numbers, scenarios, kinds, share, drives_file
+            )
         except ValueError as error:
             raise FileError(f"{output}: {error}") from error
         where = execution.cluster(scheduler) if scheduler else execution.local(workers)

@@ -138,7 +138,7 @@ def measure(cell: Cell) -> None:
     command = [
         *(sys.executable, "-m", "hil", "run", cell.plan, "-o", cell.run, "--robot", robot),
         *("--channel", cell.plant, "--bus-option", f"seed={cell.seed}"),
-        *(("--drives", drives) if (drives := cell.study / "drives.yaml").exists() else ()),
+        *("--drives", cell.study / "drives.yaml"),
         *(("--resume",) if begun else ()),
     ]
     done = subprocess.run(  # noqa: S603 - our own command

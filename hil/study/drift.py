@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from drivers.yaml_file import FileError
-from hil.measuring.atomic_file import write_file
+from hil.measuring.atomic_file import operator_told, write_file
 from hil.model.robot import ROBOTS, load_robot
 from hil.results.truth import true_parameters
 from hil.study.campaigns import KINDS, campaigns
@@ -68,6 +68,7 @@ def prepare(
     scenarios: Sequence[str],
     kinds: Sequence[str] = KINDS[:3],
     share: float = 1.0,
+    drives: Path | None = None,
 ) -> list[Cell]:
     """Make or open the folder of a study, and return its campaigns.
 
@@ -79,20 +80,24 @@ def prepare(
         Plant file on which all scenarios are built, or the name of one that comes along.
     share : float
         Of the designed plan's measurements.
+    drives : path, optional
+        Drives file of that plant; by default the one that comes along with the robot.
 
     Raises
     ------
     FileError
-        A folder of another study, no such plant or another robot's, a full disk.
+        A folder of another study, no such plant or another robot's, no drives file, a full disk.
     """
     the_robot = load_robot(robot)
+    drives = drives or ROBOTS / f"{the_robot.name}.drives.yaml"
+    if not drives.exists():
+        raise FileError(f"{drives}: is no drives file; give one for {robot} with --drives")
     true_parameters(the_robot, plant)  # refuses now what no estimate could be set against later
     folder.mkdir(parents=True, exist_ok=True)
     _keep(folder / SETTINGS, {"robot": the_robot.digest, "plant": plant, "share": share})
     packaged = ROBOTS / f"{robot}.yaml"
     shutil.copyfile(packaged if packaged.exists() else robot, folder / "robot.yaml")
-    drives = ROBOTS / f"{robot}.drives.yaml"
-    if drives.exists():
+    with operator_told(drives, "read"):
         shutil.copyfile(drives, folder / "drives.yaml")
     campaigns(the_robot, share, folder)
     for name in scenarios:
