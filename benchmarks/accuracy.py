@@ -15,6 +15,7 @@ import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from hil.results.compare import Comparison, comparison
 from hil.results.model_file import recorded
 from hil.results.rounding import clock
 from hil.results.truth import true_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 ROBOT = "manutec-r15"
 SIDE_BY_SIDE = 2
@@ -50,11 +54,13 @@ def measure(seed: int, folder: Path) -> Path:
     return run
 
 
-def judge(run: Path, methods: list[Method]) -> tuple[dict[Method, Comparison], str]:
+def judge(
+    run: Path, methods: Sequence[Method], plant: Path | str = ROBOT
+) -> tuple[dict[Method, Comparison], str]:
     """Set every method's estimate against the truth; also tell measurements and robot time."""
     folder = RunFolder.open(run)
     recordings = list(recorded(folder))
-    truth = true_parameters(folder.robot, ROBOT)
+    truth = true_parameters(folder.robot, plant)
     found = {
         method: comparison(found, folder.robot, truth)
         for method, found in estimates(folder.robot, recordings, methods).items()

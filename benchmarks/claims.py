@@ -22,32 +22,37 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
-from accuracy import ROBOT, SIDE_BY_SIDE, hil, rms
+from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 
 from hil.estimation.bound import cramer_rao
-from hil.estimation.identification import estimates
+from hil.estimation.identification import METHODS
 from hil.measuring.run_folder import RunFolder
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.results.compare import Comparison, comparison
 from hil.results.diagnosis import diagnose, evidence_for
 from hil.results.load import find_load
 from hil.results.model_file import recorded
-from hil.results.truth import find_plant, true_parameters
+from hil.results.truth import true_parameters
+from hil.study.scenarios import SCENARIOS, Scenario, write_plant
+from hil.study.summary import GROUPS
+from sim_plant.plant_file import load_plant_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from hil.results.compare import Comparison
+
 FIRST_SEED = 101
 MASS, DISTANCE = 10.86, 0.14
 """Of the load [kg], [m]."""
-GROUPS = ("gravity", "diagonal", "off_diagonal")
+OFFSET = 0.0165
+"""First moment of link 4 across the forearm [kg m]."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +63,15 @@ class Case:
     ----------
     plant : str
         On which it is built.
-    keys : dict
-        Changes of the plant file.
+    change : Scenario
+        What differs from it in every seed.
     targets : dict
         Relative errors of the improved method, rms over seeds [%].
     """
 
     plant: str = ROBOT
     half: bool = False
-    keys: dict[str, Any] = field(default_factory=dict)
+    change: Scenario = SCENARIOS["asymmetric"]
     targets: dict[str, float] = field(default_factory=dict)
 
 
@@ -75,33 +80,36 @@ CASES = {
         targets={"gravity": 0.02, "diagonal": 0.08, "off_diagonal": 0.5, "torque": 0.12}
     ),
     "half": Case(half=True, targets={"diagonal": 0.1}),
-    "still": Case(keys={"drift": False, "symmetric": True}),
+    "still": Case(change=SCENARIOS["off"]),
     "lag": Case(targets={"diagonal": 0.1}),
     "bodies": Case(plant=f"{ROBOT}-bodies", targets={"diagonal": 0.1}),
-    "load": Case(),
+    "load": Case(change=SCENARIOS["load"]),
     "payload": Case(
-        keys={
-            "payload": {
-                "mass": MASS, "centre": [0, 0, DISTANCE],
-                "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047,
-            }
-        }
+        change=Scenario(
+            "a load",
+            {
+                "payload": {
+                    "mass": MASS, "centre": [0, 0, DISTANCE],
+                    "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047,
+                }
+            },
+        )
     ),
     "offset": Case(),
 }  # fmt: skip
 
 
-def write_plant(name: str, seed: int, path: Path) -> Path:
+def make_plant(name: str, seed: int, path: Path) -> Path:
     """Write the plant file of a case."""
-    content = yaml.safe_load(find_plant(CASES[name].plant).read_text()) | CASES[name].keys
+    case = CASES[name]
+    write_plant(case.change, case.plant, path)
+    content = yaml.safe_load(path.read_text())
     random = np.random.default_rng(seed)
     for axis in content["axes"]:
         if name == "lag":
             axis["drive"]["current_lag"] = round(float(random.uniform(0, 0.008)), 5)
-        if name == "load":
-            axis["friction"]["load"] = 0.05
     if name == "offset":
-        content["axes"][3]["link"]["sy"] = 0.0165
+        content["axes"][3]["link"]["sy"] = OFFSET
     path.write_text(yaml.safe_dump(content, sort_keys=False))
     return path
 
@@ -113,24 +121,16 @@ def measure(folder: Path, name: str, seed: int) -> Path:
         return run
     run.parent.mkdir(exist_ok=True)
     plan = folder / ("half.yaml" if CASES[name].half else "plan.yaml")
-    plant = write_plant(name, seed, run.with_suffix(".yaml"))
+    plant = make_plant(name, seed, run.with_suffix(".yaml"))
     resume = ("--resume",) if run.exists() else ()
     hil("run", plan, "-o", run, "--channel", plant, "--bus-option", f"seed={seed}", *resume)
     return run
 
 
-def judge(run: Path) -> dict[str, Comparison]:
-    """Set the estimates of both methods against the truth."""
-    folder = RunFolder.open(run)
-    truth = true_parameters(folder.robot, run.with_suffix(".yaml"))
-    found = estimates(folder.robot, list(recorded(folder)))
-    return {method: comparison(each, folder.robot, truth) for method, each in found.items()}
-
-
 def tell(name: str, runs: Sequence[Path]) -> None:
     """Print the errors of one case."""
-    judged = [judge(run) for run in runs]
-    for method in ("improved", "printed"):
+    judged = [judge(run, METHODS, run.with_suffix(".yaml"))[0] for run in runs]
+    for method in METHODS:
         found = [each[method] for each in judged]
         errors = {g: rms([100 * c.group_error[g] for c in found]) for g in GROUPS}
         errors["torque"] = rms([100 * c.mean_torque_error for c in found])
@@ -161,11 +161,10 @@ def tell_efficiency(run: Path, found: Sequence[Comparison]) -> None:
 
 def noise(plant: Path) -> NDArray[np.float64]:
     """Variance of each axis's torque reading, white noise and quantisation [(N m)^2]."""
-    content = yaml.safe_load(plant.read_text())
-    share = content.get("noise", {}).get("torque", 0.0025)
-    drives = [axis["drive"] for axis in content["axes"]]
-    step = [d["gear_ratio"] * d["torque_constant"] * d["rated_current_mA"] * 1e-6 for d in drives]
-    white = [share * d["peak_torque"] for d in drives]
+    file = load_plant_file(str(plant))
+    drives = [axis.drive for axis in file.axes]
+    step = [d.gear_ratio * d.torque_constant * d.rated_current_mA * 1e-6 for d in drives]
+    white = [file.noise.torque * d.peak_torque for d in drives]
     return np.array(white) ** 2 + np.array(step) ** 2 / 12
 
 
@@ -198,7 +197,7 @@ def tell_offset(runs: Sequence[Path]) -> None:
     print(
         f"offset, {len(runs)} seeds: ranked first and significant in {first} (19 of 20), t from"
         f" {min(abs(e.t) for e in found):.1f} to {max(abs(e.t) for e in found):.1f}, value"
-        f" {values.mean():.4f} +- {values.std():.4f} kg m (0.0165)"
+        f" {values.mean():.4f} +- {values.std():.4f} kg m ({OFFSET})"
     )
 
 

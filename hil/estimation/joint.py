@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 from hil.estimation.condensed import condense
+from hil.estimation.normal_equations import solved
 from hil.model.base_parameters import base_parameters
 from hil.planning.columns import n_unknowns, place
 
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 _ROUNDS = 3
 """Times that weights and solution are found from each other."""
-_RIDGE = 1e-12
-"""Relative, so that common terms without excitation stay zero."""
 
 
 class Joint:
@@ -46,7 +44,7 @@ class Joint:
         self._weight = np.ones(robot.n_joints)
         for _ in range(_ROUNDS):
             self._add_up()
-            variance = self._residual_variance(self._solve(*self._sum))
+            variance = self._residual_variance(solved(*self._sum))
             self._weight = 1.0 / np.where(variance > 0, variance, 1.0)
         self._add_up()
 
@@ -79,7 +77,7 @@ class Joint:
         if without is not None:
             information = information - self._shares[without][0]
             vector = vector - self._shares[without][1]
-        return self._solve(information, vector)[: self._n_base]
+        return solved(information, vector)[: self._n_base]
 
     def sensitivity(self) -> Array:
         """Change of p per relative change of torque constants and rotor inertias."""
@@ -89,7 +87,7 @@ class Joint:
             at, weight = place(self._robot, item.axis), self._weight[item.axis]
             sides[at, item.axis] += weight * (item.vector + item.motor)
             sides[at, self._n_joints + item.axis] -= weight * item.motor
-        return self._solve(self._sum[0], sides)[: self._n_base]
+        return solved(self._sum[0], sides)[: self._n_base]
 
     def _add_up(self) -> None:
         """Weighted information and vector of each measurement, and their sums."""
@@ -106,17 +104,6 @@ class Joint:
             np.sum([share[0] for share in self._shares], axis=0),
             np.sum([share[1] for share in self._shares], axis=0),
         )
-
-    def _solve(self, information: Array, vector: Array) -> Array:
-        """Solve the normal equations, scaled to a unit diagonal; `vector` may have columns."""
-        diagonal = np.diag(information)
-        scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        if vector.ndim > 1:
-            vector = vector.T
-        scaled = information * np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-        found = linalg.cho_solve(linalg.cho_factor(scaled), (vector * scale).T)
-        solution: Array = (found.T * scale).T
-        return solution
 
     def _residual_variance(self, solution: Array) -> Array:
         square, count = np.zeros(self._n_joints), np.zeros(self._n_joints)

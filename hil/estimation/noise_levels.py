@@ -23,6 +23,7 @@ import numpy as np
 from scipy import optimize
 
 from hil.estimation.joint import Joint
+from hil.estimation.normal_equations import solved
 from hil.model.base_parameters import base_parameters
 from hil.planning.columns import FEWEST, place, usable
 from hil.planning.foreseen import shares
@@ -49,7 +50,6 @@ WHITE_SPREAD = 0.3
 """Standard deviation of the prior of log a."""
 WANDER_SPREAD = 2.0
 """That of log b: the wander itself is known to a factor of about 3."""
-_RIDGE = 1e-12
 
 
 class Levels(NamedTuple):
@@ -138,10 +138,7 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: Joint) -> list[list
 def _solution(joint: Joint) -> tuple[Array, Array]:
     """All unknowns, and the inverse of the information."""
     matrix, vector = (np.sum(part, axis=0) for part in zip(*joint.shares, strict=True))
-    size = 1.0 / np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
-    scaled = matrix * np.outer(size, size) + _RIDGE * np.eye(len(size))
-    inverse = np.linalg.inv(scaled) * np.outer(size, size)
-    return inverse @ vector, inverse
+    return solved(matrix, vector), solved(matrix, np.eye(len(matrix)))
 
 
 def _likeliest(sums: Sequence[_Sums], white: float, walk: float) -> tuple[float, float]:

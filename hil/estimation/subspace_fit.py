@@ -17,7 +17,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import stats
+
+from hil.estimation.normal_equations import solved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
     from hil.estimation.joint import Joint
 
     Array = NDArray[np.float64]
-
-_RIDGE = 1e-12
 
 
 class SubspaceFit:
@@ -41,8 +41,8 @@ class SubspaceFit:
         N = np.sum([share for share, _ in joint.shares], axis=0)
         v = np.sum([side for _, side in joint.shares], axis=0)
         p, c = slice(None, n_all), slice(n_all, None)
-        B = _solve(N[c, c], N[c, p]).T
-        back = _solve(N[c, c], v[c])
+        B = solved(N[c, c], N[c, p]).T
+        back = solved(N[c, c], v[c])
         eliminated = np.column_stack([np.eye(n_all), -B])
         self._information = N[p, p] - B @ N[c, p]
         self._vector = v[p] - B @ v[c]
@@ -55,28 +55,19 @@ class SubspaceFit:
         N = self._information
         cross = basis.T @ N @ directions
         whole = directions.T @ N @ directions
-        return whole - cross.T @ _solve(basis.T @ N @ basis, cross), whole
+        return whole - cross.T @ solved(basis.T @ N @ basis, cross), whole
 
     def solve(self, basis: Array) -> tuple[Array, Array, Array]:
         """Coefficients of `basis`, standard errors and p-values, shape (k,) each."""
         N = basis.T @ self._information @ basis
         shares = basis.T @ self._shares @ basis
-        theta = _solve(N, basis.T @ self._vector)
+        theta = solved(N, basis.T @ self._vector)
         scores = (self._sides - self._shares @ (basis @ theta)) @ basis
-        change = np.array([_solve(N - S, score) for S, score in zip(shares, scores, strict=True)])
+        change = np.array([solved(N - S, score) for S, score in zip(shares, scores, strict=True)])
         n = len(scores)
         error = np.sqrt((n - 1) / n * (change**2).sum(axis=0))
-        inverse = _solve(N, np.eye(len(N)))
+        inverse = solved(N, np.eye(len(N)))
         white = np.einsum("ij,njk,ki->ni", inverse, shares, inverse)
         degrees = np.clip(white.sum(axis=0) ** 2 / (white**2).sum(axis=0) - 1, 1, n - 1)
         p_value = 2 * stats.t.sf(np.abs(theta) / error, degrees)
         return theta, error, np.asarray(p_value)
-
-
-def _solve(N: Array, side: Array) -> Array:
-    """Solve normal equations scaled to a unit diagonal."""
-    diagonal = np.diag(N)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    scaled = N * np.outer(scale, scale) + _RIDGE * np.eye(len(N))
-    solution: Array = (linalg.cho_solve(linalg.cho_factor(scaled), (side.T * scale).T).T * scale).T
-    return solution

@@ -38,11 +38,13 @@ def locked(path: Path) -> Iterator[None]:
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
+        except BlockingIOError as error:
             raise FileError(
                 f"{path}: another process measures into it now; wait for its end, or choose"
                 " another folder with -o"
             ) from error
+        except OSError:  # a file system without locks, as some networks' are
+            pass
         yield
     finally:
         os.close(handle)

@@ -137,8 +137,8 @@ def measure(cell: Cell) -> None:
     robot = cell.study / "robot.yaml"
     command = [
         *(sys.executable, "-m", "hil", "run", cell.plan, "-o", cell.run, "--robot", robot),
-        *("--channel", cell.plant, "--bus-option", f"seed={cell.seed}"),
         *("--drives", cell.study / "drives.yaml"),
+        *("--channel", cell.plant, "--bus-option", f"seed={cell.seed}"),
         *(("--resume",) if begun else ()),
     ]
     done = subprocess.run(  # noqa: S603 - our own command

@@ -9,7 +9,6 @@ then all are judged. Whatever is there already is not done again.
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -95,10 +94,10 @@ def prepare(
     true_parameters(the_robot, plant)  # refuses now what no estimate could be set against later
     folder.mkdir(parents=True, exist_ok=True)
     _keep(folder / SETTINGS, {"robot": the_robot.digest, "plant": plant, "share": share})
-    packaged = ROBOTS / f"{robot}.yaml"
-    shutil.copyfile(packaged if packaged.exists() else robot, folder / "robot.yaml")
+    write_file(folder / "robot.yaml", the_robot.text.encode())
     with operator_told(drives, "read"):
-        shutil.copyfile(drives, folder / "drives.yaml")
+        text = drives.read_bytes()
+    write_file(folder / "drives.yaml", text)
     campaigns(the_robot, share, folder)
     for name in scenarios:
         (folder / name).mkdir(exist_ok=True)
