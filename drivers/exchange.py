@@ -11,13 +11,15 @@ flagged, for some SYNCs, unless all answers are known to be in.
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import TYPE_CHECKING
 
 import can
 
-from drivers.drive_bus import BusUnavailable, SampleFlag
+from drivers.drive_bus import SampleFlag
 from drivers.frame_block import FrameBlock, block_source, messages
+from drivers.network import SEND_ATTEMPTS
 from drivers.pdo_mapping import received, transmitted
 
 if TYPE_CHECKING:
@@ -59,9 +61,11 @@ class Exchange:
         Statusword, position [increments] and current [the drive's unit]; where a TPDO is missing,
         those of the SYNC before.
     flags : tuple of int, length n_axes
-        MISSING, DOUBLED and LATE of each axis.
+        MISSING, DOUBLED, LATE and SKIPPED of each axis.
     irregular : bool
         Some flag is set.
+    time : float
+        The last SYNC's instant [s].
     """
 
     def __init__(self, network: PumpedNetwork, axes: Sequence[AxisDrive], pacing: Pacing) -> None:
@@ -86,6 +90,8 @@ class Exchange:
         self._regular = (0,) * len(axes)
         self.flags: tuple[int, ...] = self._regular
         self.irregular = False
+        self.time = 0.0
+        self._before: tuple[float, tuple[int, ...]] = (-math.inf, self._regular)
         self.words: tuple[int, ...] = self._regular
         self.positions: tuple[int, ...] = self._regular
         self.currents: tuple[int, ...] = self._regular
@@ -109,13 +115,34 @@ class Exchange:
             self._network.pump(pacing.due())
         self._network.send_frame(SYNC)
         instant = pacing.sent()
-        values = self._take_block(self._blocks) if self._blocks else None
-        if values is None:
-            values = self._unpack(b"".join(self._collected(pacing)))
+        try:
+            values = self._take_block(self._blocks) if self._blocks else None
+            if values is None:
+                values = self._unpack(b"".join(self._collected(pacing)))
+        except Exception as error:
+            raise self._network.unavailable("cannot receive", error) from error
+        self._before, self.time = (self.time, self.positions), instant
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
-        if self._found or self.irregular:
-            self._publish()
+        if self._found or self.irregular or pacing.passed_over:
+            self._publish(passed_over=bool(pacing.passed_over))
         return instant
+
+    def speeds(self) -> list[float]:
+        """Return how fast each axis went between the last two SYNCs [increments/s].
+
+        An axis whose TPDO is missing has the speed ``inf``: nobody knows it.
+        """
+        then, positions = self._before
+        elapsed = self.time - then
+        return [
+            math.inf if flag & SampleFlag.MISSING else abs(here - there) / elapsed
+            for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
+        ]
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        self._network.attempts = 1 if hurried else SEND_ATTEMPTS
+        self._pacing.hurry(hurried)
 
     def tick(self) -> None:
         """Let one period pass while the drives send no TPDOs yet."""
@@ -141,10 +168,7 @@ class Exchange:
 
     def _collected(self, pacing: Pacing) -> list[Data]:
         """Return what each frame brought, or brought last."""
-        try:
-            frames, missing = self._collect(pacing)
-        except can.CanError as error:
-            raise BusUnavailable(f"cannot receive: {error}; check that the bus is up") from error
+        frames, missing = self._collect(pacing)
         if missing or self._owed:
             self._fill(frames)
         self._last = frames
@@ -224,7 +248,8 @@ class Exchange:
         axis = self._axis_of[slot]
         self._found[axis] = self._found.get(axis, 0) | flag.value
 
-    def _publish(self) -> None:
+    def _publish(self, *, passed_over: bool) -> None:
         found, self._found = self._found, {}
-        self.irregular = bool(found)
-        self.flags = tuple(found.get(axis, 0) for axis in range(len(self._regular)))
+        all_axes = SampleFlag.SKIPPED.value if passed_over else 0
+        self.irregular = bool(found) or passed_over
+        self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))

@@ -16,7 +16,7 @@ from canopen import Network, ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from drivers.drive_bus import BusUnavailable
+from drivers.drive_bus import BusUnavailable, DriveError
 from drivers.pacing import clock_of
 
 if TYPE_CHECKING:
@@ -46,12 +46,18 @@ class PumpedNetwork(Network):
         An open bus.
     synchronous : bool
         All answers are queued before the bus's ``send`` returns: an empty queue ends any wait.
+
+    Attributes
+    ----------
+    attempts : int
+        How often a frame is sent that the bus does not take at once.
     """
 
     def __init__(self, bus: can.BusABC, *, synchronous: bool) -> None:
         super().__init__(bus)
         self.channel = bus
         self.synchronous = synchronous
+        self.attempts = SEND_ATTEMPTS
         self._clock = clock_of(bus)
         self.idle: Callable[[], None] = _nothing
         """Called before every reception while waiting, to keep our heartbeat going."""
@@ -74,21 +80,30 @@ class PumpedNetwork(Network):
         """Send a prepared frame (see `send_message`)."""
         try:
             self.channel.send(frame)
-        except can.CanError:
-            self._send_again(frame)
+        except Exception as error:
+            self._send_again(frame, error)
 
-    def _send_again(self, frame: can.Message) -> None:
-        for attempt in range(2, SEND_ATTEMPTS + 1):
+    def _send_again(self, frame: can.Message, error: Exception) -> None:
+        for _ in range(1, self.attempts):
+            if isinstance(error, DriveError):
+                raise error
             time.sleep(SEND_BACK_OFF)
             try:
                 return self.channel.send(frame)
-            except can.CanError as error:
-                if attempt == SEND_ATTEMPTS:
-                    raise BusUnavailable(
-                        f"{self.channel.channel_info}: frame {frame.arbitration_id:03X} cannot be "
-                        f"sent: {error}; check cable, termination and that the interface is up"
-                    ) from error
-        return None
+            except Exception as again:
+                error = again
+        raise self.unavailable(f"frame {frame.arbitration_id:03X} cannot be sent", error)
+
+    def unavailable(self, what: str, error: Exception) -> DriveError:
+        """Return an error of the bus as one of ours, whatever its back end raised."""
+        if isinstance(error, DriveError):
+            return error
+        unavailable = BusUnavailable(
+            f"{self.channel.channel_info}: {what}: {error or type(error).__name__}; check cable, "
+            "termination and that the interface is up"
+        )
+        unavailable.__cause__ = error
+        return unavailable
 
     def receive(self, timeout: float) -> can.Message | None:
         """Receive one frame or None [timeout in s].
@@ -100,10 +115,8 @@ class PumpedNetwork(Network):
         """
         try:
             return self.channel.recv(timeout)
-        except can.CanError as error:
-            raise BusUnavailable(
-                f"{self.channel.channel_info}: cannot receive: {error}; check that it is up"
-            ) from error
+        except Exception as error:
+            raise self.unavailable("cannot receive", error) from error
 
     def dispatch(self, frame: can.Message) -> None:
         """Hand one received frame to its subscribers."""
