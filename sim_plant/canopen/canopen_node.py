@@ -98,6 +98,11 @@ class CanopenNode:
         """Identifier of the SYNC that this node follows."""
         return self.dictionary.get(0x1005) & IDENTIFIER
 
+    @property
+    def is_watching(self) -> bool:
+        """Whether the node would react to the loss of a heartbeat that 1016h names, or does."""
+        return self._consumer.at_work
+
     def routes(self) -> list[tuple[int, Callable[[bytes], None]]]:
         """Return who takes which identifier in the present state."""
         if not self._connected:
