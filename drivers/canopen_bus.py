@@ -355,6 +355,7 @@ class CanopenDriveBus:
             server.enter_operational()
         self._running = True
         self._heartbeats.watch()
+        self._heartbeats.hurry()  # a drive watches from the first heartbeat on, not before
         self._supervision.forget()
         ends = self._pacing.now() + 1.0
         self._cycle()

@@ -113,7 +113,10 @@ class Exchange:
         pacing = self._pacing
         if not self._synchronous:
             self._network.pump(pacing.due())
-        self._network.send_frame(SYNC)
+        try:
+            self._network.channel.send(SYNC)
+        except Exception as error:
+            self._send_again(error)
         instant = pacing.sent()
         try:
             values = self._take_block(self._blocks) if self._blocks else None
@@ -126,6 +129,18 @@ class Exchange:
         if self._found or self.irregular or pacing.passed_over:
             self._publish(passed_over=bool(pacing.passed_over))
         return instant
+
+    def _send_again(self, error: Exception) -> None:
+        """Send a SYNC that the bus did not take; in lock-step a period passes with each attempt."""
+        if not self._synchronous:
+            return self._network.send_again(SYNC, error)
+        for _ in range(1, self._network.attempts):
+            self._pacing.miss()
+            try:
+                return self._network.channel.send(SYNC)
+            except Exception as again:
+                error = again
+        raise self._network.unavailable("SYNC cannot be sent", error)
 
     def speeds(self) -> list[float]:
         """Return how fast each axis went between the last two SYNCs [increments/s].

@@ -81,9 +81,10 @@ class PumpedNetwork(Network):
         try:
             self.channel.send(frame)
         except Exception as error:
-            self._send_again(frame, error)
+            self.send_again(frame, error)
 
-    def _send_again(self, frame: can.Message, error: Exception) -> None:
+    def send_again(self, frame: can.Message, error: Exception) -> None:
+        """Send a frame that the bus did not take, for `error` (see `send_message`)."""
         for _ in range(1, self.attempts):
             if isinstance(error, DriveError):
                 raise error

@@ -118,6 +118,7 @@ class LockStep:
     def miss(self) -> None:
         """Let a period pass, in real time too: what keeps SYNC from passing may not go by ours."""
         self._count += 1
+        self.skipped += 1
         time.sleep(self._period)
 
     def hurry(self, hurried: bool) -> None:

@@ -31,7 +31,7 @@ STOP_DELAY = 0.1
 STOP_MARGIN = 1.5
 """Factor by which a stop may last longer and go farther than its stated deceleration says."""
 
-OFF_TIME = 1.0
+OFF_TIME = 0.5
 """How long a drive at rest may take to switch off [s]; it may close a brake first."""
 
 OFF_TIME_MOVING = 0.2
