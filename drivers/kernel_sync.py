@@ -124,7 +124,7 @@ class KernelSync(can.BusABC):
         if self._stale:
             self._catch_up()
             if self._stale:  # the kernel's queue was full, and what came since is lost
-                self.passed_over += 1
+                self._pass_over()
                 self._take(self._await_sync())
         self._returned = self._clock()
         return None
@@ -164,10 +164,15 @@ class KernelSync(can.BusABC):
             if self._is_ours(frame):
                 self.passed_over += number < newest
                 if number == newest:
-                    self.passed_over += 1  # the one that was taken before
+                    self._pass_over()
                     self._take(frame)
             elif number > newest or frame.arbitration_id not in self._answers:
                 self._waiting.append(frame)
+
+    def _pass_over(self) -> None:
+        """Count the SYNC that was taken already."""
+        self.passed_over += 1
+        self.skipped += 1
 
     def _await_sync(self) -> can.Message:
         patience = 3 * self._period + SILENCE if self.silence is None else self.silence

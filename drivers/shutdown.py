@@ -231,16 +231,15 @@ class Shutdown:
             Standstill(axis.position_window / per_count, self._settled)
             for axis, per_count in zip(self._axes, self._per_count, strict=True)
         ]
-        begin, ends = self._exchange.positions, self._pacing.now() + SAG_TIME
-        resting = [False] * len(rests)
+        resting, ends = [False] * len(rests), self._pacing.now() + SAG_TIME
         while self._pacing.now() < ends:
             self._cycle()
             positions = self._exchange.positions
             resting = [rest.update(p) for rest, p in zip(rests, positions, strict=True)]
         sagged: list[str] = []
         for axis, stop in enumerate(self._stops):
-            if stop.phase is Phase.OFF:
-                way = abs(self._exchange.positions[axis] - begin[axis]) * self._per_count[axis]
+            if stop.phase is Phase.OFF and stop.left_at is not None:
+                way = abs(self._exchange.positions[axis] - stop.left_at) * self._per_count[axis]
                 sagged += self._judged(axis, stop, way, resting=resting[axis])
         return sagged
 
@@ -248,13 +247,13 @@ class Shutdown:
         label, bound = self._servers[axis].label, self._axes[axis].position_window
         unit = "rad" if self._axes[axis].joint == "revolute" else "m"
         if not resting:
-            stop.phase = Phase.LOST
-            self._refused[axis] = f"it still moves, by {way:.2g} {unit} in {SAG_TIME:g} s"
+            stop.give_up()
+            self._refused[axis] = f"it still moves, by {way:.2g} {unit} until now"
         elif way > bound:
             yield (
-                f"{label}: sagged by {way:.2g} {unit} within {SAG_TIME:g} s after its voltage was "
-                f"disabled, at most {bound:g} {unit} (position_window) may be; check its brake, and"
-                " state how long it takes to close as brake_delay in the drives file"
+                f"{label}: sagged by {way:.2g} {unit} after its voltage was off, at most "
+                f"{bound:g} {unit} (position_window) may be; check its brake, and state how long it"
+                " takes to close as brake_delay in the drives file"
             )
 
     def _await_reactions(self) -> None:

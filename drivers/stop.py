@@ -105,6 +105,8 @@ class AxisStop:
         What it showed at the last SYNC, None where that is unknown.
     overrun : tuple of float or None
         Way [increments] and time [s] at which it was seen to exceed its bound.
+    left_at : int or None
+        Where it was when it first showed that it is off [increments].
     """
 
     def __init__(
@@ -128,7 +130,8 @@ class AxisStop:
         self._begun: float | None = None
         self._asked = time
         self._moving = True
-        self._confirmed = False
+        self._confirmed = self._adrift = False
+        self.left_at: int | None = None
         self._rested = time
         self._bound = StopBound.of(speed, deceleration, window)
 
@@ -177,7 +180,7 @@ class AxisStop:
         """
         self.state = decode_state(word) if fresh else None
         if self.state in SHOWN_OFF:
-            self.phase = Phase.OFF
+            self._take_off(position)
         elif self.state in _UNUSED or (self.state and self.phase is Phase.OFF):
             self.disable(time)
         elif self.phase in {Phase.STOPPING, Phase.RESTING}:
@@ -192,6 +195,16 @@ class AxisStop:
             case Phase.OFF if not self._confirmed:  # the last word is never that of a quick stop
                 return Command.DISABLE_VOLTAGE
         return None
+
+    def give_up(self) -> None:
+        """Take note that it moves although it shows that it is off: only standstill counts now."""
+        self._adrift, self.phase = True, Phase.LOST
+
+    def _take_off(self, position: int) -> None:
+        if self.left_at is None:
+            self.left_at = position
+        if not self._adrift or self._rest.update(position):
+            self.phase, self._adrift = Phase.OFF, False
 
     def _watch(self, time: float, position: int, *, fresh: bool) -> None:
         way = abs(position - self._origin)
