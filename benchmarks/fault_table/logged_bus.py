@@ -1,7 +1,9 @@
 """The faulty plant as a bus in lock-step that logs all frames, and has a witness.
 
 A fault begins as its plan says, or with a frame of ours that fulfils a condition; Ctrl-C may be
-pressed at the same moment.
+pressed at the same moment. A frame that our adapter refuses takes time from the plant as well: a
+SYNC its cycle, another one as long as the driver waits before it sends again. So the drives move on
+and an outage ends as they would by the wall clock, whatever the driver tries to send.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import can
 
+from drivers.network import SEND_BACK_OFF
 from fault_table.witness import Witness
 from sim_plant.faults.fault_plan import FaultPlan
 from sim_plant.faults.faulty_network import FaultyNetwork
@@ -102,6 +105,8 @@ class LoggedBus(can.BusABC):
             frames = self.network.receive(msg.arbitration_id, data)
         except NotSent as refused:
             self._take(refused.frames)
+            if msg.arbitration_id != SYNC:
+                self._take(self.network.elapse(SEND_BACK_OFF))
             raise
         else:
             self.log.append(Seen(self._syncs, True, msg.arbitration_id, data))
