@@ -15,6 +15,7 @@ from drivers import objects
 from drivers.cia402 import Mode
 from drivers.drive_bus import DriveRefused
 from drivers.pdo_mapping import current_entry, set_up_pdos
+from drivers.readback import Readback
 from drivers.scaling import AxisScale
 from drivers.sdo import Aborted
 from drivers.statements import compare_statements
@@ -65,6 +66,7 @@ def commission(
     DriveRefused, NodeSilent
         Why the drive cannot serve.
     """
+    server.judge = Readback(axis, drives)
     identity = check_identity(server, axis)
     _take_profile_position(server, wait)
     compare_statements(server, axis)

@@ -107,27 +107,16 @@ def _set_up(server: SdoServer, pdo: Pdo) -> None:
     cob = Entry(pdo.communication, 1, "u32", f"COB-ID of {pdo.name}")
     # Drives differ in whether bit 30 can be changed, so it stays as it is.
     identifier = server.get(cob) & NO_REMOTE | pdo.cob_id
-    off = _took(server, cob, identifier | OFF)
+    off = server.set_unless_fixed(cob, identifier | OFF)
     _set_transmission(server, pdo)
     _set_mapping(server, pdo, off=off)
     if server.get(cob) != identifier:
         server.set(cob, identifier)
 
 
-def _took(server: SdoServer, entry: Entry, value: int) -> bool:
-    """Set an object unless it is fixed; tell whether it could be."""
-    try:
-        server.set(entry, value)
-    except Aborted as error:
-        if error.code not in FIXED_CODES:
-            raise
-        return False
-    return True
-
-
 def _set_transmission(server: SdoServer, pdo: Pdo) -> None:
     kind = Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}")
-    if _took(server, kind, pdo.transmission) or server.get(kind) in (pdo.transmission, *pdo.also):
+    if server.set_unless_fixed(kind, pdo.transmission) or server.get(kind) in (pdo.transmission, *pdo.also):
         return
     _refuse_fixed(server, kind, f"{server.get(kind)}", f"{pdo.transmission}")
 

@@ -38,6 +38,10 @@ class ObjectChange(FileModel):
     """Value after power-on, also where the plant file would set another."""
     low: int | None = None
     high: int | None = None
+    step: Annotated[int, Field(ge=2)] | None = None
+    """The drive keeps the nearest multiple of this, and aborts no write for it."""
+    clip: bool = False
+    """A value outside `low` and `high` is written as the nearer of the two, instead of refused."""
 
 
 class CurrentReadback(FileModel):
