@@ -165,7 +165,7 @@ class SdoServer:
             An abort code, or a length that does not fit the type.
         """
         try:
-            data = self._client.upload(entry.index, entry.subindex)
+            data = self._client.upload_number(entry.index, entry.subindex, entry.size)
         except SdoError as error:
             raise self._explained(error, entry, "read") from error
         if len(data) != entry.size:

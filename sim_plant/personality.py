@@ -68,6 +68,8 @@ class Personality(FileModel):
         None: the drive does not show its current (it may still show its torque, 6077h).
     velocity_unit, acceleration_unit : str
         Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h.
+    sdo_states_size : bool
+        Expedited uploads say how many of their four bytes count; otherwise they begin with 42h.
     mapping_arrays : bool
         The EDS declares PDO mappings as ARRAY instead of RECORD.
     mapping_entries : int
@@ -91,6 +93,7 @@ class Personality(FileModel):
     current: CurrentReadback | None = CurrentReadback()
     velocity_unit: Literal["inc/s", "rpm", "0.1 rpm"] = "inc/s"
     acceleration_unit: Literal["inc/s^2", "rpm/s", "0.1 rpm/s"] = "inc/s^2"
+    sdo_states_size: bool = True
     mapping_arrays: bool = False
     mapping_entries: Annotated[int, Field(ge=1, le=8)] = 8
     mode_display_lag: Seconds = 0.0

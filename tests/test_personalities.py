@@ -156,6 +156,7 @@ def notes(folder: Path, name: str) -> list[str]:
         ("slow", ["6 instead of 2 in object 605A:00"]),
         ("int32-current", ["0 instead of 50 in object 6066:00", "no object 6075:00"]),
         ("tenth-rpm", ["no object 6084:00", "no object 6085:00", "no object 6065:00"]),
+        ("sizeless", []),
         ("rounding", ["128 instead of 100 in object 1017:00", "(2.9999 rad/s instead of 3 rad/s)"]),
         ("clipping", ["2500 instead of 3422 in object 6065:00", "(0.036523 rad instead of 0.0"]),
     ],
