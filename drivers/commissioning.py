@@ -13,17 +13,22 @@ from typing import TYPE_CHECKING
 
 from drivers import objects
 from drivers.cia402 import Mode
+from drivers.communication import EXTENDED, IDENTIFIER, LAST_SYNCHRONOUS, ON_REQUEST
 from drivers.drive_bus import DriveRefused
-from drivers.pdo_mapping import current_entry, set_up_pdos
+from drivers.frame_length import frame_bits
+from drivers.pdo_mapping import current_entry
+from drivers.pdo_set_up import OFF, set_up_pdos
 from drivers.readback import Readback
 from drivers.scaling import AxisScale
 from drivers.sdo import Aborted
 from drivers.statements import compare_statements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
+    from drivers.communication import Communication
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.pdo_set_up import OtherTpdo
     from drivers.sdo import SdoServer
 
 DRIVE_PROFILE = 402
@@ -32,6 +37,7 @@ SLOW_DOWN_RAMP = 1
 QUICK_STOP_REACTION = 3
 STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
 """Quick stop options that slow down, instead of letting the axis coast (0)."""
+PDO_BYTES = 8
 MODE_TIME = 3.0
 """A mode display may lag by seconds [s]."""
 
@@ -42,6 +48,7 @@ def commission(
     drives: DrivesFile,
     period: float,
     wait: Callable[[Callable[[], bool], float], bool],
+    communication: Communication,
 ) -> str:
     """Check and configure one drive that is off and pre-operational.
 
@@ -55,6 +62,8 @@ def commission(
         Time between two SYNCs [s].
     wait : callable
         ``wait(condition, timeout)`` lets time pass until the condition holds; tells whether it did.
+    communication : Communication
+        What the drive sends and listens to; what is found is put in.
 
     Returns
     -------
@@ -74,7 +83,9 @@ def commission(
     _write_limits(server, axis)
     _write_reactions(server, drives)
     _set_up_sync(server, period)
-    set_up_pdos(server, axis)
+    communication.transmitted, communication.others = set_up_pdos(server, axis)
+    _note_others(server, communication.others, drives.bitrate, period)
+    communication.emergency = _find_emergency(server)
     _set_up_heartbeats(server, axis, drives)
     return identity
 
@@ -208,6 +219,37 @@ def _set_up_sync(server: SdoServer, period: float) -> None:
     server.set_if_present(
         objects.CYCLE_PERIOD, round(1e6 * period), "it does not know the period of SYNC"
     )
+
+
+def _note_others(
+    server: SdoServer, others: Sequence[OtherTpdo], bitrate: int, period: float
+) -> None:
+    for other in others:
+        kind = other.transmission
+        if kind is not None and 0 < kind <= LAST_SYNCHRONOUS:
+            load = frame_bits(PDO_BYTES) / kind / bitrate / period
+            when = f"at every {kind}. SYNC" if kind > 1 else "at every SYNC"
+            cost = f", which takes up to {load:.1%} of the bus"
+        else:
+            when, cost = "on request" if kind in ON_REQUEST else "on event", ""
+        server.notes.append(
+            f"{server.label}: {other.name} cannot be switched off: it goes on to be sent under "
+            f"{other.cob_id & IDENTIFIER:03X}h {when}{cost}; nobody reads it"
+        )
+
+
+def _find_emergency(server: SdoServer) -> int | None:
+    """Return under which identifier emergencies come, None where the drive sends none."""
+    present = server.find(objects.EMERGENCY_COB_ID)
+    if present is None:
+        return 0x80 + server.node
+    if present & (OFF | EXTENDED):
+        server.notes.append(
+            f"{server.label}: {objects.EMERGENCY_COB_ID} is {present:08X}h: no emergencies come, "
+            "so warnings stay unseen and the cause of a fault is read from the drive"
+        )
+        return None
+    return present & IDENTIFIER
 
 
 def _set_up_heartbeats(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> None:

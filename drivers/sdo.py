@@ -27,8 +27,8 @@ SDO_TIMEOUT = 0.5
 READ_ONLY = 0x06010002
 _MISSING = frozenset({0x06020000, 0x06090011})
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
-_RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
-FIXED_CODES = _RANGE_CODES | {READ_ONLY}
+RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
+FIXED_CODES = RANGE_CODES | {READ_ONLY}
 """A drive keeps its value: the object is read-only, or ours is outside its range."""
 
 
@@ -303,6 +303,6 @@ def _remedy(code: int) -> str:
         return "set it with the maker's commissioning tool"
     if code in _STATE_CODES:
         return "the drive does not allow it in its present state: switch it off and on again"
-    if code in _RANGE_CODES:
+    if code in RANGE_CODES:
         return "choose a value that the drive takes"
     return "see the drive's manual"
