@@ -145,11 +145,7 @@ def _require_current(server: SdoServer, axis: AxisDrive) -> None:
 
 def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
     scale, limits = AxisScale.of(axis), axis.limits
-    ends = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
-    for entry, end in zip(
-        (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX), ends, strict=True
-    ):
-        server.set(entry, end)
+    _write_range(server, axis)
     speed = limits.velocity * axis.gear_ratio * 60 / (2 * math.pi)
     acceleration = scale.acceleration_to_counts(limits.acceleration)
     per_count = abs(scale.position)
@@ -186,6 +182,45 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
         server.set(objects.MAX_CURRENT, per_mille)
     server.set(objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity))
     server.set(objects.PROFILE_ACCELERATION, acceleration)
+
+
+def _write_range(server: SdoServer, axis: AxisDrive) -> None:
+    """Write the software limits; take fixed ones if they keep the axis from somewhere."""
+    scale, limits = AxisScale.of(axis), axis.limits
+    ends = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
+    entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
+    taken = [server.set_unless_fixed(entry, end) for entry, end in zip(entries, ends, strict=True)]
+    kept = [server.kept[entry] for entry in entries]
+    if all(taken) or kept == ends:
+        return
+    unit = "rad" if axis.joint == "revolute" else "m"
+    own = "[{:.5g}, {:.5g}]".format(*sorted(scale.position_from_counts(float(k)) for k in kept))
+    ours = f"[{limits.q_min:g}, {limits.q_max:g}] {unit}"
+    if kept[0] >= kept[1]:
+        raise DriveRefused(
+            f"{server.label}: software limits (607D) are fixed at {kept[0]} and {kept[1]}, which "
+            "switches them off: the drive itself would take any target; set them with the maker's "
+            "commissioning tool"
+        )
+    if kept[1] <= ends[0] or kept[0] >= ends[1]:
+        raise DriveRefused(
+            f"{server.label}: software limits (607D) are fixed at {own} {unit}, outside those of "
+            f"the drives file, {ours}; correct zero, sign, gear_ratio or the limits"
+        )
+    server.notes.append(
+        f"{server.label}: software limits (607D) are fixed at {own} {unit}, those of the drives "
+        f"file are {ours}: {_range_consequence(kept, ends)}"
+    )
+
+
+def _range_consequence(kept: Sequence[int], ends: Sequence[int]) -> str:
+    wider, narrower = "the driver alone keeps the axis's range", "it takes no target beyond its own"
+    found = []
+    if kept[0] < ends[0] - 1 or kept[1] > ends[1] + 1:
+        found.append(wider)
+    if kept[0] > ends[0] or kept[1] < ends[1]:
+        found.append(narrower)
+    return " and ".join(found) or "they agree to an increment"
 
 
 _UNWATCHED = "the drive's own following error supervision is used"

@@ -61,7 +61,7 @@ class Communication:
         """Return what a drive does whose communication is as we write it."""
         return cls(label, axis.node, transmitted(axis), 0x80 + axis.node)
 
-    def _claims(self) -> Iterator[tuple[int, str]]:
+    def claims(self) -> Iterator[tuple[int, str]]:
         """Yield the identifiers that it uses, and for what."""
         node = self.node
         for base, service in (
@@ -91,17 +91,21 @@ def find_collisions(drives: Sequence[Communication], master: int) -> list[DriveR
     master : int
         Our node number.
     """
-    taken = {NMT: "our NMT commands", SYNC: "SYNC", 0x700 + master: "our heartbeat"}
+    taken = {
+        NMT: "by us, for NMT commands",
+        SYNC: "by us, for SYNC",
+        0x700 + master: "by us, for our heartbeat",
+    }
     found = []
     for drive in drives:
-        for identifier, use in drive._claims():  # noqa: SLF001 - of this module
+        for identifier, use in drive.claims():
             if identifier in taken:
                 found.append(
                     DriveRefused(
-                        f"{drive.label}: identifier {identifier:03X}h of {use} is also that of "
-                        f"{taken[identifier]}; give it one of its own with the maker's "
+                        f"{drive.label}: identifier {identifier:03X}h is used for {use} and, "
+                        f"{taken[identifier]}; give one of them another with the maker's "
                         "commissioning tool"
                     )
                 )
-            taken.setdefault(identifier, f"{drive.label}, {use}")
+            taken.setdefault(identifier, f"by {drive.label}, for {use}")
     return found

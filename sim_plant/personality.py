@@ -36,6 +36,8 @@ class ObjectChange(FileModel):
     type: Literal["i8", "i16", "i32", "u8", "u16", "u32"] | None = None
     default: int | None = None
     """Value after power-on, also where the plant file would set another."""
+    plus_node: bool = False
+    """The node number is added to `default`, as in identifiers."""
     low: int | None = None
     high: int | None = None
     step: Annotated[int, Field(ge=2)] | None = None

@@ -280,7 +280,7 @@ def test_a_plant_file_may_name_a_personality_beside_it(tmp_path: Path) -> None:
 
 
 def test_an_unknown_personality_is_told_with_those_that_are_known() -> None:
-    with pytest.raises(FileError, match=r"grumpy: neither a packaged personality \(bare, fixed-"):
+    with pytest.raises(FileError, match=r"grumpy: neither a packaged personality \(bare, clipping"):
         load_machine("manutec-r15", personality="grumpy")
 
 
