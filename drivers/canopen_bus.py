@@ -21,6 +21,7 @@ import numpy as np
 from drivers import objects
 from drivers.admission import admit
 from drivers.cia402 import State
+from drivers.communication import Communication
 from drivers.drive_bus import (
     AxisInfo,
     DriveError,
@@ -42,7 +43,7 @@ from drivers.network import PumpedNetwork
 from drivers.open_bus import open_can_bus
 from drivers.pacing import choose_pacing, sync_channel
 from drivers.path_check import check_path
-from drivers.pdo_mapping import transmitted
+from drivers.pdo_mapping import answers
 from drivers.power import Power, release
 from drivers.readout import Readout
 from drivers.scaling import AxisScale
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move, Sample
     from drivers.drives_file import DrivesFile
     from drivers.pacing import PacingName
+    from drivers.pdo_mapping import Pdo
 
 log = logging.getLogger(__name__)
 
@@ -142,6 +144,11 @@ class CanopenDriveBus:
     def servers(self) -> tuple[SdoServer, ...]:
         """The drives' object dictionaries in joint order; known once entered."""
         return tuple(self._servers)
+
+    @property
+    def transmitted(self) -> tuple[tuple[Pdo, ...], ...]:
+        """The TPDOs with which each drive answers SYNC; known once entered."""
+        return tuple(drive.transmitted for drive in self._communications)
 
     @property
     def skipped_syncs(self) -> int:
@@ -295,14 +302,18 @@ class CanopenDriveBus:
 
     def _connect(self) -> None:
         drives = self._drives
-        answers = [pdo.cob_id for axis in drives.axes for pdo in transmitted(axis)]
-        self._channel = sync_channel(self._bus, self._requested, self._period, answers)
+        expected = [cob_id for axis in drives.axes for cob_id in answers(axis)]
+        self._channel = sync_channel(self._bus, self._requested, self._period, expected)
         self._pacing = choose_pacing(self._channel, self._requested, self._period)
         network = PumpedNetwork(self._channel, synchronous=self._pacing.synchronous)
         if isinstance(self._channel, KernelSync):
             self._channel.deliver = network.dispatch
         self._servers = [
             SdoServer(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
+        ]
+        self._communications = [
+            Communication.predefined(axis, server.label)
+            for axis, server in zip(drives.axes, self._servers, strict=True)
         ]
         self._supervision = Supervision(network, self._servers)
         self._exchange = Exchange(network, drives.axes, self._pacing)
@@ -346,8 +357,11 @@ class CanopenDriveBus:
             self._period,
             self._power,
             self._commissioned,
+            self._communications,
             reset_faults=self._reset_faults,
         )
+        self._exchange.wire(self.transmitted)
+        self._supervision.listen([drive.emergency for drive in self._communications])
         self._note(note for server in self._servers for note in server.notes)
 
     def _start(self) -> None:

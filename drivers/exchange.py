@@ -1,7 +1,9 @@
 """The hot path: one SYNC out, the TPDOs of all drives in.
 
 Every frame that answers a SYNC has a slot; the slots of one axis stand side by side, so that one
-precompiled struct unpacks the frames of all axes, joined, at once. A bus that hands over waiting
+precompiled struct unpacks the frames of all axes, joined, at once. Where a drive's TPDO is fixed in
+another order, or carries more than we need, the values are picked by one `itemgetter` made for
+that. A bus that hands over waiting
 frames as one block (`frame_block`) saves even the frame objects. What is irregular leaves this
 path: a TPDO that is missing, doubled or late is flagged and never replaced by a guess. After a
 missing TPDO the axis owes one: if two come for the next SYNC, the first is the late one and is
@@ -13,22 +15,26 @@ from __future__ import annotations
 
 import math
 import struct
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import can
 
 from drivers.drive_bus import SampleFlag
-from drivers.frame_block import FrameBlock, block_source, messages
+from drivers.frame_block import FrameBlock, block_source, count_values, messages
 from drivers.network import SEND_ATTEMPTS
-from drivers.pdo_mapping import received, transmitted
+from drivers.objects import POSITION, STATUSWORD
+from drivers.pdo_mapping import current_entry, received, transmitted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from drivers.drives_file import AxisDrive
     from drivers.frame_block import BlockSource
     from drivers.network import PumpedNetwork
     from drivers.pacing import Pacing
+    from drivers.pdo_mapping import Pdo
+    from drivers.sdo import Entry
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
@@ -39,6 +45,7 @@ DOUBT = 5
 
 _COMMAND = struct.Struct("<iH")
 _CODES = {"u16": "H", "i16": "h", "i32": "i"}
+"""Types of what is read; bytes of other types are skipped."""
 _NOTHING: Iterator[can.Message] = iter(())
 Data = bytes | bytearray
 
@@ -69,24 +76,14 @@ class Exchange:
     """
 
     def __init__(self, network: PumpedNetwork, axes: Sequence[AxisDrive], pacing: Pacing) -> None:
-        pdos = [(axis, pdo) for axis, drive in enumerate(axes) for pdo in transmitted(drive)]
-        layouts = ["".join(_CODES[entry.type] for entry in pdo.entries) for _, pdo in pdos]
         self._network = network
         self._pacing = pacing
         self._synchronous = pacing.synchronous
         self._receive = network.channel.recv
         self._blocks = block_source(network.channel)
-        self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts)
-        self._slots = {pdo.cob_id: slot for slot, (_, pdo) in enumerate(pdos)}
-        self._sizes = [pdo.size for _, pdo in pdos]
-        self._axis_of = [axis for axis, _ in pdos]
         self._commands = [received(drive).cob_id for drive in axes]
-        self._unpack = struct.Struct("<" + "".join(layouts)).unpack
-        self._last: Sequence[Data] | bytes = [bytes(size) for size in self._sizes]
-        self._unread: Iterator[can.Message] = _NOTHING
-        self._owed: dict[int, int] = {}
-        self._doubt: dict[int, int] = {}
-        self._found: dict[int, int] = {}
+        self._wanted = [(STATUSWORD, POSITION, current_entry(drive)) for drive in axes]
+        self._slots: dict[int, int] = {}
         self._regular = (0,) * len(axes)
         self.flags: tuple[int, ...] = self._regular
         self.irregular = False
@@ -95,8 +92,38 @@ class Exchange:
         self.words: tuple[int, ...] = self._regular
         self.positions: tuple[int, ...] = self._regular
         self.currents: tuple[int, ...] = self._regular
+        self.wire([transmitted(drive) for drive in axes])
+
+    def wire(self, sent: Sequence[Sequence[Pdo]]) -> None:
+        """Expect these TPDOs of each axis from the next SYNC on, as their drives are set up."""
         for cob_id in self._slots:
-            network.subscribe(cob_id, self._on_late)
+            self._network.unsubscribe(cob_id, self._on_late)
+        pdos = [(axis, pdo) for axis, own in enumerate(sent) for pdo in own]
+        layouts = ["".join(map(_code, pdo.entries)) for _, pdo in pdos]
+        self._slots = {pdo.cob_id: slot for slot, (_, pdo) in enumerate(pdos)}
+        self._sizes = [pdo.size for _, pdo in pdos]
+        self._axis_of = [axis for axis, _ in pdos]
+        order = self._order(pdos)
+        self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
+        self._unpack = _unpacking("<" + "".join(layouts), order)
+        self._last: Sequence[Data] | bytes = [bytes(size) for size in self._sizes]
+        self._unread: Iterator[can.Message] = _NOTHING
+        self._owed: dict[int, int] = {}
+        self._doubt: dict[int, int] = {}
+        self._found: dict[int, int] = {}
+        for cob_id in self._slots:
+            self._network.subscribe(cob_id, self._on_late)
+
+    def _order(self, pdos: Sequence[tuple[int, Pdo]]) -> list[int]:
+        """Where statusword, position and current of each axis stand among all values."""
+        values = [
+            (axis, entry) for axis, pdo in pdos for entry in pdo.entries if entry.type in _CODES
+        ]
+        return [
+            values.index((axis, entry))
+            for axis, wanted in enumerate(self._wanted)
+            for entry in wanted
+        ]
 
     def command(self, axis: int, target: int, controlword: int) -> None:
         """Send target position [increments] and controlword to one axis."""
@@ -268,3 +295,16 @@ class Exchange:
         all_axes = SampleFlag.SKIPPED.value if passed_over else 0
         self.irregular = bool(found) or passed_over
         self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))
+
+
+def _code(entry: Entry) -> str:
+    return _CODES.get(entry.type, "x" * entry.size)
+
+
+def _unpacking(layout: str, order: list[int]) -> Callable[[bytes], tuple[int, ...]]:
+    """Return what unpacks a layout and returns its values in an order."""
+    unpack = struct.Struct(layout).unpack
+    if order == list(range(count_values(layout))):
+        return unpack
+    pick = itemgetter(*order)
+    return lambda data: pick(unpack(data))

@@ -33,6 +33,9 @@ BABBLE = 0.25
 
 _ABORTED = 0x80
 _SDO_SIZE = 8
+_SIZE_INDICATION = 0xE3
+_SIZE_LEFT_OPEN = 0x42
+"""Bits of an answer that make it an expedited upload (command 2, e = 1) without size (s = 0)."""
 _INITIATING = frozenset({1, 2})
 """Command specifiers of requests whose answer repeats index and sub-index."""
 
@@ -172,6 +175,7 @@ class PumpedSdoClient(SdoClient):
         self._timeout = timeout
         self._answers: list[bytes] = []
         self._object: bytes | None = None
+        self._size_left_open = False
         network.subscribe(self.tx_cobid, self.on_response)
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
@@ -179,6 +183,15 @@ class PumpedSdoClient(SdoClient):
         del can_id, timestamp
         if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
             self._answers.append(bytes(data))
+
+    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
+        """Read an object whose length is `size` [bytes].
+
+        A server may leave it open how many of the four bytes of an expedited answer count (CiA
+        301: size indicator 0); then those of the object do. Any other length is returned as it is.
+        """
+        data: bytes = self.upload(index, subindex)
+        return data[:size] if self._size_left_open else data
 
     def request_response(self, sdo_request: bytes) -> bytes:
         """Send a request and wait for its answer; answers to earlier requests are dropped."""
@@ -202,6 +215,7 @@ class PumpedSdoClient(SdoClient):
         answer = self._answers.pop(0)
         if answer[0] == _ABORTED:
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
+        self._size_left_open = answer[0] & _SIZE_INDICATION == _SIZE_LEFT_OPEN
         return answer
 
 

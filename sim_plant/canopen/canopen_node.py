@@ -66,7 +66,11 @@ class CanopenNode:
         self.dictionary = ObjectDictionary(node_id, personality)
         self.emergencies = Emergencies(self.dictionary, emit)
         self.nmt = NmtSlave(node_id, self._nmt_changed, self._reset)
-        self._sdo = SdoServer(self.dictionary, functools.partial(emit, 0x580 + node_id))
+        self._sdo = SdoServer(
+            self.dictionary,
+            functools.partial(emit, 0x580 + node_id),
+            states_size=personality.sdo_states_size,
+        )
         self._producer = HeartbeatProducer(self.dictionary, timers, self._send_state)
         self._consumer = HeartbeatConsumer(
             self.dictionary, timers, self._lose_heartbeat, self._regain_heartbeat, rewired
