@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import can
 
-from drivers.drive_bus import SampleFlag
+from drivers.drive_bus import DriveError, SampleFlag
 from drivers.frame_block import FrameBlock, block_source, count_values, messages
 from drivers.network import SEND_ATTEMPTS
 from drivers.objects import POSITION, STATUSWORD
@@ -162,6 +162,8 @@ class Exchange:
         if not self._synchronous:
             return self._network.send_again(SYNC, error)
         for _ in range(1, self._network.attempts):
+            if isinstance(error, DriveError):
+                raise error
             self._pacing.miss()
             try:
                 return self._network.channel.send(SYNC)
