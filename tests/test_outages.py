@@ -142,6 +142,7 @@ def test_outages_are_drawn_within_their_bounds_and_again_by_seed_and_number(
     assert outage.frame in moments
     assert SHORTEST <= outage.length <= LONGEST
     assert outage.direction in DIRECTIONS
+    assert (outage.axis in range(1, 7)) == (outage.direction == "drive")
     assert draw(seed, number, moments) == outage
 
 
