@@ -43,6 +43,18 @@ def _quiet() -> Iterator[None]:
     logging.disable(logging.NOTSET)
 
 
+# A session in which nothing happens
+
+
+def test_no_axis_is_energised_before_its_drive_has_heard_our_heartbeat() -> None:
+    with LoggedBus(()) as bus:
+        with CanopenDriveBus(bus, drives) as drive_bus:
+            drive_bus.sample()
+            assert bus.plant.state[:, st.ENABLED].all()
+        assert bus.witness.all_off
+    assert bus.witness.unwatched == set()
+
+
 # Ctrl-C with six axes moving, and an outage at that moment
 
 
