@@ -43,6 +43,18 @@ def _quiet() -> Iterator[None]:
     logging.disable(logging.NOTSET)
 
 
+# A session in which nothing happens
+
+
+def test_no_axis_is_energised_before_its_drive_has_heard_our_heartbeat() -> None:
+    with LoggedBus(()) as bus:
+        with CanopenDriveBus(bus, drives) as drive_bus:
+            drive_bus.sample()
+            assert bus.plant.state[:, st.ENABLED].all()
+        assert bus.witness.all_off
+    assert bus.witness.unwatched == set()
+
+
 # Ctrl-C with six axes moving, and an outage at that moment
 
 
@@ -142,6 +154,7 @@ def test_outages_are_drawn_within_their_bounds_and_again_by_seed_and_number(
     assert outage.frame in moments
     assert SHORTEST <= outage.length <= LONGEST
     assert outage.direction in DIRECTIONS
+    assert (outage.axis in range(1, 7)) == (outage.direction == "drive")
     assert draw(seed, number, moments) == outage
 
 
