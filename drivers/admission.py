@@ -1,23 +1,31 @@
-"""All or nothing: every drive must pass before any is energised.
+"""All or nothing: every drive must pass before any is energised, or even written to.
 
-Each drive is switched off, checked and configured in turn (`commissioning`). One that fails does
-not keep the others from being looked at, so that the operator learns at once what to mend.
+Each drive is switched off and looked at in turn, and what start-up will write to it is found out
+(`announcement`). One that fails does not keep the others from being looked at, so that the operator
+learns at once what to mend. Only when all have passed, and what they hold has been kept
+(`settings_keeper`), are they configured (`commissioning`).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
+from drivers.announcement import announce
 from drivers.commissioning import commission
 from drivers.drive_bus import AxisInfo, DriveError, DriveFault, DriveRefused, NodeSilent
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
+    from drivers.announcement import Announcement
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.effective_limits import EffectiveLimits
     from drivers.power import Power
-    from drivers.sdo import SdoServer
+    from drivers.sdo import Entry, SdoServer
+    from drivers.settings_keeper import SettingsKeeper
+
+_Result = TypeVar("_Result")
 
 
 def admit(
@@ -26,9 +34,10 @@ def admit(
     period: float,
     power: Power,
     commissioned: list[SdoServer],
+    keeper: SettingsKeeper,
     *,
     reset_faults: bool,
-) -> tuple[AxisInfo, ...]:
+) -> tuple[tuple[AxisInfo, ...], tuple[EffectiveLimits, ...]]:
     """Check and configure all drives, leaving them off and pre-operational.
 
     Parameters
@@ -43,41 +52,78 @@ def admit(
         Switches them off first.
     commissioned : list of SdoServer
         Extended by each drive as soon as something may have been written to it.
+    keeper : SettingsKeeper
+        Keeps what they hold before that.
     reset_faults : bool
         Reset drives that are found in a fault.
+
+    Returns
+    -------
+    tuple of AxisInfo, tuple of EffectiveLimits
+        What the drives are, and which limits hold.
 
     Raises
     ------
     DriveRefused, NodeSilent, DriveFault
         Why drives cannot serve, a line each.
+    FileError
+        What they hold cannot be kept; nothing was written.
     """
+    keeper.open(drives)
+    pairs = list(zip(servers, drives.axes, strict=True))
+
+    def look(server: SdoServer, axis: AxisDrive) -> Announcement:
+        server.enter_pre_operational()
+        power.make_safe(server, reset_fault=reset_faults)
+
+        def held(entry: Entry) -> int | None:
+            return keeper.found(server, entry)
+
+        announcement = announce(server, axis, drives, period, held)
+        keeper.take(server, axis, announcement.found)
+        return announcement
+
+    limits = tuple(each.limits for each in _all(look, pairs))
+    keeper.announced(servers)
+    limits_of = {server.node: each for server, each in zip(servers, limits, strict=True)}
+
+    def configure(server: SdoServer, axis: AxisDrive) -> AxisInfo:
+        commissioned.append(server)
+        holding = limits_of[server.node]
+        identity = commission(server, axis, drives, period, power.wait, holding)
+        return _described(axis, identity, holding)
+
+    return tuple(_all(configure, pairs)), limits
+
+
+def _all(
+    step: Callable[[SdoServer, AxisDrive], _Result], pairs: Iterable[tuple[SdoServer, AxisDrive]]
+) -> list[_Result]:
+    """Take a step with each drive, and only then raise what went wrong."""
     problems: list[DriveError] = []
-    infos = []
-    for server, axis in zip(servers, drives.axes, strict=True):
+    results = []
+    for server, axis in pairs:
         try:
-            server.enter_pre_operational()
-            power.make_safe(server, reset_fault=reset_faults)
-            commissioned.append(server)
-            identity = commission(server, axis, drives, period, power.wait)
-            infos.append(_described(axis, identity))
+            results.append(step(server, axis))
         except (DriveRefused, NodeSilent, DriveFault) as error:
             problems.append(error)
     if problems:
         raise _joined(problems)
-    return tuple(infos)
+    return results
 
 
-def _described(axis: AxisDrive, identity: str) -> AxisInfo:
-    scale = AxisScale.of(axis)
+def _described(axis: AxisDrive, identity: str, holding: EffectiveLimits) -> AxisInfo:
+    scale, limits = AxisScale.of(axis), holding.limits
     return AxisInfo(
         name=axis.name,
         identity=identity,
-        q_min=axis.limits.q_min,
-        q_max=axis.limits.q_max,
-        velocity_max=axis.limits.velocity,
-        acceleration_max=axis.limits.acceleration,
+        q_min=limits.q_min,
+        q_max=limits.q_max,
+        velocity_max=limits.velocity,
+        acceleration_max=limits.acceleration,
         torque_resolution=abs(scale.torque),
         position_resolution=abs(scale.position),
+        own_limits=holding.own,
     )
 
 

@@ -34,9 +34,11 @@ from drivers.power import Power
 from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
+from drivers.settings_keeper import SettingsKeeper
 from drivers.streams import Streams
 from drivers.supervision import Supervision
 from drivers.trips import Trips
+from drivers.yaml_file import FileError
 from drivers.zero_current import offsets
 
 if TYPE_CHECKING:
@@ -48,7 +50,8 @@ if TYPE_CHECKING:
     import can
 
     from drivers.drive_bus import Move, Sample
-    from drivers.drives_file import DrivesFile
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.effective_limits import EffectiveLimits
     from drivers.pacing import PacingName
 
 log = logging.getLogger(__name__)
@@ -74,6 +77,8 @@ class CanopenDriveBus:
         Reset drives that are found in a fault, instead of refusing them.
     owns_bus : bool
         Shut the bus down when leaving.
+    keeper : SettingsKeeper, optional
+        Keeps what the drives hold before they are written to; by default in memory only.
 
     Attributes
     ----------
@@ -91,6 +96,7 @@ class CanopenDriveBus:
         pacing: PacingName = "auto",
         reset_faults: bool = False,
         owns_bus: bool = False,
+        keeper: SettingsKeeper | None = None,
     ) -> None:
         self.notes: tuple[str, ...] = ()
         self._bus = bus
@@ -99,7 +105,10 @@ class CanopenDriveBus:
         self._requested = pacing
         self._reset_faults = reset_faults
         self._owns_bus = owns_bus
+        self._keeper = keeper or SettingsKeeper()
         self._axes: tuple[AxisInfo, ...] = ()
+        self._limits: tuple[EffectiveLimits, ...] = ()
+        self._limited = drives.axes
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
         self._readout = Readout(drives.axes)
 
@@ -112,6 +121,16 @@ class CanopenDriveBus:
     def axes(self) -> tuple[AxisInfo, ...]:
         """What the drives told about themselves; known once entered."""
         return self._axes
+
+    @property
+    def limits(self) -> tuple[EffectiveLimits, ...]:
+        """Which limits hold, the drives' own or the drives file's; known once entered."""
+        return self._limits
+
+    @property
+    def limited_axes(self) -> tuple[AxisDrive, ...]:
+        """What the drives file states of the axes, with the limits that hold; once entered."""
+        return self._limited
 
     @property
     def servers(self) -> tuple[SdoServer, ...]:
@@ -164,7 +183,8 @@ class CanopenDriveBus:
     def move(self, moves: Mapping[int, Move]) -> None:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         for axis, move in moves.items():
-            check_move(move, self._drives.axes[axis], self._scales[axis], axis + 1)
+            own = self._limits[axis].own
+            check_move(move, self._limited[axis], self._scales[axis], axis + 1, own)
         if self._streams.cyclic:
             self._change_mode(self._streams.leave)
         for axis, move in moves.items():
@@ -181,7 +201,8 @@ class CanopenDriveBus:
             raise MoveFailed("a path can only begin where all axes rest; wait until reached")
         here = self._readout.sample(self._pacing.now(), self._exchange, reached=True).q
         points = np.asarray(path, dtype=float)
-        check_path(points, self._drives.axes, here, self._period)
+        own = [limits.own for limits in self._limits]
+        check_path(points, self._limited, here, self._period, own)
         self._change_mode(lambda: self._streams.begin(points))
 
     def sample(self) -> Sample:
@@ -260,24 +281,26 @@ class CanopenDriveBus:
         )
         self._commissioned: list[SdoServer] = []
         self._running = False
-        self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
-        self._trips = Trips(drives.axes, self._period)
-        self._streams = Streams(
-            self._exchange, self._servers, drives.axes, self._trips, self._period, self.follow
-        )
         self._gaps = Gaps(network, self._servers, self._heartbeats)
         self._words: tuple[int, ...] = ()
 
     def _admit(self) -> None:
-        self._axes = admit(
+        self._axes, self._limits = admit(
             self._servers,
             self._drives,
             self._period,
             self._power,
             self._commissioned,
+            self._keeper,
             reset_faults=self._reset_faults,
         )
         self._note(note for server in self._servers for note in server.notes)
+        pairs = zip(self._limits, self._drives.axes, strict=True)
+        self._limited = axes = tuple(limits.of(axis) for limits, axis in pairs)
+        exchange, servers, period = self._exchange, self._servers, self._period
+        self._motions = Motions(exchange, servers, axes, period, self._pacing.now)
+        self._trips = Trips(axes, period)
+        self._streams = Streams(exchange, servers, axes, self._trips, period, self.follow)
 
     def _start(self) -> None:
         for server in self._servers:
@@ -348,7 +371,9 @@ class CanopenDriveBus:
                 self._commissioned,
                 running=self._running,
                 when_off=lambda: self._note_offsets("after power-off"),
+                restore=self._keeper.restore,
             )
+            self._close_settings()
             self._commissioned, self._running = [], False
             if self._channel is not self._bus:
                 self._channel.shutdown()
@@ -364,6 +389,12 @@ class CanopenDriveBus:
         if problems and error is None:
             raise DriveFault(text)
 
+    def _close_settings(self) -> None:
+        try:
+            self._note(self._keeper.close(self._servers, self._commissioned))
+        except FileError as error:  # the axes are off, and what was kept before is on the disk
+            self._note([str(error)])
+
 
 def open_drive_bus(
     drives: DrivesFile,
@@ -372,6 +403,7 @@ def open_drive_bus(
     bus_options: Mapping[str, object] | None = None,
     pacing: PacingName = "auto",
     frame_log: Path | None = None,
+    keeper: SettingsKeeper | None = None,
 ) -> CanopenDriveBus:
     """Open a python-can bus and put a `CanopenDriveBus` on it, which shuts it down when left.
 
@@ -387,6 +419,8 @@ def open_drive_bus(
         See `drivers.pacing.choose_pacing`.
     frame_log : path, optional
         Where to log all frames (see `drivers.frame_log`).
+    keeper : SettingsKeeper, optional
+        See `CanopenDriveBus`.
 
     Raises
     ------
@@ -399,4 +433,4 @@ def open_drive_bus(
     bus = open_can_bus(interface, channel, options)
     if frame_log is not None:
         bus = logged(bus, frame_log)
-    return CanopenDriveBus(bus, drives, pacing=pacing, owns_bus=True)
+    return CanopenDriveBus(bus, drives, pacing=pacing, owns_bus=True, keeper=keeper)

@@ -8,7 +8,6 @@ on.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from drivers import objects
@@ -20,10 +19,11 @@ from drivers.sdo import Aborted
 from drivers.statements import compare_statements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.sdo import SdoServer
+    from drivers.effective_limits import EffectiveLimits
+    from drivers.sdo import Entry, SdoServer
 
 DRIVE_PROFILE = 402
 SYNC_COB_ID = 0x80
@@ -41,6 +41,7 @@ def commission(
     drives: DrivesFile,
     period: float,
     wait: Callable[[Callable[[], bool], float], bool],
+    limits: EffectiveLimits,
 ) -> str:
     """Check and configure one drive that is off and pre-operational.
 
@@ -54,6 +55,8 @@ def commission(
         Time between two SYNCs [s].
     wait : callable
         ``wait(condition, timeout)`` lets time pass until the condition holds; tells whether it did.
+    limits : EffectiveLimits
+        Which hold on this axis.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def commission(
     _take_profile_position(server, wait)
     compare_statements(server, axis)
     _require_current(server, axis)
-    _write_limits(server, axis)
+    _write_limits(server, axis, limits)
     _write_reactions(server, drives)
     _set_up_sync(server, period)
     set_up_pdos(server, axis)
@@ -130,31 +133,25 @@ def _require_current(server: SdoServer, axis: AxisDrive) -> None:
         ) from error
 
 
-def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
-    scale, limits = AxisScale.of(axis), axis.limits
-    ends = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
-    for entry, end in zip(
-        (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX), ends, strict=True
+def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) -> None:
+    scale, limits, values = AxisScale.of(axis), holding.limits, holding.values
+    server.notes += holding.notes
+    for end in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX):
+        if server.find(end) != values[end]:
+            server.set(end, values[end])
+    for either in (
+        (objects.MAX_PROFILE_VELOCITY, objects.MAX_MOTOR_SPEED),
+        (objects.MAX_ACCELERATION,),
+        (objects.MAX_DECELERATION,),
+        (objects.MAX_TORQUE,),
     ):
-        server.set(entry, end)
-    speed = limits.velocity * axis.gear_ratio * 60 / (2 * math.pi)
+        _write_limit(server, {entry: values[entry] for entry in either})
     acceleration = scale.acceleration_to_counts(limits.acceleration)
     per_count = abs(scale.position)
-    only_ours = "this limit is kept by the driver alone"
-    per_mille = scale.torque_limit_to_counts(limits.torque)
-    for either in (
-        {
-            objects.MAX_PROFILE_VELOCITY: scale.velocity_to_counts(limits.velocity),
-            objects.MAX_MOTOR_SPEED: math.ceil(speed),
-        },
-        {objects.MAX_ACCELERATION: acceleration},
-        {objects.MAX_DECELERATION: acceleration},
-        {objects.MAX_TORQUE: per_mille},
-    ):
-        server.set_any(either, only_ours)
+    quick_stop = objects.QUICK_STOP_DECELERATION
     for entry, value, consequence in (
         (objects.PROFILE_DECELERATION, acceleration, "6083 must hold for decelerating too"),
-        (objects.QUICK_STOP_DECELERATION, acceleration, "the drive's own quick stop ramp is used"),
+        (quick_stop, values[quick_stop], "the drive's own quick stop ramp is used"),
         (
             objects.FOLLOWING_ERROR_WINDOW,
             round(axis.following_error_window / per_count),
@@ -170,9 +167,21 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
     ):
         server.set_if_present(entry, value, consequence, also=_ANY)
     if objects.MAX_TORQUE in server.missing and server.find(objects.MAX_CURRENT) is not None:
-        server.set(objects.MAX_CURRENT, per_mille)
+        _write_limit(server, {objects.MAX_CURRENT: values[objects.MAX_CURRENT]})
     server.set(objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity))
     server.set(objects.PROFILE_ACCELERATION, acceleration)
+
+
+def _write_limit(server: SdoServer, values: Mapping[Entry, int]) -> None:
+    """Write a limit that one or several objects keep; leave alone what is there already."""
+    present = {entry: server.find(entry) for entry in values}
+    if not any(present[entry] == value for entry, value in values.items()):
+        server.set_any(values, "this limit is kept by the driver alone")
+        return
+    server.missing.update(entry for entry, value in present.items() if value is None)
+    for entry, value in values.items():
+        if present[entry] not in {None, value}:
+            server.set(entry, value)
 
 
 _UNWATCHED = "the drive's own following error supervision is used"

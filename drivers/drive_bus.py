@@ -21,7 +21,7 @@ What can go wrong is a `DriveError`::
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
@@ -121,7 +121,16 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AxisInfo:
-    """What a drive told about itself when the bus was entered; goes into the run's provenance."""
+    """What a drive told about itself when the bus was entered; goes into the run's provenance.
+
+    Attributes
+    ----------
+    q_min, q_max, velocity_max, acceleration_max : float
+        Limits that hold [rad, rad/s, rad/s^2; m if prismatic].
+    own_limits : mapping of str to str
+        Where it is the drive's own limit that holds: ``q_min``, ``q_max``, ``velocity``,
+        ``acceleration`` or ``torque``, and the object that sets it, such as ``607D``.
+    """
 
     name: str
     identity: str
@@ -131,6 +140,7 @@ class AxisInfo:
     acceleration_max: float
     torque_resolution: float
     position_resolution: float
+    own_limits: Mapping[str, str] = field(default_factory=dict)
 
 
 @runtime_checkable

@@ -134,6 +134,7 @@ class Power:
         *,
         running: bool,
         when_off: Callable[[], None] = lambda: None,
+        restore: Callable[[SdoServer], None] = lambda _: None,
     ) -> list[str]:
         """Stop all axes and switch off every drive; never raises an `Exception`.
 
@@ -145,6 +146,8 @@ class Power:
             Process data is being exchanged, so that axes can be stopped first.
         when_off : callable
             Called when all are off and process data still come.
+        restore : callable
+            Puts back what a drive held that is shown off, its heartbeat consumer last.
 
         Returns
         -------
@@ -163,7 +166,7 @@ class Power:
         if running and not problems:
             self._attempt(problems, "off", when_off)
         for server in commissioned:  # one that cannot be told misses our heartbeat, nothing worse
-            self._attempt([], "releasing", partial(_release, server))
+            self._attempt([], "restoring", partial(restore, server))
         return problems
 
     def stop(self) -> None:
@@ -280,9 +283,3 @@ class Power:
             step()
         except (Exception, KeyboardInterrupt) as error:
             problems.append(f"{what}: {error or type(error).__name__}")
-
-
-def _release(server: SdoServer) -> None:
-    server.enter_pre_operational()
-    if server.find(objects.CONSUMER_HEARTBEAT):
-        server.put(objects.CONSUMER_HEARTBEAT, 0)

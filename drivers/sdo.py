@@ -7,8 +7,9 @@ object is optional and missing, that is noted instead of refused.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoError
 
@@ -16,7 +17,7 @@ from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.network import PumpedSdoClient
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Mapping
+    from collections.abc import Callable, Container, Mapping
 
     from drivers.network import PumpedNetwork
 
@@ -83,6 +84,16 @@ class Aborted(DriveRefused):
         return self.code in _MISSING
 
 
+class SdoClient(Protocol):
+    """Whatever carries the bytes of objects from and to a drive; errors are canopen's."""
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object."""
+
+
 class SdoServer:
     """The object dictionary of one drive.
 
@@ -105,6 +116,10 @@ class SdoServer:
         Optional objects that the drive lacks, or keeps as they are.
     notes : list of str
         What that means, in words.
+    kept : set of (int, int)
+        Index and sub-index of objects that may be written without further ado.
+    first_write : callable, optional
+        Called with every other `Entry` before it is written; may add to `kept`.
     """
 
     def __init__(
@@ -114,8 +129,24 @@ class SdoServer:
         self.label = f"{name} (node {node})"
         self.missing: set[Entry] = set()
         self.notes: list[str] = []
+        self.kept: set[tuple[int, int]] = set()
+        self.first_write: Callable[[Entry], None] | None = None
         self._network = network
-        self._client = PumpedSdoClient(network, node, timeout)
+        self._client: SdoClient = PumpedSdoClient(network, node, timeout)
+
+    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> SdoServer:
+        """Return this drive's dictionary as `layer` shows it, with notes of its own.
+
+        Parameters
+        ----------
+        layer : callable
+            Turns the client of the drive into one that need not hand writes on.
+        """
+        other = copy(self)
+        other.missing, other.notes, other.kept = set(), [], set()
+        other.first_write = None
+        other._client = layer(self._client)
+        return other
 
     def enter_operational(self) -> None:
         """Command the node to exchange process data (NMT start)."""
@@ -163,6 +194,8 @@ class SdoServer:
                 f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
                 f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
             )
+        if self.first_write is not None and (entry.index, entry.subindex) not in self.kept:
+            self.first_write(entry)
         data = value.to_bytes(entry.size, "little", signed=entry.signed)
         try:
             self._client.download(entry.index, entry.subindex, data)
