@@ -8,6 +8,7 @@ learns at once what to mend. Only when all have passed, and what they hold has b
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from drivers.announcement import announce
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.effective_limits import EffectiveLimits
     from drivers.power import Power
-    from drivers.sdo import Entry, SdoServer
+    from drivers.sdo import SdoServer
     from drivers.settings_keeper import SettingsKeeper
 
 _Result = TypeVar("_Result")
@@ -75,11 +76,7 @@ def admit(
     def look(server: SdoServer, axis: AxisDrive) -> Announcement:
         server.enter_pre_operational()
         power.make_safe(server, reset_fault=reset_faults)
-
-        def held(entry: Entry) -> int | None:
-            return keeper.found(server, entry)
-
-        announcement = announce(server, axis, drives, period, held)
+        announcement = announce(server, axis, drives, period, partial(keeper.found, server))
         keeper.take(server, axis, announcement.found)
         return announcement
 

@@ -77,6 +77,11 @@ class SettingsKeeper:
             raise LookupError("settings are kept once `open` was called")
         return self._settings
 
+    @property
+    def unrestored(self) -> bool:
+        """Whether a drive may hold values of ours."""
+        return self._announced and self._settings is not None and not self._settings.restored
+
     def open(self, drives: DrivesFile) -> None:
         """Begin a session; read what an earlier one left behind.
 
@@ -222,9 +227,10 @@ class SettingsKeeper:
 
 
 def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
-    """Read what must be kept before `entry` is written: nothing of commands and what is missing.
+    """Read what must be kept before `entry` is written, beside what `server` has kept already.
 
-    The objects of a PDO mapping belong together: whoever changes one loses them all.
+    Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
+    together: whoever changes one loses them all.
 
     Raises
     ------
@@ -236,8 +242,9 @@ def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
     entries: Sequence[Entry] = [entry]
     if any(entry.index in mappings for mappings in MAPPINGS):
         entries = [*_mapped(server, entry.index), entry]
-    found = {(each.index, each.subindex): (each, _read(server, each)) for each in entries}
-    return {each: value for each, value in found.values() if value is not None}
+    fresh = {(each.index, each.subindex): each for each in entries}
+    values = {e: _read(server, e) for place, e in fresh.items() if place not in server.kept}
+    return {each: value for each, value in values.items() if value is not None}
 
 
 def _mapped(server: SdoServer, index: int) -> list[Entry]:

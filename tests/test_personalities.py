@@ -203,7 +203,7 @@ def test_axes_of_one_plant_may_have_different_personalities(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("index", "default", "words"),
-    [(0x6007, 0, "6007:00"), (0x605A, 0, "605A:00"), (0x607F, 1, "607F:00")],
+    [(0x6007, 0, "6007:00"), (0x605A, 0, "605A:00"), (0x607F, 0x7FFFFFFF, "607F:00")],
 )
 def test_a_fixed_value_that_is_not_safe_is_refused(
     index: int, default: int, words: str, tmp_path: Path
