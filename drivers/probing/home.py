@@ -14,6 +14,7 @@ from drivers import objects
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import Control, Mode, Status
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
+from drivers.effective_limits import effective_limits
 from drivers.probing import probed_objects as probed
 from drivers.probing.jog import SLOW, shown
 from drivers.probing.operator import STOP_KEYS, StoppedByOperator
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from drivers.pacing import PacingName
     from drivers.probing.operator import Operator
     from drivers.sdo import SdoServer
+    from drivers.settings_keeper import SettingsKeeper
 
 MODE_TIME = 3.0
 """How long a drive may take to show a mode [s]."""
@@ -49,6 +51,7 @@ def home(
     *,
     patience: float,
     pacing: PacingName = "auto",
+    keeper: SettingsKeeper | None = None,
 ) -> float:
     """Home one axis and return where it stands then [rad or m]; it is off afterwards.
 
@@ -68,6 +71,8 @@ def home(
         How long it may take [s].
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.pacing.choose_pacing`.
+    keeper : SettingsKeeper, optional
+        See `drivers.canopen_bus.CanopenDriveBus`.
 
     Raises
     ------
@@ -82,14 +87,14 @@ def home(
     """
     alone = drives.model_copy(update={"axes": (axis,)})
     (server,) = StandingDrives(bus, alone, pacing).servers
-    _refuse(server, axis, homing)
+    _refuse(server, effective_limits(server.find, axis, server.label).of(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
         f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."
     )
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
-    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True) as axes:
+    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
         _configure(session.server, axis, homing)
         session.change_mode(Mode.HOMING)

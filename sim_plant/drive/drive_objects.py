@@ -90,6 +90,7 @@ def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
         # position unit = motor increment: feed per shaft revolution in increments
         (0x6092, 1): counts * motor,
         (0x6092, 2): shaft,
+        (0x6085, 0): acceleration,
         (0x60C5, 0): acceleration,
         (0x60C6, 0): acceleration,
     }
