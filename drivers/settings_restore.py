@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.cia402 import State, decode_state
 from drivers.drive_bus import DriveRefused
-from drivers.pdo_mapping import OFF
 from drivers.sdo import Aborted, Entry
 
 if TYPE_CHECKING:
@@ -29,6 +28,8 @@ SHOWN_OFF = frozenset(
 """States in which the motor has no power."""
 WATCHDOGS = (0x100C, 0x100D, 0x1016)
 """Life guarding and consumer heartbeat."""
+OFF = 1 << 31
+"""Bit of a COB-ID by which its PDO does not exist."""
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _MAPPING = 0x200
 _PDO_SPAN = 0x1C00
