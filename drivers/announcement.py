@@ -115,7 +115,7 @@ def announce(
         for each in (*held, entry):
             entries.setdefault((each.index, each.subindex), each)
         found.update(held)
-        shown.kept.update(entries)
+        shown.saved.update(entries)
 
     shown.first_write = keep
     commission(shown, axis, drives, period, lambda holds, _: holds(), limits)

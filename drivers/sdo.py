@@ -116,10 +116,10 @@ class SdoServer:
         Optional objects that the drive lacks, or keeps as they are.
     notes : list of str
         What that means, in words.
-    kept : set of (int, int)
+    saved : set of (int, int)
         Index and sub-index of objects that may be written without further ado.
     first_write : callable, optional
-        Called with every other `Entry` before it is written; may add to `kept`.
+        Called with every other `Entry` before it is written; may add to `saved`.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class SdoServer:
         self.label = f"{name} (node {node})"
         self.missing: set[Entry] = set()
         self.notes: list[str] = []
-        self.kept: set[tuple[int, int]] = set()
+        self.saved: set[tuple[int, int]] = set()
         self.first_write: Callable[[Entry], None] | None = None
         self._network = network
         self._client: SdoClient = PumpedSdoClient(network, node, timeout)
@@ -143,7 +143,7 @@ class SdoServer:
             Turns the client of the drive into one that need not hand writes on.
         """
         other = copy(self)
-        other.missing, other.notes, other.kept = set(), [], set()
+        other.missing, other.notes, other.saved = set(), [], set()
         other.first_write = None
         other._client = layer(self._client)
         return other
@@ -194,7 +194,7 @@ class SdoServer:
                 f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
                 f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
             )
-        if self.first_write is not None and (entry.index, entry.subindex) not in self.kept:
+        if self.first_write is not None and (entry.index, entry.subindex) not in self.saved:
             self.first_write(entry)
         data = value.to_bytes(entry.size, "little", signed=entry.signed)
         try:

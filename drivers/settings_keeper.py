@@ -128,7 +128,7 @@ class SettingsKeeper:
             )
         kept = earlier or FoundDrive(name=axis.name, node=axis.node, identity=identity)
         self._settings = self.settings.with_drives([_extended(kept, found)])
-        server.kept = {each.place for each in self.drive(server).objects}
+        server.saved = {each.place for each in self.drive(server).objects}
 
     def announced(self, servers: Iterable[SdoServer]) -> None:
         """Put on the disk what was taken; from here on a further object is kept when it comes.
@@ -227,7 +227,7 @@ class SettingsKeeper:
             self._settings = self.settings.with_drives([extended])
             self.save()
             self.unannounced.append(f"{server.label}: {entry}")
-        server.kept.update((each.index, each.subindex) for each in (*found, entry))
+        server.saved.update((each.index, each.subindex) for each in (*found, entry))
 
 
 def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
@@ -247,7 +247,7 @@ def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
     if any(entry.index in mappings for mappings in MAPPINGS):
         entries = [*_mapped(server, entry.index), entry]
     fresh = {(each.index, each.subindex): each for each in entries}
-    values = {e: _read(server, e) for place, e in fresh.items() if place not in server.kept}
+    values = {e: _read(server, e) for place, e in fresh.items() if place not in server.saved}
     return {each: value for each, value in values.items() if value is not None}
 
 
