@@ -83,7 +83,8 @@ def admit(
     def look(server: SdoServer, axis: AxisDrive) -> Announcement:
         server.enter_pre_operational()
         power.make_safe(server, reset_fault=reset_faults)
-        announcement = announce(server, axis, drives, period, partial(keeper.found, server))
+        held = partial(keeper.found, server)
+        announcement = announce(server, axis, drives, period, held, keeper.later)
         keeper.take(server, axis, announcement.found)
         return announcement
 

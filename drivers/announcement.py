@@ -19,7 +19,7 @@ from drivers.effective_limits import effective_limits
 from drivers.settings_keeper import before
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.effective_limits import EffectiveLimits
@@ -77,6 +77,7 @@ def announce(
     drives: DrivesFile,
     period: float,
     find: Callable[[Entry], int | None] | None = None,
+    later: Sequence[Entry] = (),
 ) -> Announcement:
     """Find out what start-up will write to a drive; nothing is written.
 
@@ -90,6 +91,8 @@ def announce(
         Time between two SYNCs [s].
     find : callable, optional
         What an object held before any of our writes; by default what it holds.
+    later : sequence of Entry
+        What will be written after start-up beside `LATER`.
 
     Raises
     ------
@@ -118,7 +121,7 @@ def announce(
     shown.first_write = keep
     communication = Communication.predefined(axis, server.label)
     commission(shown, axis, drives, period, lambda holds, _: holds(), limits, communication)
-    for entry in LATER:
+    for entry in (*LATER, *later):
         found.update(before(shown, entry))
     changes = _changes(entries, found, layers[0].written)
     return Announcement(limits, found, tuple(changes))

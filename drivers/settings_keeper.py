@@ -50,6 +50,8 @@ class SettingsKeeper:
     Attributes
     ----------
     path : Path or None
+    later : tuple of Entry
+        Objects that the session will write once the drives are on: they are kept with the others.
     unannounced : list of str
         Objects that were first written after the announcement, in words.
     """
@@ -58,6 +60,7 @@ class SettingsKeeper:
         self, path: Path | None = None, write: Callable[[Path, bytes], None] | None = None
     ) -> None:
         self.path = path
+        self.later: tuple[Entry, ...] = ()
         self.unannounced: list[str] = []
         self._write = write
         self._settings: FoundSettings | None = None
@@ -169,7 +172,7 @@ class SettingsKeeper:
         self._note_restored(server)
 
     def close(self, servers: Iterable[SdoServer], written: Collection[SdoServer]) -> list[str]:
-        """End a session; return for each drive that could not be put back what follows.
+        """End a session; return for the operator which drives could not be put back.
 
         Parameters
         ----------
@@ -191,9 +194,12 @@ class SettingsKeeper:
         self.save()
         remedy = f": put it back with hil drives restore {self.path}" if self.path else ""
         return [
-            f"{server.label}: does not hold again what it held before{remedy}"
-            for server in servers
-            if not self.drive(server).restored
+            *(f"{each} was written without having been announced" for each in self.unannounced),
+            *(
+                f"{server.label}: does not hold again what it held before{remedy}"
+                for server in servers
+                if not self.drive(server).restored
+            ),
         ]
 
     def save(self) -> None:
@@ -216,14 +222,12 @@ class SettingsKeeper:
 
     def _keep(self, server: SdoServer, entry: Entry) -> None:
         found = before(server, entry)
-        server.saved.add((entry.index, entry.subindex))
-        if not found:
-            return
-        server.saved.update((each.index, each.subindex) for each in found)
-        extended = _extended(self.drive(server), found)
-        self._settings = self.settings.with_drives([extended])
-        self.unannounced.append(f"{server.label}: {entry}")
-        self.save()
+        if found:
+            extended = _extended(self.drive(server), found)
+            self._settings = self.settings.with_drives([extended])
+            self.save()
+            self.unannounced.append(f"{server.label}: {entry}")
+        server.saved.update((each.index, each.subindex) for each in (*found, entry))
 
 
 def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:

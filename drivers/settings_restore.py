@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.cia402 import State, decode_state
 from drivers.drive_bus import DriveRefused
-from drivers.pdo_set_up import OFF
 from drivers.sdo import Aborted, Entry
 
 if TYPE_CHECKING:
@@ -29,6 +28,8 @@ SHOWN_OFF = frozenset(
 """States in which the motor has no power."""
 WATCHDOGS = (0x100C, 0x100D, 0x1016)
 """Life guarding and consumer heartbeat."""
+OFF = 1 << 31
+"""Bit of a COB-ID by which its PDO does not exist."""
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _MAPPING = 0x200
 _PDO_SPAN = 0x1C00
@@ -89,8 +90,8 @@ def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
     """Off, count 0, entries, count, transmission type and the like, COB-ID."""
     if not any(_differs(server, entry, value) for entry, value in values.items()):
         return []
-    cob = {e: v for e, v in values.items() if e.index < _mapped_from(e.index) and e.subindex == 1}
     mapping = {e: v for e, v in values.items() if _is_mapping(e.index)}
+    cob = {e: v for e, v in values.items() if e not in mapping and e.subindex == 1}
     count = {e: v for e, v in mapping.items() if e.subindex == 0}
     rest = {e: v for e, v in values.items() if e not in mapping and e not in cob}
     problems: list[str] = []
@@ -117,10 +118,6 @@ def _restore_mapping(
 
 def _is_mapping(index: int) -> bool:
     return 0x1600 <= index < 0x1800 or 0x1A00 <= index < _PDO_SPAN
-
-
-def _mapped_from(index: int) -> int:
-    return 0x1600 if index < 0x1800 else 0x1A00
 
 
 def _restore(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
@@ -153,7 +150,10 @@ def _put_back(server: SdoServer, entry: Entry, value: int) -> None:
 
 
 def _differs(server: SdoServer, entry: Entry, value: int) -> bool:
-    return server.find(entry) != value
+    try:
+        return server.get(entry) != value
+    except Aborted:
+        return True
 
 
 def _try(server: SdoServer, entry: Entry, value: int) -> None:

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from personalities import FIT, UNFIT, drives_for, plant_file
+from probing_bench import Scripted
 from test_canopen_bus import NODES, drives_file
 
 from drivers.announcement import announce
@@ -26,6 +27,7 @@ from drivers.found_settings import (
     dump_found_settings,
     load_found_settings,
 )
+from drivers.probing.home import home
 from drivers.probing.put_back import put_back
 from drivers.probing.standing import StandingDrives
 from drivers.settings_keeper import SettingsKeeper
@@ -95,7 +97,16 @@ def interrupted(axes: CanopenDriveBus) -> None:
 # Leaving drives as they were found
 
 
-@pytest.mark.parametrize("session", [moved, interrupted])
+def streamed(axes: CanopenDriveBus) -> None:
+    """A session with a path that the master sends at every SYNC."""
+    here = axes.sample().q
+    ramp = [0.01 * (1 - math.cos(math.pi * k / 100)) for k in range(101)]
+    axes.stream([[q + way for q in here] for way in ramp])
+    while not axes.sample().reached:
+        pass
+
+
+@pytest.mark.parametrize("session", [moved, interrupted, streamed])
 @pytest.mark.parametrize("name", ["plain", *FIT])
 def test_after_a_session_every_drive_holds_what_it_held(
     name: str, session: Callable[[CanopenDriveBus], None], tmp_path: Path
@@ -119,6 +130,24 @@ def test_after_a_session_every_drive_holds_what_it_held(
     assert keeper.unannounced == []
     assert kept.restored
     assert [note for note in axes.notes if "does not hold" in note] == []
+
+
+def test_after_homing_a_drive_holds_what_it_held(tmp_path: Path) -> None:
+    drives = drives_for("plain")
+    axis = drives.axes[4]
+    assert axis.homing is not None
+    homing = axis.homing.model_copy(update={"method": 37, "position": 0.5})
+    with heard("manutec-r15") as (bus, _):
+        before = dictionaries(bus)
+        path = tmp_path / "found.yaml"
+        keeper = SettingsKeeper(path, write_file)
+        assert home(bus, drives, axis, homing, Scripted(), patience=5, keeper=keeper) == (
+            pytest.approx(0.5, abs=1e-3)
+        )
+        assert dictionaries(bus) == before
+    assert keeper.unannounced == []
+    kept = {each.index for each in load_found_settings(path).drives[0].objects}
+    assert {0x6098, 0x6099, 0x609A, 0x607C, 0x6060} <= kept
 
 
 @pytest.mark.parametrize("name", ["plain", *FIT])
@@ -198,7 +227,8 @@ def test_an_object_that_is_written_unforeseen_is_kept_first(tmp_path: Path) -> N
             axes.servers[1].set(offset, 6)
             objects = load_found_settings(path).drives[1].objects
             assert [o.value for o in objects if o.index == 0x607C] == [-70]
-        assert keeper.unannounced == ["joint 2 (node 2): 607C:00 (x)"]
+        told = "joint 2 (node 2): 607C:00 (x) was written without having been announced"
+        assert told in axes.notes
         assert can_bus.drives[2].node.get_data(0x607C, 0) == (-70).to_bytes(
             4, "little", signed=True
         )

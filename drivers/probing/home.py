@@ -21,6 +21,7 @@ from drivers.probing.operator import STOP_KEYS, StoppedByOperator
 from drivers.probing.standing import StandingDrives
 from drivers.scaling import AxisScale
 from drivers.set_point import ENABLED
+from drivers.settings_keeper import SettingsKeeper
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,13 +32,19 @@ if TYPE_CHECKING:
     from drivers.pacing import PacingName
     from drivers.probing.operator import Operator
     from drivers.sdo import SdoServer
-    from drivers.settings_keeper import SettingsKeeper
 
 MODE_TIME = 3.0
 """How long a drive may take to show a mode [s]."""
 POLLED = 0.05
 """Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
 
+_WRITTEN = (
+    probed.HOMING_METHOD,
+    probed.HOME_OFFSET,
+    probed.HOMING_SPEED,
+    probed.HOMING_CREEP,
+    probed.HOMING_ACCELERATION,
+)
 _START = ENABLED | Control.NEW_SET_POINT
 _ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR
 
@@ -94,6 +101,8 @@ def home(
     )
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    keeper = keeper or SettingsKeeper()
+    keeper.later = _WRITTEN
     with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
         _configure(session.server, axis, homing)

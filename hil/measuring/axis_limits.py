@@ -15,11 +15,15 @@ from drivers.drive_bus import LimitExceeded
 from hil.planning.dry_run import measurement_problems
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from drivers.drive_bus import AxisInfo
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+
+
+ROUNDING = 1e-3
+"""Share by which limits of drive and robot file may differ without a word."""
 
 
 def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:
@@ -50,7 +54,7 @@ def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
     plan : Plan
         What is to be measured.
     robot : Robot
-        Within the limits that hold (`limited`).
+        That the plan was made for.
     axes : sequence of AxisInfo
         In joint order.
 
@@ -59,14 +63,25 @@ def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
     LimitExceeded
         A line for each problem, with measurement, joint, value and bound.
     """
-    problems = measurement_problems(plan, robot)
-    if not problems:
-        return
-    lines = ["the plan exceeds what the drives allow; nothing has moved"]
-    lines += [problem.message for problem in problems]
-    lines += [
-        f"joint {number} ({axis.name}): {key} is bound by the drive's own limit {index}"
-        for number, axis in enumerate(axes, start=1)
-        for key, index in axis.own_limits.items()
-    ]
-    raise LimitExceeded("\n".join(lines))
+    problems = measurement_problems(plan, limited(robot, axes))
+    if problems:
+        lines = ["the plan exceeds what the drives allow; nothing has moved"]
+        lines += [problem.message for problem in problems]
+        raise LimitExceeded("\n".join([*lines, *_whose(robot, axes)]))
+
+
+def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
+    """Say which objects of the drives are behind the limits, where they matter."""
+    for number, (joint, axis) in enumerate(zip(robot.file.joints, axes, strict=True), start=1):
+        for key, planned, holds in (
+            ("q_min", joint.q_min, axis.q_min),
+            ("q_max", joint.q_max, axis.q_max),
+            ("velocity", joint.velocity_limit, axis.velocity_max),
+            ("acceleration", joint.acceleration_limit, axis.acceleration_max),
+        ):
+            if key in axis.own_limits and abs(holds - planned) > ROUNDING * max(1.0, abs(planned)):
+                yield (
+                    f"joint {number} ({axis.name}): {key} {holds:.4g} is the drive's own limit"
+                    f" {axis.own_limits[key]}, {planned:.4g} in the robot file; plan within it, or"
+                    " widen it with the maker's tool"
+                )

@@ -107,9 +107,8 @@ def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> Robo
     folder.refuse_other_drives(bus.axes)
     folder.keep_axes(bus.axes)
     background.do(folder.save_journal)
-    robot = limited(folder.robot, bus.axes)
-    refuse_beyond(folder.plan, robot, bus.axes)
-    return robot
+    refuse_beyond(folder.plan, folder.robot, bus.axes)
+    return limited(folder.robot, bus.axes)
 
 
 @contextmanager
