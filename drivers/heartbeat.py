@@ -51,6 +51,8 @@ class Heartbeats:
         When `service` must be called next [s].
     trouble : NodeSilent or None
         Why a drive is no longer with us.
+    requests : list of can.Message
+        Sent with each heartbeat: they ask for the state of drives that watch these requests.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class Heartbeats:
         self.due = -math.inf
         self._next_beat = -math.inf
         self.trouble: NodeSilent | None = None
+        self.requests: list[can.Message] = []
         self._network = network
         self._frame = can.Message(
             arbitration_id=0x700 + master, data=[OPERATIONAL], is_extended_id=False
@@ -97,6 +100,8 @@ class Heartbeats:
         """Send our heartbeat, due or not."""
         self._next_beat = self._now() + self._period
         self._network.send_frame(self._frame)
+        for request in self.requests:
+            self._network.send_frame(request)
 
     def service(self) -> None:
         """Send our heartbeat if it is due, and look who is overdue."""

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.cia402 import Command, State, decode_state, next_command
 from drivers.drive_bus import BusUnavailable, DriveFault, DriveRefused, NodeSilent, SampleFlag
+from drivers.life_guarding import release_guarding
 from drivers.set_point import Standstill
 
 if TYPE_CHECKING:
@@ -286,3 +287,4 @@ def _release(server: SdoServer) -> None:
     server.enter_pre_operational()
     if server.find(objects.CONSUMER_HEARTBEAT):
         server.put(objects.CONSUMER_HEARTBEAT, 0)
+    release_guarding(server)

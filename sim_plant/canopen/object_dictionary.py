@@ -74,6 +74,10 @@ class ObjectDictionary:
         assert isinstance(value, int)  # noqa: S101 - text is only reached through upload
         return value
 
+    def declares(self, index: int, subindex: int = 0) -> bool:
+        """Whether the EDS has an object."""
+        return key(index, subindex) in self._entries
+
     def imaged(self, objects: Mapping[int, int], image: NDArray[np.int64]) -> None:
         """Declare where in `image` the present values of objects (by `key`) stand."""
         self._slots = dict(objects)

@@ -148,7 +148,7 @@ class Cia402Node(CanopenNode):
         risen = controlword & ~self._controlword
         self._controlword = controlword
         if self.state is State.FAULT:
-            healthy = self._consumer.all_present and self._voltage
+            healthy = self._watched and self._voltage
             if risen & Control.FAULT_RESET and healthy:
                 self.emergencies.clear_all()
                 self._enter(State.SWITCH_ON_DISABLED)
