@@ -250,7 +250,9 @@ class SlaveNetwork:
         for node in self.nodes:
             number, expected = node.sync_identifier, node.sync_counter.expected
             if expected:
-                actions[number].append(node.sync_counter.take if counter else node.sync_counter.miss)
+                actions[number].append(
+                    node.sync_counter.take if counter else node.sync_counter.miss
+                )
             if counter or not expected:
                 actions[number] += node.sync_actions()
                 reports[number] += node.sync_reports()

@@ -128,7 +128,9 @@ def statusword_request(node: int) -> can.Message:
     return can.Message(arbitration_id=0x600 + node, data=data, is_extended_id=False)
 
 
-def test_guarding_requests_go_out_as_often_as_our_heartbeat(bus: can.BusABC, tmp_path: Path) -> None:
+def test_guarding_requests_go_out_as_often_as_our_heartbeat(
+    bus: can.BusABC, tmp_path: Path
+) -> None:
     channel = str(tmp_path / "life-guarding.yaml")
     with can.Bus(channel, "sim_plant", ignore_config=True) as listener:
         with CanopenDriveBus(bus, drives_for("life-guarding")) as drive_bus:
@@ -189,14 +191,14 @@ def test_the_guarding_ends_with_the_session_and_begins_anew_with_the_next(
         assert not [f for f in frames(bus) if f.arbitration_id >> 7 == 1]
 
 
-@pytest.mark.parametrize(
-    ("place", "kept"), [((0x100C, 0), 0), ((0x100D, 0), 1), ((0x100D, 0), 20)]
-)
+@pytest.mark.parametrize(("place", "kept"), [((0x100C, 0), 0), ((0x100D, 0), 1), ((0x100D, 0), 20)])
 def test_a_life_time_that_does_not_protect_is_refused(place: tuple[int, int], kept: int) -> None:
     can_bus, drive_bus = build({2: GUARDED})
     can_bus.drives[2].insists[place] = kept
     with can_bus:
-        with pytest.raises(DriveRefused, match=r"joint 2 .*keeps a life time .*500 ms were written"):
+        with pytest.raises(
+            DriveRefused, match=r"joint 2 .*keeps a life time .*500 ms were written"
+        ):
             drive_bus.__enter__()
         assert never_energised(can_bus)
 

@@ -83,7 +83,12 @@ class Cia402Node(CanopenNode):
         self._motion = Motion(self.dictionary, axis, settings, image)
         self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
         self._position = ProfilePosition(
-            self.dictionary, self._motion, self._window, self.emergencies, self._lags(personality)
+            self.dictionary,
+            self._motion,
+            self._window,
+            self.emergencies,
+            self._lags(personality),
+            until_reached=personality.acknowledge_until_reached,
         )
         self._homing = Homing(self.dictionary, self._motion, settings, image)
         self._cyclic = CyclicPosition(self.dictionary, self._motion)
