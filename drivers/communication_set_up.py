@@ -108,7 +108,8 @@ def _find_emergency(server: SdoServer) -> int | None:
 def _set_up_watch(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> bool:
     """Have the drive watch us; return whether it does so by guarding requests."""
     watches = server.find(objects.CONSUMER_HEARTBEAT) is not None
-    if not watches and can_be_guarded(server):
+    beats = server.find(objects.PRODUCER_HEARTBEAT) is not None
+    if not (watches and beats) and can_be_guarded(server):
         set_up_life_guarding(server, drives)
         return True
     server.set(objects.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))

@@ -66,7 +66,7 @@ def set_up_life_guarding(server: SdoServer, drives: DrivesFile) -> None:
             "and heartbeat_timeout that it takes"
         )
     server.notes.append(
-        f"{server.label}: no object {objects.CONSUMER_HEARTBEAT}: it watches our guarding requests "
+        f"{server.label}: no heartbeats both ways (1016, 1017): it watches our guarding requests "
         f"instead and stops when none comes for {kept / 1000:g} s (100C, 100D)"
     )
 

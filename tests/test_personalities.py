@@ -182,7 +182,10 @@ def notes(folder: Path, name: str) -> list[str]:
         ("wide-range", ["(607D) are fixed at [-29219, 29219] rad, those of the drives file are"]),
         ("sync-counter", []),
         ("held-acknowledge", []),
-        ("life-guarding", ["no object 1016:01", "watches our guarding requests", "for 0.5 s"]),
+        (
+            "life-guarding",
+            ["no heartbeats both ways", "watches our guarding requests", "for 0.5 s"],
+        ),
         ("rounding", ["128 instead of 100 in object 1017:00", "(2.9999 rad/s instead of 3 rad/s)"]),
         ("clipping", ["2500 instead of 3422 in object 6065:00", "(0.036523 rad instead of 0.0"]),
     ],
