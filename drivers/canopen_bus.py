@@ -37,6 +37,7 @@ from drivers.gaps import Gaps
 from drivers.heartbeat import Heartbeats
 from drivers.interrupts import interrupts_held
 from drivers.kernel_sync import KernelSync
+from drivers.life_guarding import guarding_request
 from drivers.motions import Motions
 from drivers.move_check import check_move
 from drivers.network import PumpedNetwork
@@ -379,6 +380,9 @@ class CanopenDriveBus:
         )
         self._exchange.wire(self.transmitted)
         self._supervision.listen([drive.emergency for drive in self._communications])
+        self._heartbeats.requests = [
+            guarding_request(drive.node) for drive in self._communications if drive.guarded
+        ]
         self._note(note for server in self._servers for note in server.notes)
         pairs = zip(self._limits, self._drives.axes, strict=True)
         self._limited = axes = tuple(limits.of(axis) for limits, axis in pairs)

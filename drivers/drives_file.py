@@ -164,7 +164,12 @@ class AxisDrive(FileModel):
         How long after standstill the voltage is left on, so that a brake can close [s].
     allow_no_heartbeat : str, optional
         What else stops the axis when our process dies, for a drive that cannot watch our heartbeat
-        (no 1016); without this reason such a drive is refused.
+        (neither 1016 nor 100C and 100D); without this reason such a drive is refused.
+    acknowledge : {"taken", "reached"}
+        Until when the drive acknowledges a set-point (6041 bit 12): until it has taken it, or until
+        the target is reached; in the second case no set-point is offered while one is under way.
+    acknowledge_timeout : float
+        How long the acknowledge may take [s].
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -192,6 +197,8 @@ class AxisDrive(FileModel):
     quick_stop_deceleration: Positive | None = None
     brake_delay: Annotated[float, Field(ge=0, le=10)] = 0.0
     allow_no_heartbeat: Annotated[str, Field(min_length=10)] | None = None
+    acknowledge: Literal["taken", "reached"] = "taken"
+    acknowledge_timeout: Annotated[float, Field(gt=0, le=60)] = 0.5
 
     @model_validator(mode="after")
     def _current_explained(self) -> Self:

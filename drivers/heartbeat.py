@@ -53,6 +53,8 @@ class Heartbeats:
         Why a drive is no longer with us.
     ceased : bool
         Ours is sent no more.
+    requests : list of can.Message
+        Sent with each heartbeat: they ask for the state of drives that watch these requests.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class Heartbeats:
         self.ceased = False
         self._next_beat = -math.inf
         self.trouble: NodeSilent | None = None
+        self.requests: list[can.Message] = []
         self._network = network
         self._frame = can.Message(
             arbitration_id=0x700 + master, data=[OPERATIONAL], is_extended_id=False
@@ -98,12 +101,15 @@ class Heartbeats:
 
     def hurry(self) -> None:
         """Send our heartbeat, due or not, unless it has ceased."""
-        if not self.ceased:
-            self._next_beat = self._now() + self._period
-            self._network.send_frame(self._frame)
+        if self.ceased:
+            return
+        self._next_beat = self._now() + self._period
+        self._network.send_frame(self._frame)
+        for request in self.requests:
+            self._network.send_frame(request)
 
     def cease(self) -> None:
-        """Send no heartbeat any more, so that drives which watch it stop by themselves."""
+        """Send neither heartbeat nor requests any more: drives that watch them stop."""
         self.ceased = True
 
     def service(self) -> None:

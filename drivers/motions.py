@@ -2,6 +2,10 @@
 
 Profile velocity and acceleration go by SDO, and only when they change; the target goes by RPDO
 together with the controlword that makes it valid, so a move whose profile is known costs one frame.
+
+Some drives hold the acknowledge bit until the target is reached, which the handshake allows (the
+drives file says so: ``acknowledge: reached``). Then the whole motion may pass before the bit falls,
+and a set-point that comes meanwhile waits until the one before has reached its target.
 """
 
 from __future__ import annotations
@@ -22,15 +26,18 @@ if TYPE_CHECKING:
     from drivers.exchange import Exchange
     from drivers.sdo import SdoServer
 
-ACKNOWLEDGE_TIME = 0.5
-"""How long a drive may take to acknowledge a set-point [s]."""
-
 ACKNOWLEDGE_CYCLES = 25
-"""The same in SYNCs, for slow ones: four statuswords at least must come and go."""
+"""How many SYNCs the handshake may take at least: four statuswords must come and go."""
 
 GRACE = 2.0
 """How much longer than its trapezoid a move may take, beside half of that again [s]."""
 
+_NOT_REACHED = "check brake, load, position_window, and that the drive's limits allow the move"
+_REMEDIES = {
+    Phase.OFFERED: f"{_NOT_REACHED}, or state a longer acknowledge_timeout in the drives file",
+    Phase.TAKEN: f"{_NOT_REACHED}; where the drive holds its acknowledge until the target is "
+    "reached, state acknowledge: reached in the drives file",
+}
 _MISSING = SampleFlag.MISSING.value
 
 
@@ -39,6 +46,9 @@ class _Motion:
     command: SetPoint | Stopping
     deadline: float
     duration: float
+    start: float = 0.0
+    under_way: bool = False
+    following: Move | None = None
 
 
 class Motions:
@@ -77,7 +87,9 @@ class Motions:
         self._axes = axes
         self._scales = [AxisScale.of(axis) for axis in axes]
         self._period = period
-        self._patience = max(ACKNOWLEDGE_TIME, ACKNOWLEDGE_CYCLES * period)
+        shortest = ACKNOWLEDGE_CYCLES * period
+        self._patience = [max(axis.acknowledge_timeout, shortest) for axis in axes]
+        self._holds = [axis.acknowledge == "reached" for axis in axes]
         self._now = now
         self._profiles = [(0.0, 0.0)] * len(axes)
 
@@ -137,8 +149,12 @@ class Motions:
         distance = abs(target - self._position(axis)) * abs(scale.position)
         duration = distance / move.velocity + 2 * move.velocity / move.acceleration
         command = SetPoint(target, window, self._standstill(axis))
-        motion = _Motion(command, self._now() + self._patience, duration)
+        ends = self._now() + self._patience[axis]
+        motion = _Motion(command, ends, duration, self._position(axis))
         earlier = self.active.get(axis)
+        if self._holds[axis] and earlier is not None and isinstance(earlier.command, SetPoint):
+            earlier.following = move
+            return
         self.active[axis] = motion
         if earlier is not None and earlier.command.phase is Phase.OFFERED:
             # The drive must see bit 4 low before it can take another set-point.
@@ -150,6 +166,8 @@ class Motions:
         command = motion.command
         phase = command.phase
         controlword = command.step(word, position)
+        if self._holds[axis]:
+            self._allow_for_travel(motion, position)
         if command.phase is phase:
             return
         if controlword is not None and isinstance(command, SetPoint):
@@ -158,6 +176,18 @@ class Motions:
             motion.deadline = self._deadline(motion.duration)
         elif command.phase is Phase.REACHED:
             del self.active[axis]
+            if motion.following is not None:
+                self._offer(axis, motion.following)
+
+    def _allow_for_travel(self, motion: _Motion, position: int) -> None:
+        """Give a handshake the time of the whole motion, once it is seen to have begun."""
+        command = motion.command
+        if not isinstance(command, SetPoint) or motion.under_way:
+            return
+        moved = abs(position - motion.start) > command.window
+        if (command.phase is Phase.OFFERED and moved) or command.phase is Phase.TAKEN:
+            motion.under_way = True
+            motion.deadline = self._deadline(motion.duration)
 
     def _deadline(self, duration: float) -> float:
         return self._now() + 1.5 * duration + GRACE
@@ -167,9 +197,10 @@ class Motions:
         if isinstance(motion.command, Stopping):
             return MoveFailed(f"{place}: does not come to rest after halt, q = {q:g}; check load")
         target = self._scales[axis].position_from_counts(motion.command.target)
+        phase = motion.command.phase
         return MoveFailed(
-            f"{place}: set-point {target:g} at q = {q:g}: {motion.command.phase.value}, for too "
-            "long; check brake, load, position_window, and that the drive's limits allow the move"
+            f"{place}: set-point {target:g} at q = {q:g}: {phase.value}, for too long; "
+            f"{_REMEDIES.get(phase, _NOT_REACHED)}"
         )
 
     def _position(self, axis: int) -> int:

@@ -54,6 +54,7 @@ def restore_drive(server: SdoServer, found: FoundDrive) -> None:
     values = {each.entry: each.value for each in found.objects}
     problems = [problem for pdo in _pdos(values) for problem in _restore_pdo(server, pdo)]
     others = {e: v for e, v in values.items() if not 0x1400 <= e.index < _PDO_SPAN}
+    _free_sync_counter(server, others)
     problems += _restore(server, {e: v for e, v in others.items() if e.index not in WATCHDOGS})
     problems += _restore(server, {e: v for e, v in others.items() if e.index in WATCHDOGS})
     if problems:
@@ -76,6 +77,14 @@ def refuse_energised(server: SdoServer) -> None:
             f"{server.label}: shows {shown}, settings are put back only to a drive that is off;"
             " switch it off first, by the emergency stop if need be"
         )
+
+
+def _free_sync_counter(server: SdoServer, values: Mapping[Entry, int]) -> None:
+    """Put back the counter in SYNC first, which can be changed without a period only (1006)."""
+    counter = values.get(objects.SYNC_COUNTER)
+    if counter is not None and _differs(server, objects.SYNC_COUNTER, counter):
+        _try(server, objects.CYCLE_PERIOD, 0)
+        _try(server, objects.SYNC_COUNTER, counter)
 
 
 def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:

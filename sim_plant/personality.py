@@ -82,6 +82,9 @@ class Personality(FileModel):
         6060h cannot be written while controlword bit 8 is set.
     acknowledge_lag : float
         By how much statusword bit 12 follows behind [s].
+    acknowledge_until_reached : bool
+        Bit 12 stays set until the target is reached or halt breaks the motion off; meanwhile no
+        set-point is taken.
     target_reached_lag : float
         How long bit 10 stays set after a new set-point has been taken [s].
     rpdo_at_once : bool
@@ -101,6 +104,7 @@ class Personality(FileModel):
     mode_display_lag: Seconds = 0.0
     mode_locked_by_halt: bool = False
     acknowledge_lag: Seconds = 0.0
+    acknowledge_until_reached: bool = False
     target_reached_lag: Seconds = 0.0
     rpdo_at_once: bool = False
 

@@ -84,6 +84,7 @@ class SlaveNetwork:
         self._present: list[Frame] = []
         self._stale = True
         self._synced: dict[int, _Synced] = {}
+        self._counted: dict[int, _Synced] = {}
         self._routes: dict[int, list[Callable[[bytes], None]]] = {}
         self._remote: dict[int, list[Callable[[], None]]] = {}
         self._event_actions: list[Callable[[], None]] = []
@@ -126,7 +127,7 @@ class SlaveNetwork:
         """
         if self._stale:
             self._wire()
-        synced = self._synced.get(identifier)
+        synced = (self._counted if data else self._synced).get(identifier)
         if synced is not None:
             return self._sync(synced)
         for handle in self._routes.get(identifier, ()):
@@ -229,23 +230,36 @@ class SlaveNetwork:
         self._stale = False
         routes: defaultdict[int, list[Callable[[bytes], None]]] = defaultdict(list)
         remote: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
-        actions: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
-        reports: defaultdict[int, list[Report]] = defaultdict(list)
         for node in self.nodes:
             for identifier, handle in node.routes():
                 routes[identifier].append(handle)
             for identifier, answer in node.remote_routes():
                 remote[identifier].append(answer)
-            actions[node.sync_identifier] += node.sync_actions()
-            reports[node.sync_identifier] += node.sync_reports()
         self._routes, self._remote = dict(routes), dict(remote)
-        self._synced = {
-            number: _Synced(actions[number], reports[number], self._block(reports[number]))
-            for number in actions
-        }
+        self._synced = self._counted = self._on_sync(counter=False)
+        if any(node.sync_counter.expected for node in self.nodes):
+            self._counted = self._on_sync(counter=True)
         self._event_actions = [act for node in self.nodes for act in node.event_actions()]
         longest = max(node.dictionary.get(0x1006) for node in self.nodes)
         self.cycle = longest * 1e-6 or self._untold
+
+    def _on_sync(self, *, counter: bool) -> dict[int, _Synced]:
+        """What a SYNC with or without counter sets off, by its identifier."""
+        actions: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
+        reports: defaultdict[int, list[Report]] = defaultdict(list)
+        for node in self.nodes:
+            number, expected = node.sync_identifier, node.sync_counter.expected
+            if expected:
+                actions[number].append(
+                    node.sync_counter.take if counter else node.sync_counter.miss
+                )
+            if counter or not expected:
+                actions[number] += node.sync_actions()
+                reports[number] += node.sync_reports()
+        return {
+            number: _Synced(actions[number], reports[number], self._block(reports[number]))
+            for number in actions
+        }
 
     def _block(self, reports: Sequence[Report]) -> FrameBlock | None:
         frames = [

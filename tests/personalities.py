@@ -30,6 +30,8 @@ def drives_for(name: str, **changes: Any) -> DrivesFile:
         axis["current"] = _current(personality)
         axis["velocity_unit"] = personality.velocity_unit
         axis["acceleration_unit"] = personality.acceleration_unit
+        if personality.acknowledge_until_reached:
+            axis["acknowledge"] = "reached"
         axis.update(changes)
     return DrivesFile.model_validate(data)
 

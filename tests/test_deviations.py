@@ -1,5 +1,7 @@
 """Drives that communicate in their own way: which serve, and which cannot share the bus."""
 
+# ruff: noqa: PT012 - what happens inside and at the end of a with block is what is tested
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

@@ -12,7 +12,7 @@ from drivers.probing.eds_file import parse_eds
 from drivers.probing.needs import NEEDS
 from sim_plant.canopen.eds import EDS_PATH
 from sim_plant.canopen.eds_variant import variant
-from sim_plant.personality import load_personality
+from sim_plant.personality import load_personality, packaged_personalities
 
 Changes = dict[Place, Spec | None]
 
@@ -57,7 +57,16 @@ def test_every_missing_object_is_told_with_its_consequence(need) -> None:
         ({(0x6078, 0): {"PDOMapping": 0}}, "torques cannot be measured"),
         ({(0x1800, 1): None}, "TPDO 1 is missing"),
         ({(0x1800, 2): {"AccessType": "ro", "DefaultValue": 255}}, "fixed transmission type 255"),
-        ({(0x1A00, 0): {"HighLimit": 2}}, "TPDO 1 takes 2 objects at most: 6041:00, 6064:00, 6078"),
+        ({(0x1A00, 0): {"HighLimit": 1}}, "TPDO 1 takes 1 objects at most: 6041:00, 6064:00"),
+        (
+            {(0x1A00, 0): {"HighLimit": 2}, (0x1801, 1): None},
+            "TPDO 2 is missing: 6078:00 cannot be exchanged",
+        ),
+        (
+            {(0x607D, sub): {"AccessType": "ro", "DefaultValue": 0} for sub in (1, 2)},
+            "607D is fixed at 0 and 0, off",
+        ),
+        ({(0x1019, 0): {"AccessType": "const", "DefaultValue": 240}}, "is fixed at 240"),
     ],
 )
 def test_a_drive_that_cannot_serve_is_refused_with_the_reason(
@@ -78,6 +87,13 @@ def test_of_a_device_that_is_no_drive_nothing_else_is_told() -> None:
         ({(0x6066, 0): {"LowLimit": 0, "HighLimit": 0}}, "takes no value but 0"),
         ({(0x605D, 0): {"LowLimit": 2, "HighLimit": 3}}, "takes no value but 2 to 3"),
         ({(0x1800, 1): {"AccessType": "ro"}}, "TPDO 1 cannot be switched off"),
+        ({(0x1801, 1): {"AccessType": "ro"}}, "TPDO 2 cannot be switched off"),
+        ({(0x1A00, 0): {"HighLimit": 2}}, "TPDO 1 has no room for 3 objects: the current goes"),
+        ({(0x607D, 1): {"AccessType": "ro", "DefaultValue": -9}}, "607D:01 (min position limit)"),
+        (
+            {(0x1016, 1): None, (0x100C, 0): {"DataType": 6}, (0x100D, 0): {"DataType": 5}},
+            "1016:01 (consumer heartbeat time) is missing: it watches our guarding requests",
+        ),
         ({(0x1600, sub): None for sub in range(2, 9)}, "RPDO 1 declares room for 1 objects"),
     ],
 )
@@ -105,8 +121,24 @@ def test_a_fixed_mapping_serves_if_it_is_the_right_one() -> None:
     assert right.serves
     assert right.current is not None
     assert right.current.declared.index == 0x6077  # 6078 would come first, but cannot travel
-    wrong = reviewed(fixed(0x60410010, 0x60770010, 0x60640020))
-    assert "is fixed and carries 6041:00, 6077:00, 6064:00" in str(wrong.refusals[0])
+    other_order = reviewed(fixed(0x60770010, 0x60640020, 0x60410010))
+    assert other_order.serves
+    assert other_order.current == right.current
+    wrong = reviewed(fixed(0x60410010, 0x60770010, 0x60610008))
+    assert "is fixed and carries 6041:00, 6077:00, 6061:00" in str(wrong.refusals[0])
+
+
+def test_a_fixed_rpdo_serves_in_our_order_alone() -> None:
+    def fixed(*words: int) -> Changes:
+        count: Changes = {(0x1600, 0): {"AccessType": "ro", "DefaultValue": len(words)}}
+        entries: Changes = {
+            (0x1600, sub): {"AccessType": "ro", "DefaultValue": word}
+            for sub, word in enumerate(words, start=1)
+        }
+        return {**count, **entries}
+
+    assert reviewed(fixed(0x607A0020, 0x60400010)).serves
+    assert "RPDO 1 is fixed" in str(reviewed(fixed(0x60400010, 0x607A0020)).refusals[0])
 
 
 @pytest.mark.parametrize(
@@ -180,23 +212,15 @@ def test_a_current_of_32_bits_needs_a_second_tpdo() -> None:
     assert chosen.declared.index == 0x6077
 
 
-@pytest.mark.parametrize(
-    ("personality", "serves", "place"),
-    [
-        ("bare", True, "6078:00"),
-        ("fixed-identifiers", True, "6078:00"),
-        ("fixed-pdos", True, "6078:00"),
-        ("int32-current", True, "30D1:02"),
-        ("no-current", False, None),
-        ("no-watchdog", True, "6078:00"),
-        ("torque-only", True, "6077:00"),
-        ("wrong-pdos", False, "6078:00"),
-    ],
-)
-def test_the_plant_s_personalities_are_judged_as_the_driver_takes_them(
-    personality: str, serves: bool, place: str | None
-) -> None:
+PLACES = {"int32-current": "30D1:02", "torque-only": "6077:00", "no-current": None}
+"""Of the current, where it is not 6078."""
+FATAL = ("no-current", "wrong-pdos")
+"""For no-watchdog the drives file may state what stops the axis."""
+
+
+@pytest.mark.parametrize("personality", packaged_personalities())
+def test_the_plant_s_personalities_are_judged_as_the_driver_takes_them(personality: str) -> None:
     text = variant(EDS_PATH.read_text(), load_personality(personality))
     found = review(parse_eds(text.encode(), f"{personality}.eds"))
-    assert found.serves == serves
-    assert (found.current and found.current.declared.place) == place
+    assert found.serves == (personality not in FATAL), found.refusals
+    assert (found.current and found.current.declared.place) == PLACES.get(personality, "6078:00")

@@ -15,7 +15,7 @@ from drivers import objects
 from drivers.cia402 import Mode
 from drivers.probing.current_candidates import current_candidates
 from drivers.probing.mapping_review import Mapping, review_mapping
-from drivers.probing.needs import NEEDS, Need, Use
+from drivers.probing.needs import NEEDS, NO_RANGE, Need, Use
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -123,6 +123,8 @@ def review(dictionary: Dictionary) -> Review:
     findings = [
         *(finding for need in NEEDS for finding in _gaps(dictionary, need)),
         *_wrong_mode(modes),
+        *_no_range(dictionary),
+        *_counted(dictionary),
         *_no_current(dictionary, candidates, usable),
         *(Finding(about, problem, so, fatal) for about, problem, so, fatal in obstacles),
     ]
@@ -171,12 +173,39 @@ def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
         )
 
 
+def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
+    """Software limits that are off and stay off."""
+    ends = [
+        dictionary.entry(entry)
+        for entry in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
+    ]
+    low, high = (_fixed_at(end) for end in ends)
+    if low is not None and high is not None and low >= high:
+        yield Finding("607D", f"is fixed at {low} and {high}, off", NO_RANGE, fatal=True)
+
+
+def _counted(dictionary: Dictionary) -> Iterator[Finding]:
+    """A counter in SYNC that cannot be switched off."""
+    counter = _fixed_at(dictionary.entry(objects.SYNC_COUNTER))
+    if counter:
+        so = "it does not act on our SYNC, which has no counter"
+        yield Finding(str(objects.SYNC_COUNTER), f"is fixed at {counter}", so, fatal=True)
+
+
+def _fixed_at(declared: Declared | None) -> int | None:
+    if declared is None or declared.writable is not False:
+        return None
+    return declared.default if declared.value is None else declared.value
+
+
 def _gaps(dictionary: Dictionary, need: Need) -> Iterator[Finding]:
     entry, about = need.entry, str(need.entry)
     refused = dictionary.unanswered.get((entry.index, entry.subindex))
     declared = dictionary.entry(entry)
     if refused is not None:
         yield Finding(about, refused, f"if it is missing, {need.without}", fatal=False)
+    elif declared is None and need.instead and all(map(dictionary.entry, need.instead)):
+        yield Finding(about, "is missing", need.served, fatal=False)
     elif declared is None:
         yield Finding(about, "is missing", need.without, need.required)
     else:
@@ -192,7 +221,8 @@ def _flaws(declared: Declared, need: Need) -> Iterator[Finding]:
     if as_we_want_it or Use.WRITE not in need.use:
         pass
     elif declared.writable is False:
-        yield Finding(about, f"cannot be written ({declared.access})", need.without, fatal)
+        so = need.fixed or need.without
+        yield Finding(about, f"cannot be written ({declared.access})", so, fatal and not need.fixed)
     elif not _takes(declared, need.value):
         span = f"{declared.low} to {declared.high}"
         problem = f"takes no value but {span if declared.fixed is None else declared.fixed}"

@@ -24,6 +24,7 @@ from drivers.probing.draft_hints import (
     meaning_of,
     velocity_unit,
 )
+from drivers.probing.needs import GUARDING
 from drivers.yaml_file import UNSTATED
 
 if TYPE_CHECKING:
@@ -222,7 +223,9 @@ def _ratings(dictionary: Dictionary) -> Iterator[str]:
 
 
 def _watch(dictionary: Dictionary) -> Iterator[str]:
-    """Ask for a reason where the drive cannot watch our heartbeat."""
+    """Ask for a reason where the drive cannot watch our heartbeat, and cannot be guarded."""
+    if all(map(dictionary.entry, GUARDING)):
+        return
     declared = dictionary.entry(objects.CONSUMER_HEARTBEAT)
     place = (objects.CONSUMER_HEARTBEAT.index, objects.CONSUMER_HEARTBEAT.subindex)
     if declared is None and place not in dictionary.unanswered:

@@ -16,7 +16,7 @@ from drivers import objects
 from drivers.network import PumpedSdoClient
 from drivers.probing.dictionary import Declared, Dictionary, Key
 from drivers.probing.mapping_review import mapped_objects
-from drivers.probing.needs import IDENTITY, NEEDS, UNITS
+from drivers.probing.needs import GUARDING, IDENTITY, NEEDS, UNITS
 from drivers.sdo import Entry
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def asked() -> Iterator[Entry]:
     yield objects.DEVICE_TYPE
     yield from IDENTITY
     yield from (need.entry for need in NEEDS if need.entry != objects.DEVICE_TYPE)
+    yield from GUARDING
     yield from _CURRENTS
     yield objects.ENCODER_REVOLUTIONS
     yield from UNITS

@@ -1,8 +1,9 @@
 """Whether a drive's PDOs can carry what we need: status, position and current of one SYNC.
 
-Where a mapping may be written, all that counts is room. Where it is fixed, the drive serves only if
-its PDOs carry the right objects already, and then it is the fixed mapping that decides which
-current is used (`drivers.pdo_mapping` does the work itself).
+Where a mapping may be written, all that counts is room; what does not fit into TPDO 1 may do so
+with TPDO 2. Where it is fixed, the drive serves only if its PDOs carry the right objects already,
+TPDOs in any order, and then it is the fixed mapping that decides which current is used
+(`drivers.pdo_set_up` does the work itself).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ Obstacle = tuple[str, str, str, bool]
 """About what, the problem, its consequence, whether it is fatal."""
 
 ON_SYNC = 1
+OFF = 1 << 31
 _STATE = ((0x6041, 0, 16), (0x6064, 0, 32))
 _COMMAND = ((0x607A, 0, 32), (0x6040, 0, 16))
 
@@ -37,6 +39,8 @@ class PdoOffer:
         Its mapping may be changed; None where that is not known.
     switchable : bool or None
         Its COB-ID may be changed, and with that the PDO switched off.
+    on : bool
+        It is switched on as it stands.
     transmission : int or None
         Its transmission type, where that is fixed.
     room : int or None
@@ -50,6 +54,7 @@ class PdoOffer:
     name: str
     writable: bool | None
     switchable: bool | None
+    on: bool
     transmission: int | None
     room: int | None
     declared: int | None
@@ -103,7 +108,7 @@ def carried(word: int) -> tuple[int, int, int]:
 def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
     mapping = communication + 0x200
     if {(communication, 1), (mapping, 0)} & dictionary.unanswered.keys():
-        return PdoOffer(name, None, None, None, None, None, ())
+        return PdoOffer(name, None, None, False, None, None, None, ())
     cob = dictionary.find(communication, 1)
     members = list(dictionary.members(mapping))
     if cob is None or not members:
@@ -114,6 +119,7 @@ def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | 
         name,
         None if None in writable else all(writable),
         cob.writable,
+        not ((cob.default if cob.value is None else cob.value) or 0) & OFF,
         _fixed_type(dictionary, communication),
         members[0].high if members[0].subindex == 0 else None,
         None if dictionary.live else len(slots),
@@ -137,17 +143,43 @@ def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int,
 
 
 def _sending(mapping: Mapping, current: CurrentCandidate) -> Iterator[Obstacle]:
-    for offer in (mapping.tpdo1, mapping.tpdo2)[: 1 if current.declared.bits == 16 else 2]:
+    declared = current.declared
+    carried_current = (declared.index, declared.subindex, declared.bits or 0)
+    first, second = mapping.tpdo1, mapping.tpdo2
+    together = list(_obstacles(first, "TPDO 1", (*_STATE, carried_current)))
+    if declared.bits == 16 and not any(fatal for *_, fatal in together):
+        yield from _types(first)
+        yield from together
+        yield from _goes_on(second)
+        return
+    fixed = first is not None and first.writable is False
+    if declared.bits == 16 and (first is None or (fixed and not _has(second, carried_current))):
+        yield from together
+        return
+    if declared.bits == 16 and not fixed:
+        so = "the current goes into TPDO 2, which takes more of the bus"
+        yield "TPDO 1", "has no room for 3 objects", so, False
+    yield from _types(first, second)
+    yield from _obstacles(first, "TPDO 1", _STATE)
+    yield from _obstacles(second, "TPDO 2", (carried_current,))
+
+
+def _has(offer: PdoOffer | None, wanted: tuple[int, int, int]) -> bool:
+    return offer is not None and wanted in offer.carries
+
+
+def _types(*offers: PdoOffer | None) -> Iterator[Obstacle]:
+    for offer in offers:
         if offer is not None and offer.transmission not in {None, ON_SYNC}:
             problem = f"has the fixed transmission type {offer.transmission}"
             yield offer.name, problem, "its values are not those of a SYNC (type 1)", True
-    declared = current.declared
-    carried_current = (declared.index, declared.subindex, declared.bits or 0)
-    if declared.bits == 16:
-        yield from _obstacles(mapping.tpdo1, "TPDO 1", (*_STATE, carried_current))
-    else:
-        yield from _obstacles(mapping.tpdo1, "TPDO 1", _STATE)
-        yield from _obstacles(mapping.tpdo2, "TPDO 2", (carried_current,))
+
+
+def _goes_on(offer: PdoOffer | None) -> Iterator[Obstacle]:
+    """Note a TPDO that we do not use and that goes on to be sent."""
+    if offer is not None and offer.switchable is False and offer.on:
+        so = "it goes on to be sent, which does no harm under an identifier of its own"
+        yield offer.name, "cannot be switched off (its COB-ID is fixed)", so, False
 
 
 def _obstacles(
@@ -157,7 +189,7 @@ def _obstacles(
     if offer is None:
         yield name, "is missing", f"{what} cannot be exchanged", True
         return
-    if offer.writable is False and offer.carries != wanted:
+    if offer.writable is False and not _serves(offer, wanted):
         has = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in offer.carries) or "nothing"
         yield (
             name,
@@ -165,6 +197,8 @@ def _obstacles(
             f"{what} is needed; map it with the maker's tool or use another drive",
             True,
         )
+    elif offer.writable is False:
+        return
     elif offer.room is not None and offer.room < len(wanted):
         yield name, f"takes {offer.room} objects at most", f"{what} does not fit", True
     elif offer.declared is not None and offer.declared < len(wanted):
@@ -173,6 +207,14 @@ def _obstacles(
     elif offer.switchable is False and offer.carries != wanted:
         so = "whether its mapping may be changed all the same shows when the drive is set up"
         yield name, "cannot be switched off (its COB-ID is fixed)", so, False
+
+
+def _serves(offer: PdoOffer, wanted: tuple[tuple[int, int, int], ...]) -> bool:
+    """Whether a fixed mapping will do: an RPDO as it is, a TPDO in any order and with more."""
+    if wanted == _COMMAND:
+        return offer.carries == wanted
+    whole = all(bits % 8 == 0 for _, _, bits in offer.carries)
+    return whole and set(wanted) <= set(offer.carries)
 
 
 def mapped_objects(entries: MappingOf[Key, Declared]) -> frozenset[Key]:

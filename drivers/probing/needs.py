@@ -39,6 +39,12 @@ class Need(NamedTuple):
         A drive without it is refused.
     value : int, optional
         What we write, where that is always the same.
+    fixed : str
+        What follows where it cannot be written, if the drive serves all the same.
+    instead : tuple of Entry
+        What does in its place, if all of it is there.
+    served : str
+        What follows then.
     """
 
     entry: Entry
@@ -46,6 +52,13 @@ class Need(NamedTuple):
     without: str
     required: bool
     value: int | None = None
+    fixed: str = ""
+    instead: tuple[Entry, ...] = ()
+    served: str = ""
+
+
+GUARDING = (objects.GUARD_TIME, objects.LIFE_TIME_FACTOR)
+_GUARDED = "it watches our guarding requests (100C, 100D) instead and answers them"
 
 
 def _required(entry: Entry, use: Use, without: str) -> Need:
@@ -58,6 +71,7 @@ def _optional(entry: Entry, use: Use, without: str, value: int | None = None) ->
 
 READ, WRITE = Use.READ, Use.WRITE
 NO_RANGE = "the drive itself would not keep the axis's range"
+FIXED_RANGE = "it keeps its own range; what of the axis's range it does not keep, our driver does"
 OURS_ALONE = "this limit is kept by our driver alone, not by the drive"
 
 NEEDS = (
@@ -70,14 +84,24 @@ NEEDS = (
     _required(objects.TARGET_POSITION, WRITE | Use.RECEIVE, "it cannot be told where to go"),
     _required(objects.PROFILE_VELOCITY, WRITE, "the speed of a motion cannot be set"),
     _required(objects.PROFILE_ACCELERATION, WRITE, "the acceleration of a motion cannot be set"),
-    _required(objects.SOFTWARE_LIMIT_MIN, WRITE, NO_RANGE),
-    _required(objects.SOFTWARE_LIMIT_MAX, WRITE, NO_RANGE),
-    _optional(
+    Need(objects.SOFTWARE_LIMIT_MIN, WRITE, NO_RANGE, required=True, fixed=FIXED_RANGE),
+    Need(objects.SOFTWARE_LIMIT_MAX, WRITE, NO_RANGE, required=True, fixed=FIXED_RANGE),
+    Need(
         objects.CONSUMER_HEARTBEAT,
         READ | WRITE,
         "the axis goes on when our process dies; something else must stop it",
+        required=False,
+        instead=GUARDING,
+        served=_GUARDED,
     ),
-    _required(objects.PRODUCER_HEARTBEAT, WRITE, "we would not notice that the drive is gone"),
+    Need(
+        objects.PRODUCER_HEARTBEAT,
+        WRITE,
+        "we would not notice that the drive is gone",
+        required=True,
+        instead=GUARDING,
+        served=_GUARDED,
+    ),
     _optional(
         objects.SUPPORTED_MODES, READ, "whether it has profile position mode shows when it is asked"
     ),

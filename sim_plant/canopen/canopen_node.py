@@ -15,9 +15,11 @@ from sim_plant.canopen.cob_id import FLAG, IDENTIFIER, check_change
 from sim_plant.canopen.emcy import Emergencies, ErrorCode
 from sim_plant.canopen.heartbeat import HEARTBEAT, HeartbeatConsumer, HeartbeatProducer
 from sim_plant.canopen.nmt import NmtSlave, NmtState
+from sim_plant.canopen.node_guarding import NodeGuarding
 from sim_plant.canopen.object_dictionary import ObjectDictionary
 from sim_plant.canopen.pdo import Rpdo, Tpdo
 from sim_plant.canopen.sdo_server import SdoServer
+from sim_plant.canopen.sync_counter import SyncCounter
 from sim_plant.personality import PLAIN, Personality
 
 if TYPE_CHECKING:
@@ -75,9 +77,14 @@ class CanopenNode:
         self._consumer = HeartbeatConsumer(
             self.dictionary, timers, self._lose_heartbeat, self._regain_heartbeat, rewired
         )
+        self._guarding = NodeGuarding(
+            self.dictionary, timers, self._send_state, self._lose_heartbeat, self._regain_heartbeat
+        )
+        self.sync_counter = SyncCounter(self.dictionary, self.emergencies, rewired)
         self._rpdos = [Rpdo(self.dictionary, n, rewired, self.emergencies) for n in range(PDOS)]
         self._tpdos = [Tpdo(self.dictionary, n, rewired, emit, timers) for n in range(PDOS)]
         self.dictionary.guard(0x1005, self._check_sync_identifier)
+        self.dictionary.react(0x1017, lambda _subindex, _value: rewired())
         self.dictionary.react(0x1005, lambda _subindex, _value: rewired())
 
     # What the bus asks of the node
@@ -85,6 +92,7 @@ class CanopenNode:
     def boot(self) -> None:
         """Begin as after power-on or a reset: boot-up message, then pre-operational."""
         self._consumer.restart()
+        self._guarding.restart()
         self._producer.restart()
         self._sdo.reset()
         for pdo in (*self._rpdos, *self._tpdos):
@@ -124,7 +132,10 @@ class CanopenNode:
     def remote_routes(self) -> list[tuple[int, Callable[[], None]]]:
         """Who answers remote frames with which identifier."""
         tpdos = self._tpdos if self._operational else []
-        return [(t.identifier, t.answer_remote) for t in tpdos if t.enabled and t.answers_remote]
+        routes = [(t.identifier, t.answer_remote) for t in tpdos if t.enabled and t.answers_remote]
+        if self._connected and self._guarding.available:
+            routes.append((HEARTBEAT + self.node_id, self._guarding.request))
+        return routes
 
     def sync_actions(self) -> list[Callable[[], None]]:
         """What to do on SYNC in the present state: RPDOs take effect, TPDOs may be sent."""
@@ -191,8 +202,13 @@ class CanopenNode:
         self.dictionary.reset(0x1000, 0x1FFF)
         self.boot()
 
-    def _send_state(self) -> None:
-        self._emit(HEARTBEAT + self.node_id, bytes([self.nmt.state]))
+    @property
+    def _watched(self) -> bool:
+        """Whether all that this node watches is there: heartbeats and guarding requests."""
+        return self._consumer.all_present and self._guarding.present
+
+    def _send_state(self, toggle: int = 0) -> None:
+        self._emit(HEARTBEAT + self.node_id, bytes([self.nmt.state | toggle]))
 
     def _hear(self, node: int, data: bytes) -> None:
         if len(data) == 1:

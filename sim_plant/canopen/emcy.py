@@ -34,6 +34,7 @@ class ErrorCode(enum.IntEnum):
     PDO_VALUE = 0x8200
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
+    SYNC_LENGTH = 0x8240
     FOLLOWING_ERROR = 0x8611
     POSITION_LIMIT = 0x8612
 

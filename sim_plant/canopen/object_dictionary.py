@@ -59,6 +59,8 @@ class ObjectDictionary:
         self._values = dict(self._defaults)
         self._ranges: dict[int, tuple[int, int]] = {}
         self._shapes = dict(_shapes(personality, self._entries))
+        for number in self._shapes:  # a drive holds no value that it would not keep
+            self.preset(number >> 8, number & 0xFF, self._defaults[number])
         self._sources: dict[int, Callable[[], int]] = {}
         self._slots: dict[int, int] = {}
         self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
@@ -73,6 +75,10 @@ class ObjectDictionary:
         value = source() if source else self._values[number]
         assert isinstance(value, int)  # noqa: S101 - text is only reached through upload
         return value
+
+    def declares(self, index: int, subindex: int = 0) -> bool:
+        """Whether the EDS has an object."""
+        return key(index, subindex) in self._entries
 
     def imaged(self, objects: Mapping[int, int], image: NDArray[np.int64]) -> None:
         """Declare where in `image` the present values of objects (by `key`) stand."""
@@ -95,6 +101,9 @@ class ObjectDictionary:
 
     def preset(self, index: int, subindex: int, value: Value) -> None:
         """Set what the object holds after a reset, and now."""
+        shape = self._shapes.get(key(index, subindex))
+        if shape is not None and isinstance(value, int):
+            value = shape(value)
         self._defaults[key(index, subindex)] = value
         self.set(index, subindex, value)
 

@@ -87,7 +87,12 @@ class Cia402Node(CanopenNode):
         self._motion = Motion(self.dictionary, axis, settings, image)
         self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
         self._position = ProfilePosition(
-            self.dictionary, self._motion, self._window, self.emergencies, self._lags(personality)
+            self.dictionary,
+            self._motion,
+            self._window,
+            self.emergencies,
+            self._lags(personality),
+            until_reached=personality.acknowledge_until_reached,
         )
         self._homing = Homing(self.dictionary, self._motion, settings, image)
         self._cyclic = CyclicPosition(self.dictionary, self._motion)
@@ -152,7 +157,7 @@ class Cia402Node(CanopenNode):
         risen = controlword & ~self._controlword
         self._controlword = controlword
         if self.state is State.FAULT:
-            healthy = self._consumer.all_present and self._voltage
+            healthy = self._watched and self._voltage
             if risen & Control.FAULT_RESET and healthy:
                 self.emergencies.clear_all()
                 self._enter(State.SWITCH_ON_DISABLED)

@@ -4,8 +4,9 @@ A rising edge of controlword bit 4 hands over target, velocity, acceleration and
 they stand at that moment; statusword bit 12 acknowledges. With bit 5 (change immediately) the
 set-point replaces the present one at once, otherwise it waits in a buffer of one until the present
 one is done; bit 12 falls when bit 4 has fallen and the buffer is free. A set-point that comes while
-the buffer is full is not taken. Relative targets (bit 6) count from the preceding target. Halt
-(bit 8) interrupts; its release goes on towards the target.
+the buffer is full is not taken. Some drives have no buffer and acknowledge until the target is
+reached (`Personality.acknowledge_until_reached`). Relative targets (bit 6) count from the preceding
+target. Halt (bit 8) interrupts; its release goes on towards the target.
 
 A target outside 607Dh is clipped to it, which shows as internal limit and warning in the statusword
 and as EMCY 8612h until the next set-point.
@@ -56,11 +57,15 @@ class ProfilePosition:
         window: TargetWindow,
         emergencies: Emergencies,
         lags: StatusLags,
+        *,
+        until_reached: bool = False,
     ) -> None:
         self._dictionary = dictionary
         self._motion = motion
         self._emergencies = emergencies
         self._lags = lags
+        self._until_reached = until_reached
+        self._under_way = False
         self.window = window
         self._target = 0
         self._anchored = True
@@ -75,12 +80,19 @@ class ProfilePosition:
         """Return the mode's bits of the statusword."""
         reached, acknowledge = self._lags
         reached.set(self._motion.at_rest if self._halted else self.window.reached)
-        acknowledge.set(self._acknowledged)
+        acknowledge.set(self._acknowledged or self._held)
         return (
             (Status.TARGET_REACHED if reached.shown else 0)
             | (Status.SET_POINT_ACKNOWLEDGE if acknowledge.shown else 0)
             | (Status.INTERNAL_LIMIT | Status.WARNING if self._clipped else 0)
         )
+
+    @property
+    def _held(self) -> bool:
+        """Whether the acknowledge is held for the set-point under way."""
+        if self._halted or self.window.reached:
+            self._under_way = False
+        return self._until_reached and self._under_way
 
     def start(self, demand: int, controlword: int) -> None:
         """Begin without set-point: the axis rests at `demand`, or comes to rest near it.
@@ -96,7 +108,7 @@ class ProfilePosition:
     def abandon(self) -> None:
         """Forget all set-points."""
         self._active = self._buffered = None
-        self._acknowledged = self._halted = self._clipped = False
+        self._acknowledged = self._halted = self._clipped = self._under_way = False
         for bit in self._lags:
             bit.clear()
         self._emergencies.clear(ErrorCode.POSITION_LIMIT)
@@ -139,6 +151,8 @@ class ProfilePosition:
 
     def _accept(self, controlword: int) -> bool:
         """Take over a set-point; True when it begins at once."""
+        if self._held:
+            return False
         set_point = self._set_point(bool(controlword & Control.RELATIVE))
         if controlword & Control.CHANGE_IMMEDIATELY or self._active is None:
             self._buffered = None
@@ -169,7 +183,7 @@ class ProfilePosition:
         else:
             self._emergencies.clear(ErrorCode.POSITION_LIMIT)
         self._active = set_point
-        self._anchored = True
+        self._anchored = self._under_way = True
         self.window.close()
         if not self._halted:
             self._move()
