@@ -8,22 +8,26 @@ learns at once what to mend. Only when all have passed, and what they hold has b
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from drivers.announcement import announce
 from drivers.commissioning import commission
+from drivers.communication import find_collisions
 from drivers.drive_bus import AxisInfo, DriveError, DriveFault, DriveRefused, NodeSilent
+from drivers.effective_limits import effective_limits
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from drivers.announcement import Announcement
+    from drivers.communication import Communication
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.effective_limits import EffectiveLimits
     from drivers.power import Power
-    from drivers.sdo import SdoServer
+    from drivers.sdo import Entry, SdoServer
     from drivers.settings_keeper import SettingsKeeper
 
 _Result = TypeVar("_Result")
@@ -35,6 +39,7 @@ def admit(
     period: float,
     power: Power,
     commissioned: list[SdoServer],
+    communications: Sequence[Communication],
     keeper: SettingsKeeper,
     *,
     reset_faults: bool,
@@ -53,6 +58,8 @@ def admit(
         Switches them off first.
     commissioned : list of SdoServer
         Extended by each drive as soon as something may have been written to it.
+    communications : sequence of Communication
+        By drive; what is found is put in.
     keeper : SettingsKeeper
         Keeps what they hold before that.
     reset_faults : bool
@@ -81,17 +88,35 @@ def admit(
         keeper.take(server, axis, announcement.found)
         return announcement
 
-    limits = tuple(each.limits for each in _all(look, pairs))
+    expected = tuple(each.limits for each in _all(look, pairs))
     keeper.announced(servers)
-    limits_of = {server.node: each for server, each in zip(servers, limits, strict=True)}
+    at = {server.node: place for place, server in enumerate(servers)}
 
-    def configure(server: SdoServer, axis: AxisDrive) -> AxisInfo:
+    def configure(server: SdoServer, axis: AxisDrive) -> tuple[AxisInfo, EffectiveLimits]:
+        place = at[server.node]
         commissioned.append(server)
-        holding = limits_of[server.node]
-        identity = commission(server, axis, drives, period, power.wait, holding)
-        return _described(axis, identity, holding)
+        holding, communication = expected[place], communications[place]
+        identity = commission(server, axis, drives, period, power.wait, holding, communication)
+        held = _held(server, axis, holding)
+        return _described(axis, identity, held), held
 
-    return tuple(_all(configure, pairs)), limits
+    admitted = _all(configure, pairs)
+    collisions = find_collisions(communications, drives.master_node)
+    if collisions:
+        raise _joined(collisions)
+    return tuple(info for info, _ in admitted), tuple(held for _, held in admitted)
+
+
+def _held(server: SdoServer, axis: AxisDrive, expected: EffectiveLimits) -> EffectiveLimits:
+    """Return the limits that hold now: a drive may keep a tighter value than was written."""
+
+    def find(entry: Entry) -> int | None:
+        if entry in server.missing:
+            return None
+        return server.kept.get(entry, expected.values.get(entry))
+
+    kept = effective_limits(find, axis, server.label)
+    return replace(kept, own={**kept.own, **expected.own}, notes=())
 
 
 def _all(

@@ -14,6 +14,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 
 from drivers import objects
 from drivers.commissioning import check_identity, commission
+from drivers.communication import Communication
 from drivers.effective_limits import effective_limits
 from drivers.settings_keeper import before
 
@@ -118,7 +119,8 @@ def announce(
         shown.saved.update(entries)
 
     shown.first_write = keep
-    commission(shown, axis, drives, period, lambda holds, _: holds(), limits)
+    communication = Communication.predefined(axis, server.label)
+    commission(shown, axis, drives, period, lambda holds, _: holds(), limits, communication)
     for entry in (*LATER, *later):
         found.update(before(shown, entry))
     changes = _changes(entries, found, layers[0].written)
@@ -145,28 +147,28 @@ class _Layer:
         self._answers: dict[Place, bytes | SdoAbortedError] = {}
         self._shown = {(by.index, by.subindex): what for what, by in _SHOWN_BY.items()}
 
-    def upload(self, index: int, subindex: int) -> bytes:
+    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
         """Read an object: what was written to it, else what the drive holds."""
         source = self._shown.get((index, subindex))
         place = (source.index, source.subindex) if source else (index, subindex)
         if place in self.written:
             return self.written[place]
-        return self._ask(index, subindex)
+        return self._ask(index, subindex, size)
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Keep a value; raise as the drive would where it lacks the object."""
         try:
-            self._ask(index, subindex)
+            self._ask(index, subindex, len(data))
         except SdoAbortedError as error:
             if error.code != _WRITE_ONLY:
                 raise
         self.written[index, subindex] = data
 
-    def _ask(self, index: int, subindex: int) -> bytes:
+    def _ask(self, index: int, subindex: int, size: int) -> bytes:
         place = index, subindex
         if place not in self._answers:
             try:
-                self._answers[place] = self._drive.upload(index, subindex)
+                self._answers[place] = self._drive.upload_number(index, subindex, size)
             except SdoAbortedError as error:
                 self._answers[place] = error
         answer = self._answers[place]

@@ -103,7 +103,7 @@ def home(
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
     keeper = keeper or SettingsKeeper()
     keeper.later = _WRITTEN
-    with CanopenDriveBus(bus, alone, pacing=pacing, keeper=keeper) as axes:
+    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
         _configure(session.server, axis, homing)
         session.change_mode(Mode.HOMING)
