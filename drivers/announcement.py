@@ -16,6 +16,7 @@ from drivers import objects
 from drivers.commissioning import check_identity, commission
 from drivers.communication import Communication
 from drivers.effective_limits import effective_limits
+from drivers.sdo import Entry
 from drivers.settings_keeper import before
 
 if TYPE_CHECKING:
@@ -23,12 +24,17 @@ if TYPE_CHECKING:
 
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.effective_limits import EffectiveLimits
-    from drivers.sdo import Entry, SdoClient, SdoServer
+    from drivers.sdo import SdoClient, SdoServer
 
 Place = tuple[int, int]
 
-LATER = (objects.INTERPOLATION_PERIOD, objects.INTERPOLATION_POWER)
-"""What is written in the middle of a session, where a path is streamed."""
+LATER = (
+    objects.INTERPOLATION_PERIOD,
+    objects.INTERPOLATION_POWER,
+    Entry(0x1801, 2, "u8", "transmission type of TPDO 2"),
+    Entry(0x1A01, 0, "u8", "number of objects in TPDO 2"),
+)
+"""What may be written beside: where a path is streamed, where TPDO 1 turns out to be fixed."""
 _WRITE_ONLY = 0x06010001
 _SHOWN_BY = {objects.MODE: objects.MODE_DISPLAY}
 

@@ -106,7 +106,7 @@ def test_what_the_drive_keeps_is_at_hand_for_the_checks_of_motions() -> None:
     with can_bus, drive_bus:
         kept = [server.kept[objects.MAX_PROFILE_VELOCITY] for server in drive_bus.servers]
     assert kept == [100000, 130379, 130379]
-    note = "joint 1 (node 1): 100000 instead of 130379 in object 607F:00 (max profile velocity)"
+    note = "joint 1 (node 1): the drive's own max profile velocity (607F) is 1.534 rad/s, tighter"
     assert [n for n in drive_bus.notes if n.startswith(note)]
 
 
