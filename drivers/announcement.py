@@ -34,8 +34,7 @@ LATER = (
     Entry(0x1801, 2, "u8", "transmission type of TPDO 2"),
     Entry(0x1A01, 0, "u8", "number of objects in TPDO 2"),
 )
-"""What may be written beside: where a path is streamed, and where a drive refuses our first choice
-of PDOs, which the layer cannot know."""
+"""What may be written beside: where a path is streamed, where TPDO 1 turns out to be fixed."""
 _WRITE_ONLY = 0x06010001
 _SHOWN_BY = {objects.MODE: objects.MODE_DISPLAY}
 

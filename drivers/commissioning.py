@@ -183,7 +183,9 @@ def _write_limit(server: SdoServer, values: Mapping[Entry, int]) -> None:
         return
     server.missing.update(entry for entry, value in present.items() if value is None)
     for entry, value in values.items():
-        if present[entry] not in {None, value}:
+        if present[entry] == value:
+            server.kept[entry] = value
+        elif present[entry] is not None:
             server.set(entry, value)
 
 

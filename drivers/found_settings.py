@@ -13,7 +13,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import yaml
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from drivers.drives_file import U32
 from drivers.objects import PRODUCT, REVISION, SERIAL, VENDOR
@@ -39,6 +39,17 @@ _RANGES = {
 }
 
 
+def _printable(text: object) -> object:
+    """Take what a terminal could mistake for commands out of a name, and what is too long."""
+    if not isinstance(text, str):
+        return text
+    return "".join(c if c.isprintable() else "?" for c in text[:LONGEST_NAME])
+
+
+LONGEST_NAME = 200
+Name = Annotated[str, BeforeValidator(_printable)]
+
+
 class FoundObject(FileModel):
     """One object of a drive, and the value that it held."""
 
@@ -46,7 +57,7 @@ class FoundObject(FileModel):
     subindex: Annotated[int, Field(ge=0, le=0xFF)]
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
     value: int
-    name: Annotated[str, Field(max_length=80)] = ""
+    name: Name = ""
 
     @model_validator(mode="after")
     def _a_setting(self) -> Self:
@@ -97,7 +108,7 @@ class FoundDrive(FileModel):
         In the order in which they were first written.
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=200)]
+    name: Annotated[Name, Field(min_length=1)]
     node: Annotated[int, Field(ge=1, le=127)]
     identity: FoundIdentity
     restored: bool = False

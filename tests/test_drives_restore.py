@@ -229,3 +229,19 @@ def test_a_file_that_is_none_is_refused_at_its_line(hil: Hil, text: str, tmp_pat
     status, _, err = hil("drives", "restore", path)
     assert status == 1
     assert f"{path}:1: " in err
+
+
+def test_names_in_a_file_are_neither_markup_nor_commands_to_the_terminal(
+    hil: Hil, tmp_path: Path
+) -> None:
+    path = tmp_path / NAME
+    identity = "{vendor: 0x4D2, product: 0x402, revision: 0x10000, serial: 1}"
+    each = '{index: 0x6065, subindex: 0, type: u32, value: 7, name: "[/]\\e[2Jx"}'
+    path.write_text(
+        'bitrate: 1000000\ndrives:\n- name: "[/red]\\e]0;\\a"\n  node: 1\n'
+        f"  identity: {identity}\n  objects:\n  - {each}\n"
+    )
+    status, out, err = hil("drives", "restore", path)
+    assert (status, err) == (0, "")
+    assert "[/red]?]0;? (node 1)" in out
+    assert "[/]?[2Jx" in out

@@ -104,9 +104,9 @@ def test_what_the_drive_keeps_is_at_hand_for_the_checks_of_motions() -> None:
     can_bus, drive_bus = build()
     can_bus.drives[1].insists[0x607F, 0] = 100000
     with can_bus, drive_bus:
-        velocities = [axis.velocity_max for axis in drive_bus.axes]
-    assert velocities == pytest.approx([2 * 100000 / 130379.7, 2, 2], rel=1e-4)
-    note = "joint 1 (node 1): the drive's own max profile velocity (607F) is 1.534 rad/s"
+        kept = [server.kept[objects.MAX_PROFILE_VELOCITY] for server in drive_bus.servers]
+    assert kept == [100000, 130379, 130379]
+    note = "joint 1 (node 1): the drive's own max profile velocity (607F) is 1.534 rad/s, tighter"
     assert [n for n in drive_bus.notes if n.startswith(note)]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.table import Table
+from rich.text import Text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +30,7 @@ def render(label: str, rows: Sequence[Row], console: Console, column: str) -> No
     if not rows:
         console.print(f"{label}: nothing differs", highlight=False, markup=False)
         return
-    table = Table(title=label, title_justify="left", box=None, pad_edge=False)
+    table = Table(title=Text(label), title_justify="left", box=None, pad_edge=False)
     table.add_column("object")
     table.add_column("name")
     table.add_column("value on the drive", justify="right")
@@ -37,7 +38,7 @@ def render(label: str, rows: Sequence[Row], console: Console, column: str) -> No
     for row in rows:
         table.add_row(
             f"{row.place[0]:04X}:{row.place[1]:02X}",
-            row.name,
+            Text(row.name),
             _shown(row.place[0], row.present),
             _shown(row.place[0], row.value),
         )

@@ -56,11 +56,12 @@ class ObjectDictionary:
             else entry.default
             for number, entry in inner_entries(personality).items()
         }
+        self._shapes = dict(_shapes(personality, self._entries))
+        self._defaults |= {
+            number: self._kept(number, self._defaults[number]) for number in self._shapes
+        }
         self._values = dict(self._defaults)
         self._ranges: dict[int, tuple[int, int]] = {}
-        self._shapes = dict(_shapes(personality, self._entries))
-        for number in self._shapes:  # a drive holds no value that it would not keep
-            self.preset(number >> 8, number & 0xFF, self._defaults[number])
         self._sources: dict[int, Callable[[], int]] = {}
         self._slots: dict[int, int] = {}
         self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
@@ -100,12 +101,9 @@ class ObjectDictionary:
         self._values[key(index, subindex)] = value
 
     def preset(self, index: int, subindex: int, value: Value) -> None:
-        """Set what the object holds after a reset, and now."""
-        shape = self._shapes.get(key(index, subindex))
-        if shape is not None and isinstance(value, int):
-            value = shape(value)
-        self._defaults[key(index, subindex)] = value
-        self.set(index, subindex, value)
+        """Set what the object holds after a reset, and now, as far as it can hold it."""
+        number = key(index, subindex)
+        self._defaults[number] = self._values[number] = self._kept(number, value)
 
     def limit(self, index: int, subindex: int, low: int, high: int) -> None:
         """Narrow the range that the bus may write."""
@@ -225,6 +223,11 @@ class ObjectDictionary:
                 action(subindex, value)
 
         return write
+
+    def _kept(self, number: int, value: Value) -> Value:
+        """Return what the drive makes of a value of its own."""
+        shape = self._shapes.get(number)
+        return shape(value) if shape is not None and isinstance(value, int) else value
 
     def _reader(self, number: int) -> Callable[[], int]:
         return self._sources.get(number) or functools.partial(self.get, number >> 8, number & 0xFF)
