@@ -77,8 +77,8 @@ def _in_a_stroke(what: What, length: float) -> Case:
     name, syncs = f"{_name(what, length)} in a stroke", round(length / drives.sync_period)
     if what is What.TRANSMIT_OUTAGE:
         if syncs < _SENT_AGAIN:
-            return Case(name, "sends again until a frame gets through, and goes on", faults,
-                        None, "", outage=length)  # fmt: skip
+            return Case(name, f"sends again, and goes on if that helps; else {_STOPS}", faults,
+                        BusUnavailable, "", outage=length, may_go_on=True)  # fmt: skip
         return Case(name, _STOPS, faults, BusUnavailable, "cannot be sent", outage=length)
     if syncs < BLIND:
         return Case(name, "flags the samples and goes on", faults, None, "", flags=True,
