@@ -130,7 +130,7 @@ def _line(row: Row) -> str:
     case, outcome, _ = row
     stop = "-" if outcome.cycles is None else str(outcome.cycles)
     off = way = "-"
-    if case.error is not None and case.energised is not False:
+    if outcome.error is not None and case.energised is not False:
         off = "never" if outcome.off_after is None else f"{outcome.off_after:.2f}"
         way = f"{outcome.ways.max():.3f}"
     figures = (stop, off, way, str(len(outcome.unwatched)), str(outcome.flagged))

@@ -102,6 +102,15 @@ def test_a_fault_of_so_many_syncs_is_present_at_exactly_these(begin: int, syncs:
     assert present == list(range(begin, begin + syncs))
 
 
+def test_a_fault_that_begins_between_two_syncs_is_present_at_as_many_as_it_should() -> None:
+    faulty = reporting("{what: tpdo-lost, axis: 2, at: {frame: 20}, lasts: {syncs: 1}}")
+    while faulty.progress.frames < 20:
+        faulty.receive(0x77F, b"\5")
+    assert faulty.present
+    answers = [identifiers(faulty.receive(*SYNC)) for _ in range(3)]
+    assert answers == [[0x181], [0x181, 0x182], [0x181, 0x182]]
+
+
 @given(begin=st.floats(0, 0.2), after=st.floats(0, 0.1), lasts=st.floats(0.01, 0.1))
 def test_a_fault_in_time_begins_and_ends_in_time(begin: float, after: float, lasts: float) -> None:
     fault = Fault.model_validate(

@@ -51,7 +51,7 @@ def test_no_axis_is_energised_before_its_drive_has_heard_our_heartbeat() -> None
         with CanopenDriveBus(bus, drives) as drive_bus:
             drive_bus.sample()
             assert bus.plant.state[:, st.ENABLED].all()
-        assert bus.witness.all_off
+        assert not bus.plant.state[:, st.ENABLED].any()
     assert bus.witness.unwatched == set()
 
 
@@ -206,3 +206,5 @@ def test_the_witness_measures_the_way_from_the_event_and_the_speed_until_somebod
     assert witness.ways[0] == pytest.approx(0.5 - before, abs=1e-3)
     assert witness.speeds[0] == pytest.approx(1.0, abs=0.03)
     assert witness.ways[1:].max() < 1e-3
+    witness.begin()
+    assert witness.ways.max() == 0.0

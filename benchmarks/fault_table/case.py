@@ -39,6 +39,8 @@ class Case:
         Samples are flagged one by one.
     noted : bool
         What is wrong with the samples of a whole session is noted with it.
+    may_go_on : bool
+        It may go on to its end as well: it is a matter of the frame that is under way.
     energised : bool, optional
         Whether the axes were energised at all; None where that does not matter.
     plan : Plan
@@ -65,6 +67,7 @@ class Case:
     finding: str = ""
     flags: bool = False
     noted: bool = False
+    may_go_on: bool = False
     energised: bool | None = True
     plan: Plan = SLOW
     condition: Condition | None = None

@@ -34,11 +34,12 @@ def tried(case: Case) -> Row:
 
 
 def _broken(case: Case, outcome: Outcome) -> list[str]:
-    ended = outcome.error is None if case.error is None else isinstance(outcome.error, case.error)
+    goes_on = outcome.error is None
+    ended = isinstance(outcome.error, case.error) if case.error else goes_on
     stopped = outcome.cycles is not None and outcome.cycles <= CYCLES
     known = not outcome.wrong or (case.noted and case.reads in "\n".join(outcome.notes))
     promises = {
-        f"ends with {case.error}, not {outcome.error!r}": ended,
+        f"ends with {case.error}, not {outcome.error!r}": ended or (goes_on and case.may_go_on),
         f"the operator reads {case.reads!r} in {outcome.told!r}": case.reads in outcome.told,
         f"{outcome.wrong} samples are wrong and not flagged": known,
         f"the check {case.finding} finds it": not case.finding or case.finding in outcome.findings,
@@ -48,7 +49,7 @@ def _broken(case: Case, outcome: Outcome) -> list[str]:
         "all axes are off": outcome.off,
         f"axes {sorted(outcome.unwatched)} energised with the watchdog off": not outcome.unwatched,
         **_of_the_stop(case, outcome),
-        "recorded to the end": bool(outcome.kept) or case.error is not None,
+        "recorded to the end": bool(outcome.kept) or not goes_on,
     }
     return [promise for promise, kept in promises.items() if not kept]
 

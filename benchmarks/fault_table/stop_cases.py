@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from drivers.cia402 import Command
 from drivers.drive_bus import BusUnavailable, NodeSilent
 from drivers.gaps import BLIND
+from drivers.network import SEND_ATTEMPTS
 from drivers.pdo_mapping import received
 from fault_table import signs
 from fault_table.case import Case, everywhere, fault
@@ -38,8 +39,6 @@ time-out [s]."""
 
 _RPDO = struct.Struct("<iH")
 _ENABLE = (received(drives.axes[2]).cob_id, Command.ENABLE_OPERATION.value[0])
-_SENT_AGAIN = 10
-"""SYNCs that the driver sends again before it gives up."""
 _STOPS_AGAIN = "commands all to stop at every SYNC until they do, and switches them off"
 _STOPS = "stops all axes and switches them off"
 
@@ -76,9 +75,9 @@ def _in_a_stroke(what: What, length: float) -> Case:
     faults = (everywhere(what, SECOND_STROKE, Span(time=length)),)
     name, syncs = f"{_name(what, length)} in a stroke", round(length / drives.sync_period)
     if what is What.TRANSMIT_OUTAGE:
-        if syncs < _SENT_AGAIN:
-            return Case(name, "sends again until a frame gets through, and goes on", faults,
-                        None, "", outage=length)  # fmt: skip
+        if syncs < SEND_ATTEMPTS:
+            return Case(name, f"sends again, and goes on if that helps; else {_STOPS}", faults,
+                        BusUnavailable, "", outage=length, may_go_on=True)  # fmt: skip
         return Case(name, _STOPS, faults, BusUnavailable, "cannot be sent", outage=length)
     if syncs < BLIND:
         return Case(name, "flags the samples and goes on", faults, None, "", flags=True,

@@ -24,7 +24,7 @@ STOP_MARGIN = 1.5
 
 
 def reaction_time(outage: float, drives: DrivesFile) -> float:
-    """Time after an event in which an axis may go on as it was told [s].
+    """Time after an event in which an axis may go on as it was commanded [s].
 
     Parameters
     ----------

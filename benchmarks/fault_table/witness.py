@@ -56,14 +56,14 @@ class Witness:
         self._network = network
         self._reaction = reaction
         self._state: NDArray[np.float64] = network.machine.plant.state
-        self.ways = np.zeros(len(self._state))
-        self.speeds = np.zeros(len(self._state))
+        self.ways, self.speeds = np.zeros((2, len(self._state)))
         self._from = self.ways
 
     def begin(self) -> None:
-        """Take note that the event is now."""
-        self.began = self._network.time
+        """Take note that the event is now; one before it counts no more."""
+        self.began, self.off_after = self._network.time, None
         self._from = self._state[:, st.Q].copy()
+        self.ways, self.speeds = np.zeros((2, len(self._state)))
 
     def look(self) -> None:
         """See what is the case at this instant."""

@@ -183,7 +183,7 @@ class _Disobedient(NodeInjection):
 
 
 class QuickStopIgnored(_Disobedient):
-    """The drive goes on with its move when told to stop quickly."""
+    """The drive goes on with its move at a quick stop."""
 
     disobedience = Disobedience(ignored=frozenset({Command.QUICK_STOP}))
 

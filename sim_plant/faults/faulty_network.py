@@ -133,6 +133,7 @@ class FaultyNetwork:
         sync = identifier == self.nodes[0].sync_identifier
         self.progress.frames += 1
         self.progress.syncs += sync
+        self.progress.between = not sync
         held = self._update()
         try:
             answer = self._intercepted(identifier, data)
@@ -150,11 +151,13 @@ class FaultyNetwork:
     def receive_remote(self, identifier: int) -> list[Frame]:
         """Take a remote frame; return what the drives send."""
         self.progress.frames += 1
+        self.progress.between = True
         held = self._update()
         return held + self._passed_on(self._network.receive_remote(identifier))
 
     def elapse(self, duration: float) -> list[Frame]:
         """Let time pass without SYNC [s]; return what the drives send meanwhile."""
+        self.progress.between = True
         held = self._update()
         return held + self._passed_on(self._network.elapse(duration))
 

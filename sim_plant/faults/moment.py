@@ -21,12 +21,15 @@ class Progress:
         That we sent, with the one that is just coming, whether they reach the drives or not.
     set_points : dict of int to int
         By axis, from 1.
+    between : bool
+        The frame that is just coming is no SYNC.
     """
 
     time: float = 0.0
     frames: int = 0
     syncs: int = 0
     set_points: dict[int, int] = field(default_factory=dict)
+    between: bool = False
 
 
 class Watch:
@@ -53,7 +56,7 @@ class Watch:
             self._triggered = progress.time if at is None else at
         if self._triggered is None or progress.time < self._triggered + self._fault.at.after:
             return None
-        return progress.time, progress.syncs
+        return progress.time, progress.syncs + progress.between
 
     def _reached(self, progress: Progress) -> bool:
         at, axis = self._fault.at, self._fault.axis
