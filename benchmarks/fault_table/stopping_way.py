@@ -11,16 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.stop import STOP_DELAY, STOP_MARGIN
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.drives_file import DrivesFile
-
-STOP_DELAY = 0.1
-"""From the moment at which frames get through to the beginning of the ramp [s]."""
-
-STOP_MARGIN = 1.5
-"""Multiple of the way that the stated deceleration takes."""
 
 
 def reaction_time(outage: float, drives: DrivesFile) -> float:
