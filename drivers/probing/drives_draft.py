@@ -169,9 +169,9 @@ def _drive_train(dictionary: Dictionary) -> Iterator[str]:
     ratio = "motor angle over joint coordinate, positive [-, or rad/m if prismatic]"
     yield _line("gear_ratio", None, "", ratio)
     yield _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it")
-    yield _line("zero", None, "", "position of the drive (6064) at q = 0 [increments]")
-    count, hint = increments(dictionary)
-    yield _line("increments_per_revolution", count, "608F", hint)
+    yield _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]")
+    count, reason, hint = increments(dictionary)
+    yield _line("increments_per_revolution", count, reason, hint)
     unit, hint = velocity_unit(dictionary)
     yield _line("velocity_unit", unit, "60A9", hint)
     unit, hint = acceleration_unit(dictionary)

@@ -16,7 +16,7 @@ from drivers import objects
 from drivers.network import PumpedSdoClient
 from drivers.probing.dictionary import Declared, Dictionary, Key
 from drivers.probing.mapping_review import mapped_objects
-from drivers.probing.needs import IDENTITY, NEEDS, UNITS
+from drivers.probing.needs import DRIVE_TRAIN, IDENTITY, NEEDS, UNITS
 from drivers.sdo import Entry
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def asked() -> Iterator[Entry]:
     yield from IDENTITY
     yield from (need.entry for need in NEEDS if need.entry != objects.DEVICE_TYPE)
     yield from _CURRENTS
-    yield objects.ENCODER_REVOLUTIONS
+    yield from DRIVE_TRAIN
     yield from UNITS
     for record in (0x1400, 0x1800, 0x1801):
         yield Entry(record, 1, "u32", "COB-ID")
