@@ -255,7 +255,7 @@ def test_every_drive_that_cannot_serve_is_named_at_once() -> None:
         ({(0x6076, 0): ("u32", 1500)}, "is 1.5 N m, the drives file states rated_torque: 1 N m;"),
         (
             {(0x608F, 1): ("u32", 8192), (0x608F, 2): ("u32", 1)},
-            "is 8192 counts per motor revolution (608F = 8192, in increments), the drives file states",
+            "is 8192 counts per motor revolution (608F = 8192, in increments), the drives",
         ),
         ({(0x6078, 0): None}, "6078:00 (current readback): abort 06020000"),
         ({(0x6078, 0): ("i32", 0)}, "has 4 bytes, expected 2"),
