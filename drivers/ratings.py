@@ -4,7 +4,7 @@ By the standard 6075 is in mA and 6076 in mN m; some makers state 6076 in uN m. 
 scales every torque and every torque limit, so the unit is stated in the file, and two things tell
 it: the value that the file expects, and rated current times torque constant, which must lead to
 the rated torque. These need not meet exactly (rms and peak, warm and cold magnets), but never
-differ by hundreds.
+differ by hundreds. Where a maker's own objects state current and constant, they are compared too.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.comparison import compared, unsettled
 from drivers.drives_file import Basis, TorqueUnit
+from drivers.makers import MAKERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from drivers.comparison import Comparison
     from drivers.drives_file import AxisDrive
+    from drivers.makers import Quantity
     from drivers.sdo import Entry
 
 NEWTON_METRE = {TorqueUnit.MILLI: 1e-3, TorqueUnit.MICRO: 1e-6}
@@ -47,14 +49,23 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
     axis : AxisDrive
         What the drives file states.
     """
-    yield _current(read(objects.RATED_CURRENT), axis)
+    maker = MAKERS.get(axis.identity.vendor)
+    present = read(objects.RATED_CURRENT)
+    if present is None and maker is not None:
+        counts = read(maker.rated_current.entry)
+        yield _current(maker.rated_current.entry, counts or None, axis)
+    else:
+        yield _current(objects.RATED_CURRENT, present, axis)
     yield _torque(read(objects.RATED_TORQUE), axis)
-    product = expected_torque(axis)
-    if product is not None and not _within(product / axis.rated_torque, DISPARATE):
+    if maker is not None and axis.torque_constant is not None:
+        counts = read(maker.torque_constant.entry)
+        if counts:
+            yield _constant(maker.torque_constant, counts, axis.torque_constant)
+    if _disparate(axis):
         yield compared(
             False,
             _PRODUCT,
-            f"{product:.4g} N m by rated_current times torque_constant",
+            f"{expected_torque(axis):.4g} N m by rated_current times torque_constant",
             _KEY,
             f"{axis.rated_torque:g} N m",
             "a factor that no motor has: look all three up in the motor's data sheet, and state "
@@ -86,9 +97,9 @@ def torque_unit(present: int, ampere: float, per_ampere: float) -> TorqueUnit | 
     return None
 
 
-def _current(present: int | None, axis: AxisDrive) -> Comparison:
-    entry, stated = objects.RATED_CURRENT, f"{axis.rated_current:g} A"
+def _current(entry: Entry, present: int | None, axis: AxisDrive) -> Comparison:
     check, key = f"{entry.name} ({entry.index:04X})", "rated_current"
+    stated = f"{axis.rated_current:g} A"
     if present is None:
         return unsettled(check, f"no object {entry}", key, stated, f"{key} is taken on trust")
     return compared(
@@ -108,7 +119,7 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
         return unsettled(_TORQUE, silent, _KEY, stated, f"{_KEY} is taken on trust")
     remedy = f"correct {_KEY} or the drive's parameter: torques scale with it"
     (other,) = set(TorqueUnit) - {unit}
-    if _agrees(present, axis.rated_torque, other):
+    if _agrees(present, axis.rated_torque, other) and not _disparate(axis):
         remedy = (
             f"as {other.value} it would be {present * NEWTON_METRE[other]:g} N m: state "
             f"rated_torque_unit: {other.value} if the drive's manual says so"
@@ -123,10 +134,27 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
     )
 
 
+def _constant(quantity: Quantity, counts: int, stated: float) -> Comparison:
+    """Compare the torque constant, of which it is not said whether of rms or peak."""
+    return compared(
+        _within(quantity.value(counts) / stated, ALIKE),
+        f"{quantity.entry.name} ({quantity.place})",
+        f"{quantity.value(counts):g} N m/A",
+        "torque_constant",
+        f"{stated:g} N m/A",
+        "more than rms and peak can be apart: correct torque_constant or the drive's parameter",
+    )
+
+
 def _agrees(present: int, stated: float, unit: TorqueUnit) -> bool:
     counts = stated / NEWTON_METRE[unit]
     slack = 1.0 if unit is TorqueUnit.MILLI else max(1.0, ROUNDED * counts)
     return abs(present - counts) <= slack * (1 + 1e-9)
+
+
+def _disparate(axis: AxisDrive) -> bool:
+    product = expected_torque(axis)
+    return product is not None and not _within(product / axis.rated_torque, DISPARATE)
 
 
 def _within(ratio: float, factor: float) -> bool:

@@ -128,7 +128,7 @@ def _compare_rate(
     agrees = any(abs(side - wanted) <= _SAME * wanted for side in (found, found * gear))
     if turning and agrees:
         either = f"{entry} says {said} and the gear (6091) is {gear}"
-        remedy = f"whether of the motor or of the gear's output is on trust, {key}: {text}"
+        remedy = f"{key}: {text} is taken on trust, that of the motor or of the gear's output"
         return unsettled(check, either, key, text, remedy)
     return compared(
         abs(found - wanted) <= _SAME * wanted,

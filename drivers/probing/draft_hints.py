@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "rated_current": re.compile(r"(rated|nominal|nenn).*(current|strom)", re.I),
     "rated_torque": re.compile(r"(rated|nominal|nenn).*(torque|moment)", re.I),
+    "increments": re.compile(r"(encoder|sensor).*(resolution|pulses|increments)", re.I),
     "torque_constant": re.compile(r"torque const|drehmomentkonst", re.I),
 }
 
@@ -65,7 +66,8 @@ def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
         return None, "", f"{hint}; the drive contradicts itself: {' or '.join(map(str, readings))}"
     if factors.unit and factors.unit_in_words != "inc":
         hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
-    return None, "", hint + default_of(dictionary, objects.ENCODER_INCREMENTS)
+    hint += default_of(dictionary, objects.ENCODER_INCREMENTS)
+    return None, "", hint + also_named(dictionary, "increments")
 
 
 def default_of(dictionary: Dictionary, entry: Entry) -> str:

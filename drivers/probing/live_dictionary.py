@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 from drivers import objects
+from drivers.makers import MAKERS
 from drivers.network import PumpedSdoClient
 from drivers.probing.dictionary import Declared, Dictionary, Key
 from drivers.probing.mapping_review import mapped_objects
@@ -69,6 +70,9 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
     """
     reading = _Reading(_BriefClient(network, node, timeout))
     for entry in asked():
+        reading.ask(entry)
+    maker = MAKERS.get(reading.value(objects.VENDOR) or 0)
+    for entry in maker.entries if maker else ():
         reading.ask(entry)
     for mapping in (0x1600, 0x1A00, 0x1A01):
         count = reading.entries.get((mapping, 0))
