@@ -66,11 +66,12 @@ def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
     word = _said(server, objects.VELOCITY_UNIT)
     if word:
         stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
-        yield _compare_rate(objects.VELOCITY_UNIT, word, velocity_of(word), stated, gear, axis)
+        said = velocity_of(word, factors.unit)
+        yield _compare_rate(objects.VELOCITY_UNIT, word, said, stated, gear, axis)
     word = _said(server, objects.ACCELERATION_UNIT)
     if word:
         stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
-        said = acceleration_of(word)
+        said = acceleration_of(word, factors.unit)
         yield _compare_rate(objects.ACCELERATION_UNIT, word, said, stated, gear, axis)
 
 

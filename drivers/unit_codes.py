@@ -14,6 +14,12 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+Code = TypeVar("Code", int, tuple[int, int, int])
 
 INCREMENT, REVOLUTION, DEGREE, RADIAN, METRE = 0xB5, 0xB4, 0x41, 0x10, 0x01
 MINUTE_OF_ARC, SECOND_OF_ARC = 0x42, 0x43
@@ -72,24 +78,36 @@ def codes_of(word: int) -> tuple[int, int, int]:
     return word >> 16 & 0xFF, word >> 8 & 0xFF, word & 0xFF
 
 
-def velocity_of(word: int) -> str | None:
-    """Return a unit of velocity (60A9) as the drives file names it; None where it is unknown."""
-    return _named(word, VELOCITIES.get(codes_of(word)))
+def velocity_of(word: int, position: int | None = None) -> str | None:
+    """Return a unit of velocity (60A9) as the drives file names it; None where it is unknown.
+
+    One that is made of the unit of positions (60A8, `position`) is named after counts, since both
+    are of the same shaft: 0.1 deg/s beside 0.1 deg is ``inc/s``.
+    """
+    return _named(*_in_counts(word, position), VELOCITIES)
 
 
-def acceleration_of(word: int) -> str | None:
-    """Return a unit of acceleration (60AA) as the drives file names it; None if unknown."""
-    return _named(word, ACCELERATIONS.get(codes_of(word)))
+def acceleration_of(word: int, position: int | None = None) -> str | None:
+    """Return a unit of acceleration (60AA) as `velocity_of` does one of velocity."""
+    return _named(*_in_counts(word, position), ACCELERATIONS)
 
 
 def position_of(word: int) -> str | None:
     """Return a unit of position (60A8) in words; None where it is unknown."""
     numerator, *rest = codes_of(word)
-    return None if any(rest) else _named(word, POSITIONS.get(numerator))
+    return None if any(rest) else _named(power_of(word), numerator, POSITIONS)
 
 
-def _named(word: int, symbol: str | None) -> str | None:
-    power = power_of(word)
+def _in_counts(word: int, position: int | None) -> tuple[int, tuple[int, int, int]]:
+    """Return power of ten and codes, of counts where the unit is made of that of positions."""
+    power, codes = power_of(word), codes_of(word)
+    if position and codes_of(position) == (codes[0], 0, 0) and codes[0] in POSITIONS:
+        return power - power_of(position), (INCREMENT, *codes[1:])
+    return power, codes
+
+
+def _named(power: int, codes: Code, names: Mapping[Code, str]) -> str | None:
+    symbol = names.get(codes)
     if symbol is None or power not in POWERS:
         return None
     return symbol if power == 0 else f"{10**power if power > 0 else _decimal(power)} {symbol}"

@@ -59,14 +59,14 @@ HABITS = {
         | FACTORY,
         {
             "increments_per_revolution": "3600",
-            "velocity_unit": "0.1 deg/s",
-            "acceleration_unit": "0.1 deg/s^2",
+            "velocity_unit": "inc/s",
+            "acceleration_unit": "inc/s^2",
         },
-        # 0.1 degree is the position unit, so inc/s says the same
+        # 0.1 degree is the position unit, so 0.1 deg/s says the same
         TENTH_DEGREES | {"velocity_unit": "inc/s", "acceleration_unit": "0.1 deg/s^2"},
         [
             ({"increments_per_revolution": 2000}, "(60A8 says 0.1 deg), the drives file states"),
-            ({"acceleration_unit": "rpm/s"}, "SI unit acceleration (60AA) is 0.1 deg/s^2, the"),
+            ({"acceleration_unit": "rpm/s"}, "SI unit acceleration (60AA) is inc/s^2, the"),
         ],
     ),
     "no encoder resolution, rpm": Habit(
@@ -91,7 +91,7 @@ HABITS = {
     ),
     "milliradians": Habit(
         words(x608F_1=4096, x608F_2=1, x60A8=0xFD100000, x60A9=0xFD100300) | FACTORY,
-        {"increments_per_revolution": "6283.185307", "velocity_unit": "0.001 rad/s"},
+        {"increments_per_revolution": "6283.185307", "velocity_unit": "inc/s"},
         {"increments_per_revolution": "6283.185307", "velocity_unit": "0.001 rad/s"},
         [({"increments_per_revolution": 4096}, "60A8 says 0.001 rad")],
     ),

@@ -41,17 +41,20 @@ def acceleration_unit(dictionary: Dictionary) -> tuple[str | None, str]:
 
 
 def _unit(
-    dictionary: Dictionary, entry: Entry, decode: Callable[[int], str | None], choice: str
+    dictionary: Dictionary,
+    entry: Entry,
+    decode: Callable[[int, int | None], str | None],
+    choice: str,
 ) -> tuple[str | None, str]:
     word, default = dictionary.value(entry), _default(dictionary, entry)
-    gear = PositionFactors.read(dictionary.value).gear
-    said = decode(word) if word else None
+    factors = PositionFactors.read(dictionary.value)
+    gear, said = factors.gear, decode(word, factors.unit) if word else None
     if said and gear not in {None, 1} and not said.endswith(("inc/s", "inc/s^2")):
         place = f"{entry.index:04X} says {said}"
         return None, f"{choice}; {place}, of the motor or of the output of gear 6091 = {gear}"
     if word and said is None:
         return None, f"{choice}; {entry.index:04X} is {word:08X}h, an unknown unit"
-    by_default = decode(default) if default else None
+    by_default = decode(default, None) if default else None
     return said, f"{choice}; by default {by_default} ({entry.index:04X})" if by_default else choice
 
 
