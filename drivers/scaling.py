@@ -64,7 +64,7 @@ class AxisScale:
         return cls(
             position=axis.sign * increment,
             zero=axis.zero,
-            torque=axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque_per_count(axis),
+            torque=axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque(axis),
             velocity=_rate(velocity_unit(axis.velocity_unit), axis),
             acceleration=_rate(acceleration_unit(axis.acceleration_unit), axis),
             torque_limit=per_mille,
@@ -105,12 +105,23 @@ def _floor(value: float) -> int:
     return math.floor(value * (1 + 1e-9))
 
 
-def _motor_torque_per_count(axis: AxisDrive) -> float:
-    if axis.current.basis is Basis.RATED_TORQUE:
+def motor_torque_per_count(axis: AxisDrive, basis: Basis) -> float | None:
+    """Return the motor's torque per count of the current object, were it in `basis` [N m].
+
+    None where the drives file states no torque constant, which currents need.
+    """
+    if basis is Basis.RATED_TORQUE:
         return axis.rated_torque / 1000
-    assert axis.torque_constant is not None  # noqa: S101 - the file's validator saw to it
-    ampere = 0.001 if axis.current.basis is Basis.MILLIAMPERE else axis.rated_current / 1000
+    if axis.torque_constant is None:
+        return None
+    ampere = 0.001 if basis is Basis.MILLIAMPERE else axis.rated_current / 1000
     return axis.torque_constant * ampere * _amplitude_factor(axis)
+
+
+def _motor_torque(axis: AxisDrive) -> float:
+    per_count = motor_torque_per_count(axis, axis.current.basis)
+    assert per_count is not None  # noqa: S101 - the file's validator saw to it
+    return per_count
 
 
 def _amplitude_factor(axis: AxisDrive) -> float:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from drivers.network import PumpedNetwork
     from drivers.pacing import PacingName
     from drivers.probing.dictionary import Dictionary
+    from drivers.probing.gravity_judgement import Gravity
     from drivers.probing.operator import Operator
     from drivers.probing.powered_check import SmallMoves
     from drivers.sdo import SdoServer
@@ -46,6 +47,7 @@ def check(
     moves: SmallMoves,
     operator: Operator,
     pacing: PacingName = "auto",
+    gravity: Gravity | None = None,
 ) -> Generator[Verdict, None, None]:
     """Check every axis of a drives file on a live bus.
 
@@ -61,6 +63,8 @@ def check(
         Who agrees to motion, can stop it, and is asked which way it went.
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.pacing.choose_pacing`.
+    gravity : callable, optional
+        Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
 
     Yields
     ------
@@ -82,7 +86,7 @@ def check(
         return
     if not operator.agrees(_intent(drives, moves)):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
-    yield from check_powered(bus, drives, moves, operator, pacing)
+    yield from check_powered(bus, drives, moves, operator, pacing, gravity)
     yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from drivers.sdo import Entry
 
 MAX_CURRENT = Entry(0x6073, 0, "u16", "max current")
+TORQUE = Entry(0x6077, 0, "i16", "torque actual value")
 HOME_OFFSET = Entry(0x607C, 0, "i32", "home offset")
 POLARITY = Entry(0x607E, 0, "u8", "polarity")
 HOMING_METHOD = Entry(0x6098, 0, "i8", "homing method")
