@@ -20,6 +20,7 @@ from drivers.probing.limits_check import check_limits
 from drivers.probing.live_dictionary import read_dictionary
 from drivers.probing.operator import StoppedByOperator
 from drivers.probing.powered_check import REST_TIME, check_powered, shown_way
+from drivers.probing.reactions_check import check_reactions
 from drivers.probing.scaling_check import check_scaling
 from drivers.probing.standing import StandingDrives
 from drivers.probing.verdict import Grade, Verdict, graded, refused
@@ -103,6 +104,7 @@ def _ask(network: PumpedNetwork, server: SdoServer, axis: AxisDrive) -> Iterator
         yield from _offer(read_dictionary(network, axis.node, SDO_TIMEOUT), server.label, axis)
         yield from check_scaling(server, axis)
         yield from check_limits(server, axis)
+        yield from check_reactions(server, axis)
     except DriveError as error:
         yield refused(server.label, "answers", error)
 
