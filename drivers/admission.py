@@ -9,12 +9,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.commissioning import commission
+from drivers.communication import find_collisions
 from drivers.drive_bus import AxisInfo, DriveError, DriveFault, DriveRefused, NodeSilent
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from drivers.communication import Communication
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.power import Power
     from drivers.sdo import SdoServer
@@ -26,6 +28,7 @@ def admit(
     period: float,
     power: Power,
     commissioned: list[SdoServer],
+    communications: Sequence[Communication],
     *,
     reset_faults: bool,
 ) -> tuple[AxisInfo, ...]:
@@ -43,6 +46,8 @@ def admit(
         Switches them off first.
     commissioned : list of SdoServer
         Extended by each drive as soon as something may have been written to it.
+    communications : sequence of Communication
+        By drive; what is found is put in.
     reset_faults : bool
         Reset drives that are found in a fault.
 
@@ -53,15 +58,16 @@ def admit(
     """
     problems: list[DriveError] = []
     infos = []
-    for server, axis in zip(servers, drives.axes, strict=True):
+    for server, axis, communication in zip(servers, drives.axes, communications, strict=True):
         try:
             server.enter_pre_operational()
             power.make_safe(server, reset_fault=reset_faults)
             commissioned.append(server)
-            identity = commission(server, axis, drives, period, power.wait)
+            identity = commission(server, axis, drives, period, power.wait, communication)
             infos.append(_described(axis, identity))
         except (DriveRefused, NodeSilent, DriveFault) as error:
             problems.append(error)
+    problems = problems or [*find_collisions(communications, drives.master_node)]
     if problems:
         raise _joined(problems)
     return tuple(infos)

@@ -4,19 +4,33 @@ Entering checks and configures every drive while it is off (`commissioning`), st
 process data, and only when every drive has passed powers all of them on together (`power`). Then
 time passes in `CanopenDriveBus.sample` alone: one SYNC, the TPDOs that it latched (`exchange`),
 set-point handshakes, heartbeats, statuswords and emergencies. There is no thread. Trouble stops all
-axes before it is raised, and leaving powers everything off, whatever happened.
+axes before it is raised and latches: nothing moves until `CanopenDriveBus.reset`. Leaving stops and
+switches everything off (`shutdown`), whatever happened, and releases the watchdogs of those drives
+that have shown that they are off.
 """
 
 from __future__ import annotations
 
 import logging
+import math
+from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from drivers import objects
 from drivers.admission import admit
 from drivers.cia402 import State
-from drivers.drive_bus import AxisInfo, DriveError, DriveFault, MoveFailed, NodeSilent
+from drivers.communication import Communication
+from drivers.drive_bus import (
+    AxisInfo,
+    DriveError,
+    DriveFault,
+    LimitExceeded,
+    MoveFailed,
+    NodeSilent,
+    Tripped,
+)
 from drivers.exchange import Exchange
 from drivers.frame_log import logged
 from drivers.gaps import Gaps
@@ -29,18 +43,19 @@ from drivers.network import PumpedNetwork
 from drivers.open_bus import open_can_bus
 from drivers.pacing import choose_pacing, sync_channel
 from drivers.path_check import check_path
-from drivers.pdo_mapping import transmitted
-from drivers.power import Power
+from drivers.pdo_mapping import answers
+from drivers.power import Power, release
 from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
+from drivers.shutdown import Shutdown
 from drivers.streams import Streams
 from drivers.supervision import Supervision
-from drivers.trips import Trips
+from drivers.trips import SPEED_SHARE, Trips
 from drivers.zero_current import offsets
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
@@ -50,15 +65,20 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move, Sample
     from drivers.drives_file import DrivesFile
     from drivers.pacing import PacingName
+    from drivers.pdo_mapping import Pdo
 
 log = logging.getLogger(__name__)
+
+UNSUPERVISED = 0.5
+"""Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
 
 class CanopenDriveBus:
     """CiA 402 drives as a `drivers.drive_bus.DriveBus`.
 
     On the wall clock the caller must come back to `sample` within the heartbeat timeout of the
-    drives file, or the drives take us for dead and stop.
+    drives file, or the drives take us for dead and stop; within half of it while axes move, or they
+    are stopped for want of supervision.
 
     Parameters
     ----------
@@ -74,6 +94,8 @@ class CanopenDriveBus:
         Reset drives that are found in a fault, instead of refusing them.
     owns_bus : bool
         Shut the bus down when leaving.
+    anywhere : bool
+        Power on also where an axis stands outside its limits, as before homing.
 
     Attributes
     ----------
@@ -91,6 +113,7 @@ class CanopenDriveBus:
         pacing: PacingName = "auto",
         reset_faults: bool = False,
         owns_bus: bool = False,
+        anywhere: bool = False,
     ) -> None:
         self.notes: tuple[str, ...] = ()
         self._bus = bus
@@ -99,9 +122,13 @@ class CanopenDriveBus:
         self._requested = pacing
         self._reset_faults = reset_faults
         self._owns_bus = owns_bus
+        self._anywhere = anywhere
         self._axes: tuple[AxisInfo, ...] = ()
+        self._trip: DriveError | None = None
+        self._words: tuple[int, ...] = ()
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
         self._readout = Readout(drives.axes)
+        self._channel = bus
 
     @property
     def period(self) -> float:
@@ -119,6 +146,11 @@ class CanopenDriveBus:
         return tuple(self._servers)
 
     @property
+    def transmitted(self) -> tuple[tuple[Pdo, ...], ...]:
+        """The TPDOs with which each drive answers SYNC; known once entered."""
+        return tuple(drive.transmitted for drive in self._communications)
+
+    @property
     def skipped_syncs(self) -> int:
         """SYNCs left out since the bus was entered, because we came too late for them."""
         return self._pacing.skipped
@@ -131,15 +163,15 @@ class CanopenDriveBus:
         DriveRefused, NodeSilent, DriveFault, BusUnavailable
             Why not; nothing is energised then.
         """
-        self._connect()
+        try:
+            self._connect()
+        except BaseException:
+            self._close()
+            raise
         try:
             self._admit()
             self._start()
-            self._power.walk(State.SWITCHED_ON, self._cycle)
-            self._note_offsets("before power-on")
-            self._power.walk(State.OPERATION_ENABLED, self._cycle)
-            self._pacing.skipped = 0
-            self._trips.arm(self._pacing.now(), self._exchange.positions)
+            self._power_on()
         except BaseException as error:
             self._leave(error)
             raise
@@ -163,52 +195,58 @@ class CanopenDriveBus:
 
     def move(self, moves: Mapping[int, Move]) -> None:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
+        self._refuse_after_trip()
         for axis, move in moves.items():
             check_move(move, self._drives.axes[axis], self._scales[axis], axis + 1)
-        if self._streams.cyclic:
-            self._change_mode(self._streams.leave)
-        for axis, move in moves.items():
-            moving = axis in self._motions.active
-            self._trips.expect(axis, self._exchange.positions[axis], move.target, moving=moving)
         try:
+            if self._streams.cyclic:
+                self._streams.leave()
+            for axis, move in moves.items():
+                moving = axis in self._motions.active
+                self._trips.expect(axis, self._exchange.positions[axis], move.target, moving=moving)
             self._motions.start(moves)
         except DriveError as error:
             self._fail(error)
 
     def stream(self, path: Sequence[Sequence[float]]) -> None:
         """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
+        self._refuse_after_trip()
         if self._motions.active or self._streams.moving:
             raise MoveFailed("a path can only begin where all axes rest; wait until reached")
         here = self._readout.sample(self._pacing.now(), self._exchange, reached=True).q
         points = np.asarray(path, dtype=float)
         check_path(points, self._drives.axes, here, self._period)
-        self._change_mode(lambda: self._streams.begin(points))
+        try:
+            self._streams.begin(points)
+        except DriveError as error:
+            self._fail(error)
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
-        exchange, motions = self._exchange, self._motions
-        time = exchange.sync()
-        if time >= self._heartbeats.due:
-            self._heartbeats.service()
-        words = exchange.words
-        if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
-            self._attend(words)
-        if exchange.irregular or self._gaps.open:
-            blind = self._gaps.look(exchange.flags)
-            if blind:
-                self._fail(blind)
-        if motions.active:
-            failed = motions.advance(time, words, exchange.positions, exchange.flags)
+        exchange, motions, streams = self._exchange, self._motions, self._streams
+        before = exchange.time
+        try:
+            time = exchange.sync()
+            if time >= self._heartbeats.due:
+                self._heartbeats.service()
+            words = exchange.words
+            if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
+                self._attend(words)
+            if exchange.irregular or self._gaps.open:
+                blind = self._gaps.look(exchange.flags)
+                if blind:
+                    self._fail(blind)
+            if time - before > self._unsupervised and (motions.active or streams.moving):
+                self._fail(self._unattended(time - before))
+            failed = (
+                (motions.active and motions.advance(time, exchange))
+                or self._trips.look(time, exchange)
+                or (streams.cyclic and streams.advance())
+            )
             if failed:
                 self._fail(failed)
-        tripped = self._trips.look(time, exchange)
-        if tripped:
-            self._fail(tripped)
-        streams = self._streams
-        if streams.cyclic:
-            failed = streams.advance()
-            if failed:
-                self._fail(failed)
+        except DriveError as error:
+            self._fail(error)
         return self._readout.sample(time, exchange, not (motions.active or streams.moving))
 
     def follow(self) -> Sample:
@@ -217,27 +255,65 @@ class CanopenDriveBus:
         Statuswords, emergencies and heartbeats are watched as in `sample`; where the axes go is
         not, since only the drive knows.
         """
-        time = self._exchange.sync()
-        self._heartbeats.service()
-        self._attend(self._exchange.words)
+        try:
+            time = self._exchange.sync()
+            self._heartbeats.service()
+            self._attend(self._exchange.words)
+        except DriveError as error:
+            self._fail(error)
         self._trips.arm(time, self._exchange.positions)
         return self._readout.sample(time, self._exchange, reached=False)
 
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+        self._refuse_after_trip()
         self._streams.abandon()
-        self._motions.halt()
+        try:
+            self._motions.halt()
+        except DriveError as error:
+            self._fail(error)
+
+    def reset(self) -> None:
+        """Power the axes on again after a trip (see `drivers.drive_bus.DriveBus`)."""
+        if self._trip is None:
+            return
+        with interrupts_held():
+            self._stop()
+            self._shutdown.switch_off()
+        left = [
+            s.label for s, off in zip(self._servers, self._shutdown.off, strict=True) if not off
+        ]
+        if left:
+            raise DriveFault(
+                f"{', '.join(left)}: not shown to be off, so nothing is powered on again; leave, "
+                "and check the drive"
+            )
+        self._shutdown.forget()
+        self._heartbeats.watch()
+        self._supervision.forget()
+        self._trip, self._words = None, ()
+        try:
+            for server in self._servers:
+                self._power.make_safe(server, reset_fault=True)
+            self._cycle()
+            self._power_on()
+        except DriveError as error:
+            self._fail(error)
 
     def _connect(self) -> None:
         drives = self._drives
-        answers = [pdo.cob_id for axis in drives.axes for pdo in transmitted(axis)]
-        self._channel = sync_channel(self._bus, self._requested, self._period, answers)
+        expected = [cob_id for axis in drives.axes for cob_id in answers(axis)]
+        self._channel = sync_channel(self._bus, self._requested, self._period, expected)
         self._pacing = choose_pacing(self._channel, self._requested, self._period)
         network = PumpedNetwork(self._channel, synchronous=self._pacing.synchronous)
         if isinstance(self._channel, KernelSync):
             self._channel.deliver = network.dispatch
         self._servers = [
             SdoServer(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
+        ]
+        self._communications = [
+            Communication.predefined(axis, server.label)
+            for axis, server in zip(drives.axes, self._servers, strict=True)
         ]
         self._supervision = Supervision(network, self._servers)
         self._exchange = Exchange(network, drives.axes, self._pacing)
@@ -251,13 +327,19 @@ class CanopenDriveBus:
             now,
         )
         network.idle = self._heartbeats.beat
-        bands = [
-            axis.position_window / abs(scale.position)
-            for axis, scale in zip(drives.axes, self._scales, strict=True)
-        ]
-        self._power = Power(
-            self._exchange, self._servers, self._supervision, self._heartbeats, now, bands
+        self._power = Power(self._exchange, self._servers, self._supervision, now)
+        self._shutdown = Shutdown(
+            self._exchange,
+            self._pacing,
+            self._heartbeats,
+            self._servers,
+            drives.axes,
+            self._period,
+            drives.heartbeat_timeout,
+            self._power.switch_off,
         )
+        self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * self._period)
+        self._trip = None
         self._commissioned: list[SdoServer] = []
         self._running = False
         self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
@@ -266,7 +348,7 @@ class CanopenDriveBus:
             self._exchange, self._servers, drives.axes, self._trips, self._period, self.follow
         )
         self._gaps = Gaps(network, self._servers, self._heartbeats)
-        self._words: tuple[int, ...] = ()
+        self._words = ()
 
     def _admit(self) -> None:
         self._axes = admit(
@@ -275,8 +357,11 @@ class CanopenDriveBus:
             self._period,
             self._power,
             self._commissioned,
+            self._communications,
             reset_faults=self._reset_faults,
         )
+        self._exchange.wire(self.transmitted)
+        self._supervision.listen([drive.emergency for drive in self._communications])
         self._note(note for server in self._servers for note in server.notes)
 
     def _start(self) -> None:
@@ -284,6 +369,7 @@ class CanopenDriveBus:
             server.enter_operational()
         self._running = True
         self._heartbeats.watch()
+        self._heartbeats.hurry()  # a drive watches from the first heartbeat on, not before
         self._supervision.forget()
         ends = self._pacing.now() + 1.0
         self._cycle()
@@ -306,7 +392,36 @@ class CanopenDriveBus:
         if self._heartbeats.trouble:
             raise self._heartbeats.trouble
 
+    def _power_on(self) -> None:
+        self._refuse_outside()
+        self._power.walk(State.SWITCHED_ON, self._cycle)
+        self._note_offsets("before power-on")
+        self._power.walk(State.OPERATION_ENABLED, self._cycle)
+        self._pacing.skipped = 0
+        self._trips.arm(self._pacing.now(), self._exchange.positions)
+
+    def _refuse_outside(self) -> None:
+        """Refuse axes that stand where they must never be, before any is energised."""
+        if self._anywhere:
+            return
+        outside = []
+        for axis, scale, counts in zip(
+            self._drives.axes, self._scales, self._exchange.positions, strict=True
+        ):
+            q, limits, slack = scale.position_from_counts(counts), axis.limits, axis.position_window
+            if not limits.q_min - slack <= q <= limits.q_max + slack:
+                unit = "rad" if axis.joint == "revolute" else "m"
+                outside.append(
+                    f"{axis.name} (node {axis.node}): stands at {q:.4g} {unit}, must be in "
+                    f"[{limits.q_min:g}, {limits.q_max:g}] {unit}; bring it back without power or "
+                    "with the maker's tool, or correct zero, sign or limits in the drives file"
+                )
+        if outside:
+            raise LimitExceeded("\n".join(outside))
+
     def _attend(self, words: tuple[int, ...]) -> None:
+        if self._trip is not None:
+            self._refuse_after_trip()
         self._words = words
         self._readout.note_limits(words)
         if self._heartbeats.trouble:
@@ -314,24 +429,62 @@ class CanopenDriveBus:
         lost = self._supervision.lost(words)
         if lost is not None:
             self._stop()  # first of all: the drive may have to be asked for the reason
-            raise self._supervision.diagnose(self._servers[lost], words[lost])
+            self._fail(self._supervision.diagnose(self._servers[lost], words[lost]))
         self._note(self._supervision.warnings())
 
-    def _change_mode(self, change: Callable[[], None]) -> None:
-        try:
-            change()
-        except DriveError as error:
-            self._fail(error)
+    def _refuse_after_trip(self) -> None:
+        if self._trip is not None:
+            raise Tripped(
+                f"all axes were stopped and stay so until a deliberate reset(): {self._trip}"
+            ) from self._trip
+
+    def _unattended(self, elapsed: float) -> Tripped:
+        return Tripped(
+            f"nobody supervised the axes in motion for {elapsed:.3g} s, at most "
+            f"{self._unsupervised:.3g} s may be (half the heartbeat timeout); come back to "
+            "sample() sooner, or free the computer of other work"
+        )
 
     def _fail(self, trouble: DriveError) -> NoReturn:
-        self._stop()
+        """Bring all axes to rest, remember why, and raise it."""
+        if self._trip is None:
+            self._stop()
+            self._trip = trouble
+            self._shutdown.await_rest()
         raise trouble
 
     def _stop(self) -> None:
+        """Command all axes to stop, once; from then on the shutdown sees to it."""
         self._words = ()
+        if self._shutdown.begun:
+            return
+        speeds, decelerations = self._speeds(), self._decelerations()
         self._motions.active.clear()
         self._streams.abandon()
-        self._power.stop()
+        self._shutdown.begin(speeds, decelerations)
+
+    def _speeds(self) -> list[float]:
+        """How fast each axis may be: as measured, or as commanded if that is faster."""
+        found = []
+        for number, (axis, scale, counts) in enumerate(
+            zip(self._drives.axes, self._scales, self._exchange.speeds(), strict=True)
+        ):
+            limit = axis.limits.velocity
+            commanded = limit if self._streams.moving else self._motions.velocity(number)
+            measured = limit if math.isinf(counts) else counts * abs(scale.position)
+            fastest = axis.trip.velocity or SPEED_SHARE * limit  # a jump of the encoder is none
+            found.append(max(commanded, min(measured, fastest)))
+        return found
+
+    def _decelerations(self) -> list[float]:
+        """How each axis slows down in a quick stop: by the drives file, or as commanded."""
+        found = []
+        for number, (axis, server) in enumerate(zip(self._drives.axes, self._servers, strict=True)):
+            ours = axis.limits.acceleration
+            if server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
+                ours = min(ours, self._motions.deceleration(number))  # it may take that of 6084
+            found.append(axis.quick_stop_deceleration or ours)
+        return found
 
     def _note(self, notes: Iterable[str]) -> None:
         new = tuple(notes)
@@ -344,25 +497,69 @@ class CanopenDriveBus:
 
     def _leave(self, error: BaseException | None) -> None:
         with interrupts_held():
-            problems = self._power.power_down(
-                self._commissioned,
-                running=self._running,
-                when_off=lambda: self._note_offsets("after power-off"),
-            )
+            problems, complete = self._switch_off()
             self._commissioned, self._running = [], False
-            if self._channel is not self._bus:
-                self._channel.shutdown()
-            if self._owns_bus:
-                self._bus.shutdown()
-            text = "powering off is incomplete, press the emergency stop: " + "; ".join(problems)
+            problems += self._close()
             if getattr(self._bus, "recorded", False):
                 problems = []
+            text = "powering off" + ("" if complete else " is incomplete, press the emergency stop")
+            text += ": " + "; ".join(problems)
             if problems:
                 log.error("%s", text)
                 if error is not None:
                     error.add_note(text)
         if problems and error is None:
             raise DriveFault(text)
+
+    def _switch_off(self) -> tuple[list[str], bool]:
+        """Stop and switch off all drives; release those that have shown that they are off.
+
+        Returns what went wrong, and whether all are off.
+        """
+        off = self._switch_off_running() if self._running else self._switch_off_standing()
+        for server in self._commissioned:
+            if server in off:
+                with suppress(Exception):  # one that cannot be told misses our heartbeat only
+                    release(server)
+        return self._shutdown.problems, set(self._commissioned) <= off
+
+    def _switch_off_running(self) -> set[SdoServer]:
+        shutdown = self._shutdown
+        self._stop()
+        shutdown.switch_off()
+        if all(shutdown.off):
+            with suppress(Exception):
+                self._note_offsets("after power-off")
+        self._note(shutdown.conclude())
+        return {s for s, off in zip(self._servers, shutdown.off, strict=True) if off}
+
+    def _switch_off_standing(self) -> set[SdoServer]:
+        """Switch off drives of which no process data come yet, and which were never energised."""
+        off = set()
+        for server in self._commissioned:
+            try:
+                self._power.switch_off(server)
+                off.add(server)
+            except Exception as error:
+                self._heartbeats.cease()
+                self._shutdown.problems.append(
+                    f"{server.label}: not shown to be off ({error}); its watchdog stays armed and "
+                    "our heartbeat has ceased"
+                )
+        return off
+
+    def _close(self) -> list[str]:
+        """Shut down what is ours of the bus; return what went wrong."""
+        problems = []
+        ours = [self._bus] if self._owns_bus else []
+        if self._channel is not self._bus:
+            ours.insert(0, self._channel)
+        for bus in ours:
+            try:
+                bus.shutdown()
+            except Exception as error:
+                problems.append(f"the bus cannot be shut down: {error}")
+        return problems
 
 
 def open_drive_bus(

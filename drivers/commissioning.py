@@ -13,16 +13,22 @@ from typing import TYPE_CHECKING
 
 from drivers import objects
 from drivers.cia402 import Mode
+from drivers.communication import EXTENDED, IDENTIFIER, LAST_SYNCHRONOUS, ON_REQUEST
 from drivers.drive_bus import DriveRefused
-from drivers.pdo_mapping import current_entry, set_up_pdos
+from drivers.frame_length import frame_bits
+from drivers.pdo_mapping import current_entry
+from drivers.pdo_set_up import OFF, set_up_pdos
+from drivers.readback import Readback
 from drivers.scaling import AxisScale
 from drivers.sdo import Aborted
 from drivers.statements import compare_statements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
+    from drivers.communication import Communication
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.pdo_set_up import OtherTpdo
     from drivers.sdo import SdoServer
 
 DRIVE_PROFILE = 402
@@ -31,6 +37,7 @@ SLOW_DOWN_RAMP = 1
 QUICK_STOP_REACTION = 3
 STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
 """Quick stop options that slow down, instead of letting the axis coast (0)."""
+PDO_BYTES = 8
 MODE_TIME = 3.0
 """A mode display may lag by seconds [s]."""
 
@@ -41,6 +48,7 @@ def commission(
     drives: DrivesFile,
     period: float,
     wait: Callable[[Callable[[], bool], float], bool],
+    communication: Communication,
 ) -> str:
     """Check and configure one drive that is off and pre-operational.
 
@@ -54,6 +62,8 @@ def commission(
         Time between two SYNCs [s].
     wait : callable
         ``wait(condition, timeout)`` lets time pass until the condition holds; tells whether it did.
+    communication : Communication
+        What the drive sends and listens to; what is found is put in.
 
     Returns
     -------
@@ -65,6 +75,7 @@ def commission(
     DriveRefused, NodeSilent
         Why the drive cannot serve.
     """
+    server.judge = Readback(axis, drives)
     identity = check_identity(server, axis)
     _take_profile_position(server, wait)
     compare_statements(server, axis)
@@ -72,7 +83,9 @@ def commission(
     _write_limits(server, axis)
     _write_reactions(server, drives)
     _set_up_sync(server, period)
-    set_up_pdos(server, axis)
+    communication.transmitted, communication.others = set_up_pdos(server, axis)
+    _note_others(server, communication.others, drives.bitrate, period)
+    communication.emergency = _find_emergency(server)
     _set_up_heartbeats(server, axis, drives)
     return identity
 
@@ -132,11 +145,7 @@ def _require_current(server: SdoServer, axis: AxisDrive) -> None:
 
 def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
     scale, limits = AxisScale.of(axis), axis.limits
-    ends = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
-    for entry, end in zip(
-        (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX), ends, strict=True
-    ):
-        server.set(entry, end)
+    _write_range(server, axis)
     speed = limits.velocity * axis.gear_ratio * 60 / (2 * math.pi)
     acceleration = scale.acceleration_to_counts(limits.acceleration)
     per_count = abs(scale.position)
@@ -175,6 +184,45 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
     server.set(objects.PROFILE_ACCELERATION, acceleration)
 
 
+def _write_range(server: SdoServer, axis: AxisDrive) -> None:
+    """Write the software limits; take fixed ones if they keep the axis from somewhere."""
+    scale, limits = AxisScale.of(axis), axis.limits
+    ends = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
+    entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
+    taken = [server.set_unless_fixed(entry, end) for entry, end in zip(entries, ends, strict=True)]
+    kept = [server.kept[entry] for entry in entries]
+    if all(taken) or kept == ends:
+        return
+    unit = "rad" if axis.joint == "revolute" else "m"
+    own = "[{:.5g}, {:.5g}]".format(*sorted(scale.position_from_counts(float(k)) for k in kept))
+    ours = f"[{limits.q_min:g}, {limits.q_max:g}] {unit}"
+    if kept[0] >= kept[1]:
+        raise DriveRefused(
+            f"{server.label}: software limits (607D) are fixed at {kept[0]} and {kept[1]}, which "
+            "switches them off: the drive itself would take any target; set them with the maker's "
+            "commissioning tool"
+        )
+    if kept[1] <= ends[0] or kept[0] >= ends[1]:
+        raise DriveRefused(
+            f"{server.label}: software limits (607D) are fixed at {own} {unit}, outside those of "
+            f"the drives file, {ours}; correct zero, sign, gear_ratio or the limits"
+        )
+    server.notes.append(
+        f"{server.label}: software limits (607D) are fixed at {own} {unit}, those of the drives "
+        f"file are {ours}: {_range_consequence(kept, ends)}"
+    )
+
+
+def _range_consequence(kept: Sequence[int], ends: Sequence[int]) -> str:
+    wider, narrower = "the driver alone keeps the axis's range", "it takes no target beyond its own"
+    found = []
+    if kept[0] < ends[0] - 1 or kept[1] > ends[1] + 1:
+        found.append(wider)
+    if kept[0] > ends[0] or kept[1] < ends[1]:
+        found.append(narrower)
+    return " and ".join(found) or "they agree to an increment"
+
+
 _UNWATCHED = "the drive's own following error supervision is used"
 _OWN_WINDOW = "the drive's own window decides on target reached"
 _ANY = range(1 << 32)
@@ -206,6 +254,37 @@ def _set_up_sync(server: SdoServer, period: float) -> None:
     server.set_if_present(
         objects.CYCLE_PERIOD, round(1e6 * period), "it does not know the period of SYNC"
     )
+
+
+def _note_others(
+    server: SdoServer, others: Sequence[OtherTpdo], bitrate: int, period: float
+) -> None:
+    for other in others:
+        kind = other.transmission
+        if kind is not None and 0 < kind <= LAST_SYNCHRONOUS:
+            load = frame_bits(PDO_BYTES) / kind / bitrate / period
+            when = f"at every {kind}. SYNC" if kind > 1 else "at every SYNC"
+            cost = f", which takes up to {load:.1%} of the bus"
+        else:
+            when, cost = "on request" if kind in ON_REQUEST else "on event", ""
+        server.notes.append(
+            f"{server.label}: {other.name} cannot be switched off: it goes on to be sent under "
+            f"{other.cob_id & IDENTIFIER:03X}h {when}{cost}; nobody reads it"
+        )
+
+
+def _find_emergency(server: SdoServer) -> int | None:
+    """Return under which identifier emergencies come, None where the drive sends none."""
+    present = server.find(objects.EMERGENCY_COB_ID)
+    if present is None:
+        return 0x80 + server.node
+    if present & (OFF | EXTENDED):
+        server.notes.append(
+            f"{server.label}: {objects.EMERGENCY_COB_ID} is {present:08X}h: no emergencies come, "
+            "so warnings stay unseen and the cause of a fault is read from the drive"
+        )
+        return None
+    return present & IDENTIFIER
 
 
 def _set_up_heartbeats(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> None:

@@ -15,7 +15,10 @@ What can go wrong is a `DriveError`::
      +-- LimitExceeded       a set-point outside the axis's limits: nothing was commanded
      +-- DriveFault          a drive reports a fault (EMCY, statusword)
      +-- MoveFailed          a set-point not acknowledged or not reached in time
-     +-- Tripped             an axis too far off, too fast or too strong: we stopped all
+     +-- Tripped             an axis too far off, too fast or too strong, or left without
+                             supervision: we stopped all
+
+Whatever stops the axes in the middle of operation latches: until `DriveBus.reset` nothing moves.
 """
 
 from __future__ import annotations
@@ -74,6 +77,8 @@ class SampleFlag(enum.IntFlag):
     alone soon after a missing one and may be that."""
     LIMIT = 8
     """The drive reports an internal limit (statusword bit 11): its torque saturates."""
+    SKIPPED = 16
+    """SYNCs right before this one were passed over: they had waited too long to be judged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +178,8 @@ class DriveBus(Protocol):
         ------
         LimitExceeded
             A target, velocity or acceleration outside the limits.
+        Tripped
+            The axes have been stopped for a reason that nobody has reset.
         """
 
     def sample(self) -> Sample:
@@ -180,12 +187,21 @@ class DriveBus(Protocol):
 
         Raises
         ------
-        NodeSilent, DriveFault, MoveFailed, Tripped
-            After the axes have been commanded to stop.
+        NodeSilent, DriveFault, MoveFailed, Tripped, BusUnavailable
+            After the axes have been stopped, or given up to their watchdogs.
         """
 
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+
+    def reset(self) -> None:
+        """Power the axes on again after something has stopped them; a decision of the caller's.
+
+        Raises
+        ------
+        DriveFault, DriveRefused, NodeSilent, BusUnavailable
+            The axes cannot be powered on; they are stopped and switched off.
+        """
 
 
 @runtime_checkable

@@ -170,6 +170,11 @@ class AxisDrive(FileModel):
         How its reference is found, for drives that do it themselves.
     trip : Trip
         When the driver stops all axes by itself.
+    quick_stop_deceleration : float, optional
+        How a quick stop slows the axis down [rad/s^2 or m/s^2], for a drive whose own ramp cannot
+        be set (no 6085) and is another than `limits.acceleration`.
+    brake_delay : float
+        How long after standstill the voltage is left on, so that a brake can close [s].
     allow_no_heartbeat : str, optional
         What else stops the axis when our process dies, for a drive that cannot watch our heartbeat
         (no 1016); without this reason such a drive is refused.
@@ -198,6 +203,8 @@ class AxisDrive(FileModel):
     position_window_time: Annotated[float, Field(gt=0, le=65.535)]
     homing: Homing | None = None
     trip: Trip = Trip()
+    quick_stop_deceleration: Positive | None = None
+    brake_delay: Annotated[float, Field(ge=0, le=10)] = 0.0
     allow_no_heartbeat: Annotated[str, Field(min_length=10)] | None = None
 
     @model_validator(mode="after")

@@ -1,7 +1,9 @@
 """The hot path: one SYNC out, the TPDOs of all drives in.
 
 Every frame that answers a SYNC has a slot; the slots of one axis stand side by side, so that one
-precompiled struct unpacks the frames of all axes, joined, at once. A bus that hands over waiting
+precompiled struct unpacks the frames of all axes, joined, at once. Where a drive's TPDO is fixed in
+another order, or carries more than we need, the values are picked by one `itemgetter` made for
+that. A bus that hands over waiting
 frames as one block (`frame_block`) saves even the frame objects. What is irregular leaves this
 path: a TPDO that is missing, doubled or late is flagged and never replaced by a guess. After a
 missing TPDO the axis owes one: if two come for the next SYNC, the first is the late one and is
@@ -11,22 +13,28 @@ flagged, for some SYNCs, unless all answers are known to be in.
 
 from __future__ import annotations
 
+import math
 import struct
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import can
 
-from drivers.drive_bus import BusUnavailable, SampleFlag
-from drivers.frame_block import FrameBlock, block_source, messages
-from drivers.pdo_mapping import received, transmitted
+from drivers.drive_bus import DriveError, SampleFlag
+from drivers.frame_block import FrameBlock, block_source, count_values, messages
+from drivers.network import SEND_ATTEMPTS
+from drivers.objects import POSITION, STATUSWORD
+from drivers.pdo_mapping import current_entry, received, transmitted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from drivers.drives_file import AxisDrive
     from drivers.frame_block import BlockSource
     from drivers.network import PumpedNetwork
     from drivers.pacing import Pacing
+    from drivers.pdo_mapping import Pdo
+    from drivers.sdo import Entry
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
@@ -37,6 +45,7 @@ DOUBT = 5
 
 _COMMAND = struct.Struct("<iH")
 _CODES = {"u16": "H", "i16": "h", "i32": "i"}
+"""Types of what is read; bytes of other types are skipped."""
 _NOTHING: Iterator[can.Message] = iter(())
 Data = bytes | bytearray
 
@@ -59,38 +68,62 @@ class Exchange:
         Statusword, position [increments] and current [the drive's unit]; where a TPDO is missing,
         those of the SYNC before.
     flags : tuple of int, length n_axes
-        MISSING, DOUBLED and LATE of each axis.
+        MISSING, DOUBLED, LATE and SKIPPED of each axis.
     irregular : bool
         Some flag is set.
+    time : float
+        The last SYNC's instant [s].
     """
 
     def __init__(self, network: PumpedNetwork, axes: Sequence[AxisDrive], pacing: Pacing) -> None:
-        pdos = [(axis, pdo) for axis, drive in enumerate(axes) for pdo in transmitted(drive)]
-        layouts = ["".join(_CODES[entry.type] for entry in pdo.entries) for _, pdo in pdos]
         self._network = network
         self._pacing = pacing
         self._synchronous = pacing.synchronous
         self._receive = network.channel.recv
         self._blocks = block_source(network.channel)
-        self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts)
+        self._commands = [received(drive).cob_id for drive in axes]
+        self._wanted = [(STATUSWORD, POSITION, current_entry(drive)) for drive in axes]
+        self._slots: dict[int, int] = {}
+        self._regular = (0,) * len(axes)
+        self.flags: tuple[int, ...] = self._regular
+        self.irregular = False
+        self.time = 0.0
+        self._before: tuple[float, tuple[int, ...]] = (-math.inf, self._regular)
+        self.words: tuple[int, ...] = self._regular
+        self.positions: tuple[int, ...] = self._regular
+        self.currents: tuple[int, ...] = self._regular
+        self.wire([transmitted(drive) for drive in axes])
+
+    def wire(self, sent: Sequence[Sequence[Pdo]]) -> None:
+        """Expect these TPDOs of each axis from the next SYNC on, as their drives are set up."""
+        for cob_id in self._slots:
+            self._network.unsubscribe(cob_id, self._on_late)
+        pdos = [(axis, pdo) for axis, own in enumerate(sent) for pdo in own]
+        layouts = ["".join(map(_code, pdo.entries)) for _, pdo in pdos]
         self._slots = {pdo.cob_id: slot for slot, (_, pdo) in enumerate(pdos)}
         self._sizes = [pdo.size for _, pdo in pdos]
         self._axis_of = [axis for axis, _ in pdos]
-        self._commands = [received(drive).cob_id for drive in axes]
-        self._unpack = struct.Struct("<" + "".join(layouts)).unpack
+        order = self._order(pdos)
+        self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
+        self._unpack = _unpacking("<" + "".join(layouts), order)
         self._last: Sequence[Data] | bytes = [bytes(size) for size in self._sizes]
         self._unread: Iterator[can.Message] = _NOTHING
         self._owed: dict[int, int] = {}
         self._doubt: dict[int, int] = {}
         self._found: dict[int, int] = {}
-        self._regular = (0,) * len(axes)
-        self.flags: tuple[int, ...] = self._regular
-        self.irregular = False
-        self.words: tuple[int, ...] = self._regular
-        self.positions: tuple[int, ...] = self._regular
-        self.currents: tuple[int, ...] = self._regular
         for cob_id in self._slots:
-            network.subscribe(cob_id, self._on_late)
+            self._network.subscribe(cob_id, self._on_late)
+
+    def _order(self, pdos: Sequence[tuple[int, Pdo]]) -> list[int]:
+        """Where statusword, position and current of each axis stand among all values."""
+        values = [
+            (axis, entry) for axis, pdo in pdos for entry in pdo.entries if entry.type in _CODES
+        ]
+        return [
+            values.index((axis, entry))
+            for axis, wanted in enumerate(self._wanted)
+            for entry in wanted
+        ]
 
     def command(self, axis: int, target: int, controlword: int) -> None:
         """Send target position [increments] and controlword to one axis."""
@@ -107,15 +140,53 @@ class Exchange:
         pacing = self._pacing
         if not self._synchronous:
             self._network.pump(pacing.due())
-        self._network.send_frame(SYNC)
+        try:
+            self._network.channel.send(SYNC)
+        except Exception as error:
+            self._send_again(error)
         instant = pacing.sent()
-        values = self._take_block(self._blocks) if self._blocks else None
-        if values is None:
-            values = self._unpack(b"".join(self._collected(pacing)))
+        try:
+            values = self._take_block(self._blocks) if self._blocks else None
+            if values is None:
+                values = self._unpack(b"".join(self._collected(pacing)))
+        except Exception as error:
+            raise self._network.unavailable("cannot receive", error) from error
+        self._before, self.time = (self.time, self.positions), instant
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
-        if self._found or self.irregular:
-            self._publish()
+        if self._found or self.irregular or pacing.passed_over:
+            self._publish(passed_over=bool(pacing.passed_over))
         return instant
+
+    def _send_again(self, error: Exception) -> None:
+        """Send a SYNC that the bus did not take; in lock-step a period passes with each attempt."""
+        if not self._synchronous:
+            return self._network.send_again(SYNC, error)
+        for _ in range(1, self._network.attempts):
+            if isinstance(error, DriveError):
+                raise error
+            self._pacing.miss()
+            try:
+                return self._network.channel.send(SYNC)
+            except Exception as again:
+                error = again
+        raise self._network.unavailable("SYNC cannot be sent", error)
+
+    def speeds(self) -> list[float]:
+        """Return how fast each axis went between the last two SYNCs [increments/s].
+
+        An axis whose TPDO is missing has the speed ``inf``: nobody knows it.
+        """
+        then, positions = self._before
+        elapsed = self.time - then
+        return [
+            math.inf if flag & SampleFlag.MISSING else abs(here - there) / elapsed
+            for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
+        ]
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        self._network.attempts = 1 if hurried else SEND_ATTEMPTS
+        self._pacing.hurry(hurried)
 
     def tick(self) -> None:
         """Let one period pass while the drives send no TPDOs yet."""
@@ -141,10 +212,7 @@ class Exchange:
 
     def _collected(self, pacing: Pacing) -> list[Data]:
         """Return what each frame brought, or brought last."""
-        try:
-            frames, missing = self._collect(pacing)
-        except can.CanError as error:
-            raise BusUnavailable(f"cannot receive: {error}; check that the bus is up") from error
+        frames, missing = self._collect(pacing)
         if missing or self._owed:
             self._fill(frames)
         self._last = frames
@@ -224,7 +292,21 @@ class Exchange:
         axis = self._axis_of[slot]
         self._found[axis] = self._found.get(axis, 0) | flag.value
 
-    def _publish(self) -> None:
+    def _publish(self, *, passed_over: bool) -> None:
         found, self._found = self._found, {}
-        self.irregular = bool(found)
-        self.flags = tuple(found.get(axis, 0) for axis in range(len(self._regular)))
+        all_axes = SampleFlag.SKIPPED.value if passed_over else 0
+        self.irregular = bool(found) or passed_over
+        self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))
+
+
+def _code(entry: Entry) -> str:
+    return _CODES.get(entry.type, "x" * entry.size)
+
+
+def _unpacking(layout: str, order: list[int]) -> Callable[[bytes], tuple[int, ...]]:
+    """Return what unpacks a layout and returns its values in an order."""
+    unpack = struct.Struct(layout).unpack
+    if order == list(range(count_values(layout))):
+        return unpack
+    pick = itemgetter(*order)
+    return lambda data: pick(unpack(data))

@@ -42,6 +42,11 @@ def messages(block: bytes) -> Iterator[can.Message]:
         yield can.Message(arbitration_id=identifier, is_extended_id=False, data=data[:size])
 
 
+def count_values(layout: str) -> int:
+    """Return how many values a layout without repeat counts has, but for those of padding."""
+    return sum(code.isalpha() and code != "x" for code in layout)
+
+
 class FrameBlock:
     """The block in which every expected frame comes once, in the order of identifiers.
 
@@ -50,10 +55,18 @@ class FrameBlock:
     identifiers : sequence of int
         Of the expected frames.
     layouts : sequence of str
-        struct codes of each frame's data.
+        struct codes of each frame's data; bytes that are of no interest are padding (x).
+    order : sequence of int, optional
+        Which values of the frames, counted through all of them, are returned in which order; by
+        default all as they come.
     """
 
-    def __init__(self, identifiers: Sequence[int], layouts: Sequence[str]) -> None:
+    def __init__(
+        self,
+        identifiers: Sequence[int],
+        layouts: Sequence[str],
+        order: Sequence[int] | None = None,
+    ) -> None:
         ranks = sorted(range(len(identifiers)), key=identifiers.__getitem__)
         sizes = [struct.calcsize("<" + layout) for layout in layouts]
         self._struct = struct.Struct(
@@ -62,12 +75,11 @@ class FrameBlock:
         first, places = 0, {}
         for k in ranks:
             places[k] = first
-            first += 2 + len(layouts[k])
+            first += 2 + count_values(layouts[k])
         slots = range(len(identifiers))
         self._heads = itemgetter(*(place for k in slots for place in (places[k], places[k] + 1)))
-        self._values = itemgetter(
-            *(places[k] + 2 + n for k in slots for n in range(len(layouts[k])))
-        )
+        values = [places[k] + 2 + n for k in slots for n in range(count_values(layouts[k]))]
+        self._values = itemgetter(*(values if order is None else [values[n] for n in order]))
         self._expected = tuple(
             part for pair in zip(identifiers, sizes, strict=True) for part in pair
         )

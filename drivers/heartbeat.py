@@ -51,6 +51,8 @@ class Heartbeats:
         When `service` must be called next [s].
     trouble : NodeSilent or None
         Why a drive is no longer with us.
+    ceased : bool
+        Ours is sent no more.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class Heartbeats:
         now: Callable[[], float],
     ) -> None:
         self.due = -math.inf
+        self.ceased = False
         self._next_beat = -math.inf
         self.trouble: NodeSilent | None = None
         self._network = network
@@ -90,13 +93,18 @@ class Heartbeats:
 
     def beat(self) -> None:
         """Send our heartbeat if it is due."""
-        if self._now() >= self._next_beat:
+        if self._now() >= self._next_beat and not self.ceased:
             self.hurry()
 
     def hurry(self) -> None:
-        """Send our heartbeat, due or not."""
-        self._next_beat = self._now() + self._period
-        self._network.send_frame(self._frame)
+        """Send our heartbeat, due or not, unless it has ceased."""
+        if not self.ceased:
+            self._next_beat = self._now() + self._period
+            self._network.send_frame(self._frame)
+
+    def cease(self) -> None:
+        """Send no heartbeat any more, so that drives which watch it stop by themselves."""
+        self.ceased = True
 
     def service(self) -> None:
         """Send our heartbeat if it is due, and look who is overdue."""

@@ -1,4 +1,4 @@
-"""Holding Ctrl-C back while something must be finished, such as powering off a robot."""
+"""Holding back what ends a program while something must be finished, as powering off a robot."""
 
 from __future__ import annotations
 
@@ -11,27 +11,34 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import FrameType
 
+HELD = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""SIGHUP is not everywhere."""
+
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Postpone SIGINT to the end of the block, then raise `KeyboardInterrupt` if there was one.
+    """Postpone SIGINT, SIGTERM and SIGHUP to the end of the block; they are delivered then.
 
-    Outside the main thread, where Python delivers no signals, the block simply runs.
+    Outside the main thread, where Python delivers no signals, the block simply runs. A signal that
+    is ignored stays so, as SIGHUP under nohup.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    pressed = False
+    arrived: list[int] = []
 
     def remember(number: int, frame: FrameType | None) -> None:
-        nonlocal pressed
-        del number, frame
-        pressed = True
+        del frame
+        arrived.append(number)
 
-    previous = signal.signal(signal.SIGINT, remember)
+    held = [number for number in HELD if signal.getsignal(number) not in {signal.SIG_IGN, None}]
+    previous = {number: signal.signal(number, remember) for number in held}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, previous)
-    if pressed:
-        raise KeyboardInterrupt
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    for number in dict.fromkeys(arrived):
+        signal.raise_signal(number)

@@ -28,6 +28,9 @@ SYNC_ID = 0x80
 SILENCE = 0.5
 """How long the kernel's SYNC may stay away, beyond three periods, before the bus is down [s]."""
 
+STALE = 2
+"""Periods after which a SYNC that waits for us is passed over for the newest."""
+
 AT_ONCE = 50e-6
 """Two readings of clocks that lie closer together were not interrupted [s]."""
 
@@ -60,7 +63,11 @@ class KernelSync(can.BusABC):
     instant : float
         When the last SYNC went out, by `clock` [s].
     skipped : int
-        SYNCs that the kernel left out, or that were lost on their way to us.
+        SYNCs that the kernel left out, that were lost on their way to us, or passed over.
+    passed_over : int
+        SYNCs right before the last one that had waited for us for too long.
+    silence : float or None
+        How long a SYNC may stay away [s]; None for three periods and `SILENCE`.
     """
 
     def __init__(
@@ -75,7 +82,8 @@ class KernelSync(can.BusABC):
     ) -> None:
         self.deliver: Callable[[can.Message], None] = _ignore
         self.instant = clock()
-        self.skipped = 0
+        self.skipped = self.passed_over = 0
+        self.silence: float | None = None
         self.channel_info = inner.channel_info
         self._inner = inner
         self._period = period
@@ -112,6 +120,12 @@ class KernelSync(can.BusABC):
         elif self._clock() - self._returned > self._pause:
             self._forget()
         self._take(self._await_sync())
+        self.passed_over = 0
+        if self._stale:
+            self._catch_up()
+            if self._stale:  # the kernel's queue was full, and what came since is lost
+                self._pass_over()
+                self._take(self._await_sync())
         self._returned = self._clock()
         return None
 
@@ -136,14 +150,39 @@ class KernelSync(can.BusABC):
             with suppress(OSError, can.CanError):
                 self._task.stop()
 
+    @property
+    def _stale(self) -> bool:
+        return self._clock() - self.instant > STALE * self._period
+
+    def _catch_up(self) -> None:
+        """Pass over what has waited too long: who supervises axes looks at the newest SYNC."""
+        arrived, self._waiting = list(self._waiting), deque()
+        while (frame := self._inner.recv(0.0)) is not None:
+            arrived.append(frame)
+        newest = max((n for n, frame in enumerate(arrived) if self._is_ours(frame)), default=-1)
+        for number, frame in enumerate(arrived):
+            if self._is_ours(frame):
+                self.passed_over += number < newest
+                if number == newest:
+                    self._pass_over()
+                    self._take(frame)
+            elif number > newest or frame.arbitration_id not in self._answers:
+                self._waiting.append(frame)
+
+    def _pass_over(self) -> None:
+        """Count the SYNC that was taken already."""
+        self.passed_over += 1
+        self.skipped += 1
+
     def _await_sync(self) -> can.Message:
-        ends = self._clock() + 3 * self._period + SILENCE
+        patience = 3 * self._period + SILENCE if self.silence is None else self.silence
+        ends = self._clock() + patience
         while not self.overdue:
             left = ends - self._clock()
             if left <= 0:
                 raise BusUnavailable(
                     f"{self.channel_info}: no SYNC came back from the kernel for"
-                    f" {3 * self._period + SILENCE:.2g} s; check cable and termination, and that"
+                    f" {patience:.2g} s; check cable and termination, and that"
                     " the interface is up (ip -details link)"
                 )
             frame = self.recv(left)

@@ -92,24 +92,30 @@ class Motions:
         """Bring all axes to rest with the deceleration of their last profile."""
         for axis, drive in enumerate(self._axes):
             self._exchange.command(axis, self._position(axis), HALTED)
-            deceleration = self._profiles[axis][1] or drive.limits.acceleration
-            duration = drive.limits.velocity / deceleration
+            duration = drive.limits.velocity / self.deceleration(axis)
             command = Stopping(self._standstill(axis))
             self.active[axis] = _Motion(command, self._deadline(duration), duration)
 
-    def advance(
-        self, time: float, words: Sequence[int], positions: Sequence[int], flags: Sequence[int]
-    ) -> MoveFailed | None:
-        """Take one sample's statuswords and positions; return what failed, if anything.
+    def velocity(self, axis: int) -> float:
+        """Return how fast the move of an axis may be [rad/s or m/s], 0 where it has none."""
+        return self._profiles[axis][0] if axis in self.active else 0.0
 
-        Axes whose TPDO is missing (`flags`) wait for the next sample.
+    def deceleration(self, axis: int) -> float:
+        """Return the deceleration of an axis's last profile [rad/s^2 or m/s^2]."""
+        return self._profiles[axis][1] or self._axes[axis].limits.acceleration
+
+    def advance(self, time: float, exchange: Exchange) -> MoveFailed | None:
+        """Take what the SYNC at `time` [s] brought; return what failed, if anything.
+
+        Axes whose TPDO is missing wait for the next.
         """
         for axis, motion in tuple(self.active.items()):
-            if flags[axis] & _MISSING:
+            if exchange.flags[axis] & _MISSING:
                 continue
-            self._step(axis, motion, words[axis], positions[axis])
+            position = exchange.positions[axis]
+            self._step(axis, motion, exchange.words[axis], position)
             if time > motion.deadline and axis in self.active:
-                return self._failure(axis, motion, positions[axis])
+                return self._failure(axis, motion, position)
         return None
 
     def _write_profile(self, axis: int, move: Move) -> None:

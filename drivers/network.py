@@ -16,7 +16,7 @@ from canopen import Network, ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from drivers.drive_bus import BusUnavailable
+from drivers.drive_bus import BusUnavailable, DriveError
 from drivers.pacing import clock_of
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ BABBLE = 0.25
 
 _ABORTED = 0x80
 _SDO_SIZE = 8
+_SIZE_INDICATION = 0xE3
+_SIZE_LEFT_OPEN = 0x42
+"""Bits of an answer that make it an expedited upload (command 2, e = 1) without size (s = 0)."""
 _INITIATING = frozenset({1, 2})
 """Command specifiers of requests whose answer repeats index and sub-index."""
 
@@ -46,12 +49,18 @@ class PumpedNetwork(Network):
         An open bus.
     synchronous : bool
         All answers are queued before the bus's ``send`` returns: an empty queue ends any wait.
+
+    Attributes
+    ----------
+    attempts : int
+        How often a frame is sent that the bus does not take at once.
     """
 
     def __init__(self, bus: can.BusABC, *, synchronous: bool) -> None:
         super().__init__(bus)
         self.channel = bus
         self.synchronous = synchronous
+        self.attempts = SEND_ATTEMPTS
         self._clock = clock_of(bus)
         self.idle: Callable[[], None] = _nothing
         """Called before every reception while waiting, to keep our heartbeat going."""
@@ -74,21 +83,31 @@ class PumpedNetwork(Network):
         """Send a prepared frame (see `send_message`)."""
         try:
             self.channel.send(frame)
-        except can.CanError:
-            self._send_again(frame)
+        except Exception as error:
+            self.send_again(frame, error)
 
-    def _send_again(self, frame: can.Message) -> None:
-        for attempt in range(2, SEND_ATTEMPTS + 1):
+    def send_again(self, frame: can.Message, error: Exception) -> None:
+        """Send a frame that the bus did not take, for `error` (see `send_message`)."""
+        for _ in range(1, self.attempts):
+            if isinstance(error, DriveError):
+                raise error
             time.sleep(SEND_BACK_OFF)
             try:
                 return self.channel.send(frame)
-            except can.CanError as error:
-                if attempt == SEND_ATTEMPTS:
-                    raise BusUnavailable(
-                        f"{self.channel.channel_info}: frame {frame.arbitration_id:03X} cannot be "
-                        f"sent: {error}; check cable, termination and that the interface is up"
-                    ) from error
-        return None
+            except Exception as again:
+                error = again
+        raise self.unavailable(f"frame {frame.arbitration_id:03X} cannot be sent", error)
+
+    def unavailable(self, what: str, error: Exception) -> DriveError:
+        """Return an error of the bus as one of ours, whatever its back end raised."""
+        if isinstance(error, DriveError):
+            return error
+        unavailable = BusUnavailable(
+            f"{self.channel.channel_info}: {what}: {error or type(error).__name__}; check cable, "
+            "termination and that the interface is up"
+        )
+        unavailable.__cause__ = error
+        return unavailable
 
     def receive(self, timeout: float) -> can.Message | None:
         """Receive one frame or None [timeout in s].
@@ -100,10 +119,8 @@ class PumpedNetwork(Network):
         """
         try:
             return self.channel.recv(timeout)
-        except can.CanError as error:
-            raise BusUnavailable(
-                f"{self.channel.channel_info}: cannot receive: {error}; check that it is up"
-            ) from error
+        except Exception as error:
+            raise self.unavailable("cannot receive", error) from error
 
     def dispatch(self, frame: can.Message) -> None:
         """Hand one received frame to its subscribers."""
@@ -158,6 +175,7 @@ class PumpedSdoClient(SdoClient):
         self._timeout = timeout
         self._answers: list[bytes] = []
         self._object: bytes | None = None
+        self._size_left_open = False
         network.subscribe(self.tx_cobid, self.on_response)
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
@@ -165,6 +183,15 @@ class PumpedSdoClient(SdoClient):
         del can_id, timestamp
         if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
             self._answers.append(bytes(data))
+
+    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
+        """Read an object whose length is `size` [bytes].
+
+        A server may leave it open how many of the four bytes of an expedited answer count (CiA
+        301: size indicator 0); then those of the object do. Any other length is returned as it is.
+        """
+        data: bytes = self.upload(index, subindex)
+        return data[:size] if self._size_left_open else data
 
     def request_response(self, sdo_request: bytes) -> bytes:
         """Send a request and wait for its answer; answers to earlier requests are dropped."""
@@ -188,6 +215,7 @@ class PumpedSdoClient(SdoClient):
         answer = self._answers.pop(0)
         if answer[0] == _ABORTED:
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
+        self._size_left_open = answer[0] & _SIZE_INDICATION == _SIZE_LEFT_OPEN
         return answer
 
 

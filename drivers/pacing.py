@@ -27,6 +27,9 @@ PacingName = Literal["auto", "lock-step", "wall-clock"]
 PATIENCE = 1.0
 """How long answers may take in lock-step with a plant in another thread or process [s]."""
 
+HURRIED_PATIENCE = 0.05
+"""The same while axes are being stopped [s]."""
+
 PAUSE = 0.25
 """A caller who stays away longer than this made a pause, rather than missing deadlines [s]."""
 
@@ -46,6 +49,10 @@ class Pacing(Protocol):
     synchronous: bool
     """Every answer is in the receive queue before `send` returns."""
 
+    @property
+    def passed_over(self) -> int:
+        """SYNCs right before the last one that nobody looked at, for they had waited too long."""
+
     def now(self) -> float:
         """Time since the first deadline [s]."""
 
@@ -57,6 +64,12 @@ class Pacing(Protocol):
 
     def window(self) -> float:
         """How long answers to the last SYNC may still take [s], at least 0."""
+
+    def miss(self) -> None:
+        """Let a period pass in which the bus took no SYNC."""
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for a bus that does not answer only as long as a stop of all axes can afford."""
 
 
 class LockStep:
@@ -75,11 +88,12 @@ class LockStep:
     def __init__(
         self, period: float, *, synchronous: bool, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        self.skipped = 0
+        self.skipped = self.passed_over = 0
         self.synchronous = synchronous
         self._period = period
         self._count = 0
         self._clock = clock
+        self._patience = PATIENCE
         self._patience_ends = -math.inf
 
     def now(self) -> float:
@@ -94,12 +108,22 @@ class LockStep:
         """Let one period pass; return the SYNC's instant [s]."""
         self._count += 1
         if not self.synchronous:
-            self._patience_ends = self._clock() + PATIENCE
+            self._patience_ends = self._clock() + self._patience
         return self._count * self._period
 
     def window(self) -> float:
         """How long answers may still take [s]."""
         return 0.0 if self.synchronous else max(0.0, self._patience_ends - self._clock())
+
+    def miss(self) -> None:
+        """Let a period pass, in real time too: what keeps SYNC from passing may not go by ours."""
+        self._count += 1
+        self.skipped += 1
+        time.sleep(self._period)
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait less long for answers of a plant in another process."""
+        self._patience = HURRIED_PATIENCE if hurried else PATIENCE
 
 
 class WallClock:
@@ -114,7 +138,7 @@ class WallClock:
     """
 
     def __init__(self, period: float, *, clock: Callable[[], float] = time.perf_counter) -> None:
-        self.skipped = 0
+        self.skipped = self.passed_over = 0
         self.synchronous = False
         self._period = period
         self._clock = clock
@@ -150,6 +174,14 @@ class WallClock:
         """How long answers may still take [s]."""
         return max(0.0, self._window_ends - self._clock())
 
+    def miss(self) -> None:
+        """Wait for the deadline, and leave it behind."""
+        time.sleep(self.due())
+        self._deadline += self._period
+
+    def hurry(self, hurried: bool) -> None:
+        """Do nothing: deadlines wait for nobody."""
+
 
 class KernelClock:
     """The kernel's deadlines: SYNC comes by itself, and its instant with it.
@@ -182,6 +214,11 @@ class KernelClock:
     def skipped(self, number: int) -> None:
         self._bus.skipped = number
 
+    @property
+    def passed_over(self) -> int:
+        """SYNCs right before the last one that had waited too long."""
+        return self._bus.passed_over
+
     def now(self) -> float:
         """Time since the bus was entered [s]."""
         return self._clock() - self._start
@@ -199,6 +236,14 @@ class KernelClock:
         if self._bus.overdue:
             return 0.0
         return max(0.0, self._bus.instant + (1.0 + TOO_LATE) * self._period - self._clock())
+
+    def miss(self) -> None:
+        """Let a period pass."""
+        time.sleep(self._period)
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for the kernel's SYNC no longer than two periods."""
+        self._bus.silence = 2 * self._period if hurried else None
 
 
 class AsRecorded(WallClock):

@@ -1,14 +1,15 @@
 """Typed access to a drive's object dictionary, with errors that tell the operator what to do.
 
 An `SdoServer` reads and writes numbers of one node. What goes wrong names node, object, abort code
-and remedy. `set` writes and reads back, since a drive may clip a value or ignore it; where the
-object is optional and missing, that is noted instead of refused.
+and remedy. `set` writes and reads back, since a drive may round a value, clip it or ignore it;
+what it keeps instead is accepted where `Judge` says so. Where the object is optional and missing,
+that is noted instead of refused.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoError
 
@@ -26,8 +27,8 @@ SDO_TIMEOUT = 0.5
 READ_ONLY = 0x06010002
 _MISSING = frozenset({0x06020000, 0x06090011})
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
-_RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
-FIXED_CODES = _RANGE_CODES | {READ_ONLY}
+RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
+FIXED_CODES = RANGE_CODES | {READ_ONLY}
 """A drive keeps its value: the object is read-only, or ours is outside its range."""
 
 
@@ -83,6 +84,28 @@ class Aborted(DriveRefused):
         return self.code in _MISSING
 
 
+class Judge(Protocol):
+    """Judges what a drive keeps instead of the value that was written."""
+
+    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
+        """Whether it will do."""
+
+    def compared(self, entry: Entry, written: int, kept: int) -> str:
+        """Return " (... instead of ...)" in SI; empty where the numbers say it all."""
+
+
+class _Exact:
+    """Accepts nothing but the value written."""
+
+    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
+        del entry
+        return kept == written
+
+    def compared(self, entry: Entry, written: int, kept: int) -> str:
+        del entry, written, kept
+        return ""
+
+
 class SdoServer:
     """The object dictionary of one drive.
 
@@ -105,6 +128,10 @@ class SdoServer:
         Optional objects that the drive lacks, or keeps as they are.
     notes : list of str
         What that means, in words.
+    kept : dict of Entry to int
+        What the drive holds of all that `set` has written, which may be another value.
+    judge : Judge
+        Decides which other values are accepted; at first none.
     """
 
     def __init__(
@@ -114,6 +141,8 @@ class SdoServer:
         self.label = f"{name} (node {node})"
         self.missing: set[Entry] = set()
         self.notes: list[str] = []
+        self.kept: dict[Entry, int] = {}
+        self.judge: Judge = _Exact()
         self._network = network
         self._client = PumpedSdoClient(network, node, timeout)
 
@@ -136,7 +165,7 @@ class SdoServer:
             An abort code, or a length that does not fit the type.
         """
         try:
-            data = self._client.upload(entry.index, entry.subindex)
+            data = self._client.upload_number(entry.index, entry.subindex, entry.size)
         except SdoError as error:
             raise self._explained(error, entry, "read") from error
         if len(data) != entry.size:
@@ -170,20 +199,25 @@ class SdoServer:
             raise self._explained(error, entry, f"write {value} to") from error
 
     def set(self, entry: Entry, value: int) -> None:
-        """Write a number and read it back.
+        """Write a number and read it back; note another value that is accepted.
 
         Raises
         ------
         NodeSilent, DriveRefused
-            As in `get`, and where the drive keeps another value.
+            As in `get`, and where the drive keeps a value that is not accepted.
         """
-        self.put(entry, value)
-        kept = self.get(entry)
-        if kept != value:
-            raise DriveRefused(
-                f"{self.label}: object {entry} reads back {kept} after {value} was written; the "
-                "drive limits or ignores it: choose a value that it takes, or unlock the parameter"
-            )
+        self._settle(entry, value, self._written(entry, value))
+
+    def set_unless_fixed(self, entry: Entry, value: int) -> bool:
+        """Do as `set`; return False where the drive refuses to change the object."""
+        try:
+            self.set(entry, value)
+        except Aborted as error:
+            if error.code not in FIXED_CODES:
+                raise
+            self.kept[entry] = self.get(entry)
+            return False
+        return True
 
     def set_if_present(
         self, entry: Entry, value: int, consequence: str, also: Container[int] = ()
@@ -196,13 +230,16 @@ class SdoServer:
             self._do_without(entry, "no object", consequence)
             return
         try:
-            self.set(entry, value)
+            kept = self._written(entry, value)
         except Aborted as error:
             kept = self.get(entry)
             if error.code not in FIXED_CODES or not (kept == value or kept in also):
                 raise
-            if kept != value:
-                self._do_without(entry, f"{kept} instead of {value} in object", consequence)
+            self.kept[entry] = kept
+        if kept != value and kept in also:
+            self._do_without(entry, f"{kept} instead of {value} in object", consequence)
+        else:
+            self._settle(entry, value, kept)
 
     def set_any(self, values: Mapping[Entry, int], consequence: str) -> None:
         """Do as `set` with each of several objects that is present; note it where none is."""
@@ -213,6 +250,28 @@ class SdoServer:
         if not present:
             names = " nor ".join(map(str, values))
             self.notes.append(f"{self.label}: no object {names}: {consequence}")
+
+    def _written(self, entry: Entry, value: int) -> int:
+        """Write a number; return what the drive keeps."""
+        self.put(entry, value)
+        kept = self.kept[entry] = self.get(entry)
+        return kept
+
+    def _settle(self, entry: Entry, value: int, kept: int) -> None:
+        """Note that a drive keeps another value, or refuse it."""
+        if kept == value:
+            return
+        compared = self.judge.compared(entry, value, kept)
+        if not self.judge.accepts(entry, value, kept):
+            raise DriveRefused(
+                f"{self.label}: object {entry} reads back {kept} after {value} was written"
+                f"{compared}; the drive limits or ignores it: choose a value that it takes, or "
+                "unlock the parameter"
+            )
+        self.notes.append(
+            f"{self.label}: {kept} instead of {value} in object {entry}: the drive rounds or "
+            f"limits it{compared}"
+        )
 
     def _do_without(self, entry: Entry, what: str, consequence: str) -> None:
         self.missing.add(entry)
@@ -244,6 +303,6 @@ def _remedy(code: int) -> str:
         return "set it with the maker's commissioning tool"
     if code in _STATE_CODES:
         return "the drive does not allow it in its present state: switch it off and on again"
-    if code in _RANGE_CODES:
+    if code in RANGE_CODES:
         return "choose a value that the drive takes"
     return "see the drive's manual"

@@ -48,8 +48,21 @@ class Supervision:
         self._fresh: list[tuple[int, Emergency]] = []
         self._settling: list[tuple[int, Emergency]] = []
         self._told: set[tuple[int, int]] = set()
-        for server in servers:
-            network.subscribe(0x80 + server.node, self._on_emergency)
+        self._network = network
+        self._senders: dict[int, int] = {}
+        self.listen([0x80 + server.node for server in servers])
+
+    def listen(self, identifiers: Sequence[int | None]) -> None:
+        """Listen for the emergencies of each drive under its identifier (1014), None where off."""
+        for identifier in self._senders:
+            self._network.unsubscribe(identifier, self._on_emergency)
+        self._senders = {
+            identifier: server.node
+            for identifier, server in zip(identifiers, self._servers, strict=True)
+            if identifier is not None
+        }
+        for identifier in self._senders:
+            self._network.subscribe(identifier, self._on_emergency)
 
     def forget(self) -> None:
         """Forget emergencies of the time before the drives were switched on."""
@@ -114,10 +127,10 @@ class Supervision:
         del timestamp
         if len(data) < CODE_SIZE:
             return  # neither tells of an error nor of its end
-        emergency = decode_emergency(data)
+        emergency, node = decode_emergency(data), self._senders[can_id]
         if emergency.code & 0xFF00:
-            self._emergencies[can_id - 0x80] = emergency
-            self._fresh.append((can_id - 0x80, emergency))
+            self._emergencies[node] = emergency
+            self._fresh.append((node, emergency))
             self.emergency = True
         else:
-            self._emergencies.pop(can_id - 0x80, None)
+            self._emergencies.pop(node, None)

@@ -36,8 +36,14 @@ class ObjectChange(FileModel):
     type: Literal["i8", "i16", "i32", "u8", "u16", "u32"] | None = None
     default: int | None = None
     """Value after power-on, also where the plant file would set another."""
+    plus_node: bool = False
+    """The node number is added to `default`, as in identifiers."""
     low: int | None = None
     high: int | None = None
+    step: Annotated[int, Field(ge=2)] | None = None
+    """The drive keeps the nearest multiple of this, and aborts no write for it."""
+    clip: bool = False
+    """A value outside `low` and `high` is written as the nearer of the two, instead of refused."""
 
 
 class CurrentReadback(FileModel):
@@ -67,6 +73,8 @@ class Personality(FileModel):
         positions are then; None: one count is one increment of the motor's encoder.
     velocity_unit, acceleration_unit : str
         Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h. There "inc" is one count.
+    sdo_states_size : bool
+        Expedited uploads say how many of their four bytes count; otherwise they begin with 42h.
     mapping_arrays : bool
         The EDS declares PDO mappings as ARRAY instead of RECORD.
     mapping_entries : int
@@ -91,6 +99,7 @@ class Personality(FileModel):
     counts_per_turn: Annotated[int, Field(gt=0, lt=2**31)] | None = None
     velocity_unit: Literal["inc/s", "rpm", "0.1 rpm"] = "inc/s"
     acceleration_unit: Literal["inc/s^2", "rpm/s", "0.1 rpm/s"] = "inc/s^2"
+    sdo_states_size: bool = True
     mapping_arrays: bool = False
     mapping_entries: Annotated[int, Field(ge=1, le=8)] = 8
     mode_display_lag: Seconds = 0.0

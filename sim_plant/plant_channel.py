@@ -16,6 +16,7 @@ import can
 from drivers.yaml_file import FileError
 from sim_plant.faults.fault_plan import load_fault_plan
 from sim_plant.faults.faulty_network import FaultyNetwork
+from sim_plant.faults.frame_faults import NotSent
 from sim_plant.machine import load_machine
 from sim_plant.plant_options import PlantOptions
 from sim_plant.slave_network import FRAME, SlaveNetwork
@@ -83,6 +84,9 @@ class PlantChannel:
                     self._deliver(frames)
                 if block:
                     self._deliver_block(block)
+        except NotSent as refused:
+            self._deliver(refused.frames)
+            raise
         finally:
             lock.release()
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import can
 
 from sim_plant.faults.faulty_network import FaultyNetwork
-from sim_plant.faults.frame_faults import BusOff
+from sim_plant.faults.frame_faults import NotSent
 from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
 from sim_plant.wall_clock import WallClock
 
@@ -49,7 +49,7 @@ def serve(
         See `sim_plant.slave_network`.
     stop_event : threading.Event
     faults : FaultPlan, optional
-        What goes wrong. Bus-off of the master's adapter is here no more than a cut cable.
+        What goes wrong. A frame that the master's adapter refuses is here one that is lost.
     cycle : float
         See `sim_plant.slave_network`.
 
@@ -83,8 +83,8 @@ def _answer(network: SlaveNetwork | FaultyNetwork, message: can.Message) -> list
         return network.receive_remote(message.arbitration_id)
     try:
         return network.receive(message.arbitration_id, bytes(message.data))
-    except BusOff:
-        return []
+    except NotSent as refused:
+        return refused.frames
 
 
 def _send(bus: can.BusABC, frames: Iterable[Frame]) -> None:

@@ -120,6 +120,9 @@ class IdealBus:
     def halt(self) -> None:
         self.log.append("halted")
 
+    def reset(self) -> None:
+        self.log.append("reset")
+
 
 @pytest.fixture(scope="session")
 def manutec() -> Robot:

@@ -121,7 +121,9 @@ class LocalDrive:
     """One drive.
 
     `state` is a key of STATES; `history` holds all states it was in. `stuck` states are not left
-    by command; what is in `insists` reads back whatever was written.
+    by command; what is in `insists` reads back whatever was written. A drive that `stays_stopped`
+    does not switch off by itself after a stop; one that `sags` goes on by so many increments when
+    it is off.
     """
 
     def __init__(
@@ -141,6 +143,8 @@ class LocalDrive:
         self.stuck: set[str] = set()
         self.insists: dict[tuple[int, int], int] = {}
         self.heart_beats = self.powered = True
+        self.stays_stopped = False
+        self.sags = 0.0
         self.extra_status = 0
         self._since_beat = 0.0
 
@@ -180,8 +184,12 @@ class LocalDrive:
                 self._set_point(word, last)
 
     def step(self) -> None:
-        if self.state == "stopping":
+        if self.state == "stopping" and not self.stays_stopped:
             self.go("off")
+        elif self.state == "off" and self.sags:
+            way = min(self.sags, 50.0)
+            self.position, self.sags = self.position + way, self.sags - way
+            self.target = self.position
         velocity = self.value(0x6081) * PERIOD
         if self.state == "enabled" and not (self.halted or self.immobile):
             self.position += min(max(self.target - self.position, -velocity), velocity)

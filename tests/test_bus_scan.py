@@ -43,6 +43,15 @@ def test_all_drives_are_found_with_identity_and_modes() -> None:
     assert first.review.serves
 
 
+def test_drives_that_leave_open_how_long_their_answers_are_are_judged_alike() -> None:
+    options = {"interface": "sim_plant", "ignore_config": True}
+    with can.Bus(channel="manutec-r15", **options) as bus:
+        plain = scanned(bus, only=(1,)).nodes[1].review
+    with can.Bus(channel="manutec-r15", personality="sizeless", **options) as bus:
+        found = scanned(bus, only=(1,)).nodes[1].review
+    assert found == plain
+
+
 def test_nothing_is_written_and_no_state_changes() -> None:
     bus = LocalBus(3, {})
     scanned(bus)

@@ -260,7 +260,7 @@ def test_every_drive_that_cannot_serve_is_named_at_once() -> None:
         ({(0x6078, 0): None}, "6078:00 (current readback): abort 06020000"),
         ({(0x6078, 0): ("i32", 0)}, "has 4 bytes, expected 2"),
         ({(0x1016, 1): None}, "1016:01 (consumer heartbeat time): abort 06020000"),
-        ({(0x1A00, 3): None}, "1A00:03 (object 3 of TPDO 1): abort 06090011"),
+        ({(0x1A00, 2): None}, "1A00:02 (object 2 of TPDO 1): abort 06090011"),
         ({(0x607D, 1): None, (0x607D, 2): None}, "607D:01"),
     ],
 )

@@ -19,7 +19,7 @@ from drivers.yaml_file import FileError, parse_yaml
 from sim_plant import __main__ as command
 from sim_plant.faults.fault_plan import Fault, FaultPlan, What, load_fault_plan
 from sim_plant.faults.faulty_network import FaultyNetwork
-from sim_plant.faults.frame_faults import BusOff
+from sim_plant.faults.frame_faults import BusOff, NotSent
 from sim_plant.faults.moment import Progress, Watch
 from sim_plant.plant import load_plant
 from sim_plant.server import serve
@@ -118,7 +118,8 @@ def test_a_fault_in_time_begins_and_ends_in_time(begin: float, after: float, las
 
 
 def network(*lines: str) -> FaultyNetwork:
-    made = FaultyNetwork(load_plant("manutec-r15"), "sync", plan(*lines))
+    faults = plan(*lines) if lines else FaultPlan(faults=())
+    made = FaultyNetwork(load_plant("manutec-r15"), "sync", faults)
     made.power_on()
     return made
 
@@ -194,6 +195,57 @@ def test_an_adapter_in_bus_off_takes_no_frame() -> None:
     faulty.receive(*SYNC)
     with pytest.raises(BusOff, match="frame 080"):
         faulty.receive(*SYNC)
+
+
+@pytest.mark.parametrize("what", ["adapter-bus-off", "transmit-outage"])
+def test_time_passes_with_a_sync_that_our_adapter_refuses(what: str) -> None:
+    faulty = reporting(f"{{what: {what}, at: {{sync: 2}}, lasts: {{time: 0.05}}}}")
+    faulty.receive(*SYNC)
+    for _ in range(13):  # 0.052 s
+        with pytest.raises(NotSent):
+            faulty.receive(*SYNC)
+    assert identifiers(faulty.receive(*SYNC)) == [0x181, 0x182]
+    assert faulty.time == pytest.approx(15 * 0.004)
+
+
+def test_no_time_passes_with_another_frame_that_our_adapter_refuses() -> None:
+    faulty = network("{what: transmit-outage, at: {frame: 1}}")
+    with pytest.raises(NotSent, match="transmit outage: frame 000 was not sent"):
+        faulty.receive(*START)
+    assert faulty.time == 0.0
+
+
+@pytest.mark.parametrize(("what", "heard"), [("transmit-outage", [0x702]), ("adapter-bus-off", [])])
+def test_a_transmit_outage_leaves_us_hearing_the_drives(what: str, heard: list[int]) -> None:
+    faulty = network(f"{{what: {what}, at: {{sync: 1}}}}")
+    write(faulty, 2, 0x1017, 0, 2, 3)
+    with pytest.raises(NotSent) as refused:
+        faulty.receive(*SYNC)
+    assert identifiers(refused.value.frames) == heard
+
+
+def test_a_receive_outage_lets_our_frames_through() -> None:
+    faulty = reporting("{what: receive-outage, at: {sync: 2}, lasts: {time: 0.008}}")
+    faulty.receive(*SYNC)
+    assert faulty.receive(*SYNC) == []
+    faulty.receive(0, b"\x80\2")  # pre-operational
+    answers = [identifiers(faulty.receive(*SYNC)) for _ in range(2)]
+    assert answers == [[], [0x181]]
+
+
+def test_what_drives_send_in_a_transmit_outage_is_in_the_bus_s_queue(tmp_path: Path) -> None:
+    path = tmp_path / "faults.yaml"
+    path.write_text("faults:\n  - {what: transmit-outage, at: {sync: 1}}\n")
+    with can.Bus(interface="sim_plant", channel="manutec-r15", faults=str(path)) as bus:
+        produce = struct.pack("<BHBI", 0x2B, 0x1017, 0, 3)
+        bus.send(can.Message(arbitration_id=0x602, data=produce, is_extended_id=False))
+        while bus.recv(0):
+            pass
+        with pytest.raises(can.CanOperationError):
+            bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+        beat = bus.recv(0)
+    assert beat is not None
+    assert beat.arbitration_id == 0x702
 
 
 def test_a_drive_whose_supply_returns_boots() -> None:

@@ -46,6 +46,14 @@ def test_values_come_in_the_order_that_was_asked_for(
     assert expected.data(raw) == data
 
 
+def test_values_can_be_picked_and_put_into_another_order() -> None:
+    raw = block((0x181, struct.pack("<HHi", 9, 8, -5)), (0x182, struct.pack("<ihxx", 1 << 20, 7)))
+    layouts = ("ihxx", "xxHi")
+    expected = FrameBlock((0x182, 0x181), layouts, order=(2, 3, 0))
+    assert expected.unpack(raw) == (8, -5, 1 << 20)
+    assert FrameBlock((0x182, 0x181), layouts).unpack(raw) == (1 << 20, 7, 8, -5)
+
+
 @pytest.mark.parametrize(
     "raw",
     [

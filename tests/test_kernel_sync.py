@@ -171,6 +171,54 @@ def test_after_a_pause_the_past_is_dropped_and_nothing_counts_as_skipped(
         assert (bus.skipped, delivered) == (0, [0x701])
 
 
+@pytest.mark.parametrize("share", [1.25, 1.9, 3.4, 10.0])
+def test_a_caller_slower_than_sync_judges_the_present_and_knows_what_was_passed_over(
+    kernel: KernelBus, share: float
+) -> None:
+    passed_over, ages, taken = 0, [], []
+    with synced(kernel) as bus:
+        for number in range(1, 2001):
+            for identifier in (0x80, *ANSWERS):
+                kernel.arrive(number * PERIOD, identifier)
+        while len(kernel.arrivals) > 60:
+            bus.send(SYNC)
+            ages.append(kernel.now - bus.instant)
+            passed_over += bus.passed_over
+            number = round((bus.instant - START) / PERIOD)
+            taken.append(number)
+            answers = [bus.recv(0.0) for _ in ANSWERS]
+            assert [(f.arbitration_id, f.data[0]) for f in answers if f] == [
+                (identifier, number % 256) for identifier in ANSWERS
+            ]
+            kernel.now += share * PERIOD
+    assert max(ages) <= 2 * PERIOD
+    assert passed_over == bus.skipped == taken[-1] - len(taken)
+
+
+def test_a_queue_that_was_full_is_left_behind_for_the_next_sync(kernel: KernelBus) -> None:
+    with synced(kernel) as bus:
+        for number in (1, 2, 3, 30):  # the kernel had no room for those between
+            for identifier in (0x80, *ANSWERS):
+                kernel.arrive(number * PERIOD, identifier)
+        bus.send(SYNC)
+        assert [bus.recv(0.0) is not None for _ in ANSWERS] == [True, True]
+        kernel.now = START + 20 * PERIOD
+        bus.send(SYNC)
+        assert bus.instant == pytest.approx(START + 30 * PERIOD)
+        assert (bus.passed_over, bus.skipped) == (2, 28)
+
+
+def test_while_axes_are_stopped_nobody_waits_long_for_the_kernel(kernel: KernelBus) -> None:
+    with synced(kernel) as bus:
+        clock = KernelClock(bus, PERIOD, clock=kernel.clock)
+        clock.hurry(True)
+        with pytest.raises(BusUnavailable):
+            bus.send(SYNC)
+        assert kernel.now == pytest.approx(START + 2 * PERIOD)
+        clock.hurry(False)
+        assert bus.silence is None
+
+
 def test_another_master_s_sync_is_not_taken_for_ours(kernel: KernelBus) -> None:
     with synced(kernel) as bus:
         kernel.arrive(0.004, 0x80, foreign=True)

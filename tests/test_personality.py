@@ -244,6 +244,33 @@ def test_an_rpdo_of_type_1_acts_at_once_where_the_drive_does_so(at_once: bool) -
 # Files
 
 
+def test_an_upload_may_leave_open_how_many_of_its_bytes_count() -> None:
+    desk = desk_of(Personality(name="x", sdo_states_size=False))
+    answer = desk.request(1, 0x40, 0x17, 0x10, 0)
+    assert answer[:4] == b"\x42\x17\x10\0"
+    assert answer[6:] != b"\0\0"
+
+
+def test_a_value_may_be_rounded_and_clipped_without_an_abort() -> None:
+    changes = (
+        ObjectChange(index=0x607F, step=16),
+        ObjectChange(index=0x6065, low=10, high=2500, clip=True),
+        ObjectChange(index=0x6066, high=100),
+    )
+    desk = desk_of(Personality(name="x", objects=changes))
+    for index, written, kept in (
+        (0x607F, 32594, 32592),
+        (0x607F, 32600, 32608),
+        (0x6065, 3000, 2500),
+        (0x6065, 0, 10),
+        (0x6065, 2000, 2000),
+    ):
+        desk.write(index, written)
+        assert desk.read(index) == kept
+    with pytest.raises(SdoAbort):
+        desk.write(0x6066, 101)
+
+
 def test_a_plant_file_may_name_a_personality_beside_it(tmp_path: Path) -> None:
     (tmp_path / "odd.yaml").write_text("name: odd\nmissing: [0x1006]\n")
     path = tmp_path / "plant.yaml"
@@ -253,7 +280,7 @@ def test_a_plant_file_may_name_a_personality_beside_it(tmp_path: Path) -> None:
 
 
 def test_an_unknown_personality_is_told_with_those_that_are_known() -> None:
-    with pytest.raises(FileError, match=r"grumpy: neither a packaged personality \(bare, fixed-"):
+    with pytest.raises(FileError, match=r"grumpy: neither a packaged personality \(bare, clipping"):
         load_machine("manutec-r15", personality="grumpy")
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from fault_table.trial import run, stop_cycles
+import numpy as np
+
+from fault_table.stopping_way import allowed_ways
+from fault_table.trial import drives, run, stop_cycles
 
 if TYPE_CHECKING:
     from fault_table.cases import Case
@@ -24,7 +27,7 @@ class Row(NamedTuple):
 
 def tried(case: Case) -> Row:
     """Let it happen."""
-    outcome, bus = run(case.faults)
+    outcome, bus = run(case)
     if case.shown and bus.began is not None:
         outcome.cycles = stop_cycles(bus.log, case.shown(bus.log, bus.began))
     return Row(case, outcome, _broken(case, outcome))
@@ -41,8 +44,26 @@ def _broken(case: Case, outcome: Outcome) -> list[str]:
         f"the check {case.finding} finds it": not case.finding or case.finding in outcome.findings,
         "samples are flagged": bool(outcome.flagged) or not case.flags,
         f"commanded to stop after {outcome.cycles} SYNCs": stopped or case.shown is None,
-        f"energised: {outcome.energised}": outcome.energised == case.energised,
+        f"energised: {outcome.energised}": case.energised in (None, outcome.energised),
         "all axes are off": outcome.off,
+        f"axes {sorted(outcome.unwatched)} energised with the watchdog off": not outcome.unwatched,
+        **_of_the_stop(case, outcome),
         "recorded to the end": bool(outcome.kept) or case.error is not None,
     }
     return [promise for promise, kept in promises.items() if not kept]
+
+
+def _of_the_stop(case: Case, outcome: Outcome) -> dict[str, bool]:
+    """What is promised of way and time, where the event ended the session."""
+    promises = {}
+    if outcome.error is not None and (case.interrupted or case.outage):
+        allowed = allowed_ways(outcome.speeds, case.outage, drives)
+        if case.way is not None:
+            allowed = np.full_like(allowed, case.way)
+        worst = int(np.argmax(outcome.ways / allowed))
+        way = f"axis {worst + 1} goes {outcome.ways[worst]:.3f} rad, allowed {allowed[worst]:.3f}"
+        promises[way] = bool(outcome.ways[worst] <= allowed[worst])
+    if case.off_within is not None:
+        off = f"off after {outcome.off_after} s, allowed {case.off_within} s"
+        promises[off] = outcome.off_after is not None and outcome.off_after <= case.off_within
+    return promises

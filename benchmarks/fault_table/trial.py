@@ -1,136 +1,68 @@
 """One fault, or a few, in the middle of a small campaign, with everything looked at.
 
-The driver works on a bus in lock-step that logs all frames and notes the true state of the machine
-at every SYNC. So it is known when the first frame showed the fault, when each axis was commanded to
-stop, and which samples were wrong.
+The driver works on a bus in lock-step that logs all frames and has a witness of the machine. So it
+is known when the first frame showed the fault, when each axis was commanded to stop, how far it
+went, whether its watchdog was on, and which samples were wrong.
 """
 
 from __future__ import annotations
 
 import struct
-from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-import can
 import numpy as np
 
 from drivers.canopen_bus import CanopenDriveBus
-from drivers.cia402 import Command, State, decode_state
+from drivers.cia402 import Command
 from drivers.drive_bus import DriveError
 from drivers.drives_file import load_drives
-from drivers.pdo_mapping import received, transmitted
+from drivers.pdo_mapping import received
+from fault_table.logged_bus import ROBOT, LoggedBus
+from fault_table.stopping_way import reaction_time
 from hil.measuring.events import GaveUp, Recorded, Repeated
 from hil.measuring.sequencer import measure
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
-from sim_plant.faults.fault_plan import FaultPlan
-from sim_plant.faults.faulty_network import FaultyNetwork
 from sim_plant.physics import state as st
-from sim_plant.plant import load_plant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.drive_bus import Sample
-    from sim_plant.faults.fault_plan import Fault
+    from fault_table.case import Case
+    from fault_table.logged_bus import Seen
+    from fault_table.witness import Witness
 
-ROBOT = "manutec-r15"
 AXIS = 2
 """The axis that is measured, and that fails."""
-SYNC = 0x80
-SETTLING = 3.0
-"""How long drives are left alone afterwards, to react by themselves [s]."""
-STEP = 0.01
+FAST_AXIS = 1
+"""The one that is measured and that fails where speed matters."""
 
 _STOPS = {Command.QUICK_STOP.value[0], Command.DISABLE_VOLTAGE.value[0]}
 _RPDO = struct.Struct("<iH")
 
 robot = load_robot(ROBOT)
 drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
-plan = Plan(
-    robot=PlannedRobot(name=robot.name, digest=robot.digest),
-    attempts=2,
-    measurements=(
-        Gravity(
-            id="g", axis=AXIS, q=(0.0,) * 6, stroke=0.4, velocity=0.5, acceleration=8.0, cycles=2
-        ),
-    ),
-)
 
 
-class Seen(NamedTuple):
-    """A frame on the bus, and the number of SYNCs before it (its own included)."""
+def _plan(axis: int, stroke: float, velocity: float, acceleration: float) -> Plan:
+    strokes = Gravity(
+        id="g",
+        axis=axis,
+        q=(0.0,) * 6,
+        stroke=stroke,
+        velocity=velocity,
+        acceleration=acceleration,
+        cycles=2,
+    )
+    measured_by = PlannedRobot(name=robot.name, digest=robot.digest)
+    return Plan(robot=measured_by, attempts=2, measurements=(strokes,))
 
-    sync: int
-    ours: bool
-    identifier: int
-    data: bytes
 
-
-class LoggedBus(can.BusABC):
-    """The faulty plant as a python-can bus in lock-step that logs every frame.
-
-    Attributes
-    ----------
-    log : list of Seen
-    began : int or None
-        Length of the log when the first fault began.
-    off_after : float or None
-        Time from there until no axis was energised [s].
-    """
-
-    lock_step = True
-
-    def __init__(self, faults: Sequence[Fault]) -> None:
-        super().__init__("faulty plant")
-        self.channel_info = "faulty plant"
-        self.plant = load_plant(ROBOT)
-        self.network = FaultyNetwork(self.plant, "sync", FaultPlan(faults=tuple(faults)))
-        self.log: list[Seen] = []
-        self.began: int | None = None
-        self.off_after: float | None = None
-        self._began_at = 0.0
-        self._syncs = 0
-        self._inbox: deque[can.Message] = deque()
-        self.network.power_on()
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
-        """Pass a frame to the drives."""
-        self._syncs += msg.arbitration_id == SYNC
-        here = len(self.log)
-        self.log.append(Seen(self._syncs, True, msg.arbitration_id, bytes(msg.data)))
-        try:
-            frames = self.network.receive(msg.arbitration_id, bytes(msg.data))
-        finally:
-            self._look(here)
-        for _, identifier, data in frames:
-            self.log.append(Seen(self._syncs, False, identifier, data))
-            self._inbox.append(
-                can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
-            )
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:  # noqa: ARG002
-        return (self._inbox.popleft() if self._inbox else None), False
-
-    def leave_alone(self) -> None:
-        """Let time pass without us."""
-        for _ in range(round(SETTLING / STEP)):
-            self.network.elapse(STEP)
-            self._look(len(self.log))
-
-    @property
-    def all_off(self) -> bool:
-        """No axis is energised and none moves."""
-        state = self.plant.state
-        return not state[:, st.ENABLED].any() and bool(np.all(np.abs(state[:, st.QD]) < 1e-3))
-
-    def _look(self, here: int) -> None:
-        if self.began is None and self.network.present:
-            self.began, self._began_at = here, self.network.time
-        if self.began is not None and self.off_after is None and self.all_off:
-            self.off_after = self.network.time - self._began_at
+SLOW = _plan(AXIS, stroke=0.4, velocity=0.5, acceleration=8.0)
+FAST = _plan(FAST_AXIS, stroke=2.4, velocity=2.4, acceleration=10.0)
 
 
 class AuditedBus(CanopenDriveBus):
@@ -170,7 +102,7 @@ class Outcome:
 
     Attributes
     ----------
-    error : DriveError or None
+    error : DriveError, KeyboardInterrupt or None
         What ended the campaign.
     findings : list of str
         Names of the checks that a recording failed.
@@ -190,9 +122,13 @@ class Outcome:
         At the end no axis is energised and none moves.
     off_after : float or None
         When that was, since the fault began [s].
+    ways, speeds : ndarray, shape (n_axes,)
+        Of each axis since then; see `fault_table.witness.Witness`.
+    unwatched : set of int
+        Axes that were energised with their watchdog off at any time.
     """
 
-    error: DriveError | None = None
+    error: DriveError | KeyboardInterrupt | None = None
     findings: list[str] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)
     kept: int = 0
@@ -204,6 +140,9 @@ class Outcome:
     energised: bool = False
     off: bool = False
     off_after: float | None = None
+    ways: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    speeds: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    unwatched: set[int] = field(default_factory=set)
 
     @property
     def told(self) -> str:
@@ -224,32 +163,32 @@ def stop_cycles(log: Sequence[Seen], shown: int) -> int | None:
     return None
 
 
-def energises(log: Sequence[Seen]) -> bool:
-    """Whether any drive showed OPERATION ENABLED."""
-    words = {transmitted(axis)[0].cob_id for axis in drives.axes}
-    return any(
-        decode_state(int.from_bytes(frame.data[:2], "little")) is State.OPERATION_ENABLED
-        for frame in log
-        if not frame.ours and frame.identifier in words
-    )
-
-
-def run(faults: Sequence[Fault]) -> tuple[Outcome, LoggedBus]:
+def run(case: Case) -> tuple[Outcome, LoggedBus]:
     """Measure while something goes wrong; return what came of it, and the bus with its log."""
     outcome = Outcome()
-    with LoggedBus(faults) as bus:
+    with LoggedBus(
+        case.faults,
+        case.condition,
+        interrupted=case.interrupted,
+        reaction=reaction_time(case.outage, drives),
+    ) as bus:
         drive_bus = AuditedBus(bus)
         try:
             with drive_bus:
-                for event in measure(plan, robot, drive_bus):
+                for event in measure(case.plan, robot, drive_bus):
                     _take(event, drive_bus, outcome)
-        except DriveError as error:
+        except (DriveError, KeyboardInterrupt) as error:
             outcome.error = error
         bus.leave_alone()
     outcome.notes, outcome.flagged = drive_bus.notes, drive_bus.flagged
-    outcome.energised, outcome.off = energises(bus.log), bus.all_off
-    outcome.off_after = bus.off_after
+    _testify(bus.witness, outcome)
     return outcome, bus
+
+
+def _testify(witness: Witness, outcome: Outcome) -> None:
+    outcome.energised, outcome.off = witness.energised, witness.all_off
+    outcome.off_after, outcome.unwatched = witness.off_after, witness.unwatched
+    outcome.ways, outcome.speeds = witness.ways, witness.speeds
 
 
 def _take(event: object, bus: AuditedBus, outcome: Outcome) -> None:

@@ -1,8 +1,9 @@
 """How much of the bus a cycle takes, and how often the drives can be asked.
 
-The worst case of a classical CAN frame with n data bytes and stuffing is
-47 + 8n + floor((33 + 8n) / 4) bits. A cycle is SYNC and every TPDO that answers it. The rate is
-bounded by that load and, on the wall clock, by how long the slowest answer takes.
+A cycle is SYNC and every TPDO that answers it, each with the worst stuffing (`frame_length`). The
+rate is bounded by that load and, on the wall clock, by how long the slowest answer takes. What a
+drive answers with is seen when it is set up: where its PDOs are not as we would have them, the load
+is that of the TPDOs that it has.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
+from drivers.frame_length import frame_bits
 from drivers.pacing import WINDOW
-from drivers.pdo_mapping import transmitted
+from drivers.pdo_mapping import answers, transmitted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from drivers.drives_file import DrivesFile
+    from drivers.pdo_mapping import Pdo
 
 MAX_LOAD = 0.7
 """Share of the bus beyond which identifiers of low priority starve."""
@@ -26,18 +29,24 @@ MAX_LOAD = 0.7
 _SYNC = 0x80
 
 
-def frame_bits(n_bytes: int) -> int:
-    """Length of a data frame with the worst stuffing [bits]."""
-    return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
+def cycle_time(drives: DrivesFile, sent: Sequence[Sequence[Pdo]] | None = None) -> float:
+    """How long SYNC and all its answers occupy the bus [s].
 
-
-def cycle_time(drives: DrivesFile) -> float:
-    """How long SYNC and all its answers occupy the bus [s]."""
-    sizes = [pdo.size for axis in drives.axes for pdo in transmitted(axis)]
+    Parameters
+    ----------
+    drives : DrivesFile
+        Axes and bit rate.
+    sent : sequence, optional
+        The TPDOs of each axis; by default those that we would have.
+    """
+    pdos = [transmitted(axis) for axis in drives.axes] if sent is None else sent
+    sizes = [pdo.size for own in pdos for pdo in own]
     return (frame_bits(0) + sum(map(frame_bits, sizes))) / drives.bitrate
 
 
-def achievable_rate(drives: DrivesFile, answer: float = 0.0) -> float:
+def achievable_rate(
+    drives: DrivesFile, answer: float = 0.0, sent: Sequence[Sequence[Pdo]] | None = None
+) -> float:
     """Return the highest rate of SYNC [1/s].
 
     Parameters
@@ -46,8 +55,10 @@ def achievable_rate(drives: DrivesFile, answer: float = 0.0) -> float:
         Axes and bit rate.
     answer : float
         How long the slowest answer to a SYNC takes [s].
+    sent : sequence, optional
+        See `cycle_time`.
     """
-    return 1 / max(cycle_time(drives) / MAX_LOAD, answer / WINDOW)
+    return 1 / max(cycle_time(drives, sent) / MAX_LOAD, answer / WINDOW)
 
 
 class StopwatchBus(can.BusABC):
@@ -79,7 +90,7 @@ class StopwatchBus(can.BusABC):
         self.channel_info = inner.channel_info
         self._inner = inner
         self._clock = clock
-        self._expected = {pdo.cob_id for axis in drives.axes for pdo in transmitted(axis)}
+        self._expected = {cob_id for axis in drives.axes for cob_id in answers(axis)}
         self._sent: float | None = None
         super().__init__("stopwatch")
 

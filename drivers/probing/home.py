@@ -89,7 +89,7 @@ def home(
     )
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
-    with CanopenDriveBus(bus, alone, pacing=pacing) as axes:
+    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True) as axes:
         session = _Session(axes, operator)
         _configure(session.server, axis, homing)
         session.change_mode(Mode.HOMING)

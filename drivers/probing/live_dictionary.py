@@ -135,7 +135,7 @@ class _Reading:
             self.unanswered[key] = "was not asked for any more"
             return
         try:
-            data = self.client.upload(*key)
+            data = self.client.upload_number(*key, entry.size)
         except SdoAbortedError as error:
             self._denied(entry, error.code)
         except SdoError:

@@ -192,7 +192,7 @@ def _rate(timed: StopwatchBus, axes: CanopenDriveBus, drives: DrivesFile) -> Ver
     slowest = 0.0
     if not timed.lock_step:
         slowest = float(np.quantile(timed.answers, ANSWERED))
-    rate = achievable_rate(drives, slowest)
+    rate = achievable_rate(drives, slowest, axes.transmitted)
     took = f"slowest answer {1000 * slowest:.2g} ms" if slowest else "answers are not timed here"
     return graded(
         1 / axes.period <= rate * (1 + 1e-9),

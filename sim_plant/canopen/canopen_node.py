@@ -66,7 +66,11 @@ class CanopenNode:
         self.dictionary = ObjectDictionary(node_id, personality)
         self.emergencies = Emergencies(self.dictionary, emit)
         self.nmt = NmtSlave(node_id, self._nmt_changed, self._reset)
-        self._sdo = SdoServer(self.dictionary, functools.partial(emit, 0x580 + node_id))
+        self._sdo = SdoServer(
+            self.dictionary,
+            functools.partial(emit, 0x580 + node_id),
+            states_size=personality.sdo_states_size,
+        )
         self._producer = HeartbeatProducer(self.dictionary, timers, self._send_state)
         self._consumer = HeartbeatConsumer(
             self.dictionary, timers, self._lose_heartbeat, self._regain_heartbeat, rewired
@@ -97,6 +101,11 @@ class CanopenNode:
     def sync_identifier(self) -> int:
         """Identifier of the SYNC that this node follows."""
         return self.dictionary.get(0x1005) & IDENTIFIER
+
+    @property
+    def is_watching(self) -> bool:
+        """Whether the node would react to the loss of a heartbeat that 1016h names, or does."""
+        return self._consumer.at_work
 
     def routes(self) -> list[tuple[int, Callable[[bytes], None]]]:
         """Return who takes which identifier in the present state."""

@@ -108,6 +108,8 @@ def _change(eds: configparser.RawConfigParser, change: ObjectChange, name: str) 
         value = getattr(change, key)
         if value is not None:
             eds[section][option] = str(value)
+    if change.plus_node:
+        eds[section]["DefaultValue"] = f"$NODEID+0x{change.default or 0:X}"
 
 
 def _section(eds: configparser.RawConfigParser, index: int, subindex: int) -> str:
@@ -150,16 +152,18 @@ def _shape_mappings(eds: configparser.RawConfigParser, personality: Personality)
             continue
         if personality.mapping_arrays:
             eds[whole]["ObjectType"] = "0x8"
-        for number in range(most + 1, 9):
-            eds.remove_section(f"{whole}sub{number:X}")
-        eds[whole]["SubNumber"] = str(most + 1)
         count = eds[f"{whole}sub0"]
-        count["HighLimit"] = str(most)
-        mapped = [eds[f"{whole}sub{n:X}"] for n in range(1, int(count["DefaultValue"]) + 1)]
-        if not all(_exists(eds, int(entry["DefaultValue"], 0)) for entry in mapped):
+        number = int(count["DefaultValue"])
+        mapped = [eds[f"{whole}sub{n:X}"] for n in range(1, number + 1)]
+        known = all(_exists(eds, int(entry["DefaultValue"], 0)) for entry in mapped)
+        if number > most or not known:
             count["DefaultValue"] = "0"
             for entry in mapped:
                 entry["DefaultValue"] = "0"
+        for number in range(most + 1, 9):
+            eds.remove_section(f"{whole}sub{number:X}")
+        eds[whole]["SubNumber"] = str(most + 1)
+        count["HighLimit"] = str(most)
 
 
 def _exists(eds: configparser.RawConfigParser, mapped: int) -> bool:

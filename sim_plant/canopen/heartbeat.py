@@ -93,6 +93,11 @@ class HeartbeatConsumer:
         self._rewired()
 
     @property
+    def at_work(self) -> bool:
+        """Whether the loss of a heartbeat will be noticed, or has been."""
+        return bool(self._heard or self._missing)
+
+    @property
     def all_present(self) -> bool:
         """Whether no watched heartbeat stays away."""
         return not self._missing

@@ -2,8 +2,9 @@
 
 Every service (SDO, PDO, NMT, the drive profile) meets here. A write from the bus passes access,
 length and range as the EDS states them, then the *guards* of its index, which may refuse it, is
-stored, and then told to the *reactions* of its index. A value that lives elsewhere, such as the
-actual position, has a *source* that is asked whenever it is read.
+stored, and then told to the *reactions* of its index. Some personalities round or clip a value
+before its range is looked at. A value that lives elsewhere, such as the actual position, has a
+*source* that is asked whenever it is read.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from sim_plant.canopen.eds import Entry, drive_entries, inner_entries, key
 from sim_plant.personality import PLAIN, Personality
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
+
+    from sim_plant.personality import ObjectChange
 
 Value: TypeAlias = int | bytes
 RowReader: TypeAlias = "Callable[[], tuple[int, ...]]"
@@ -55,6 +58,7 @@ class ObjectDictionary:
         }
         self._values = dict(self._defaults)
         self._ranges: dict[int, tuple[int, int]] = {}
+        self._shapes = dict(_shapes(personality, self._entries))
         self._sources: dict[int, Callable[[], int]] = {}
         self._slots: dict[int, int] = {}
         self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
@@ -194,10 +198,12 @@ class ObjectDictionary:
         number = key(index, subindex)
         entry = self._entries[number]
         stated = entry.low, entry.high
-        ranges, values = self._ranges, self._values
+        ranges, values, shape = self._ranges, self._values, self._shapes.get(number)
         guards, reactions = self._guards[index], self._reactions[index]
 
         def write(value: int) -> None:
+            if shape is not None:
+                value = shape(value)
             low, high = ranges.get(number, stated)
             if value > high:
                 raise SdoAbort(AbortCode.VALUE_HIGH)
@@ -213,6 +219,22 @@ class ObjectDictionary:
 
     def _reader(self, number: int) -> Callable[[], int]:
         return self._sources.get(number) or functools.partial(self.get, number >> 8, number & 0xFF)
+
+
+def _shapes(
+    personality: Personality, entries: Mapping[int, Entry]
+) -> Iterator[tuple[int, Callable[[int], int]]]:
+    """Yield what a drive makes of a value before it is stored, by `key`."""
+    for change in personality.objects:
+        number = key(change.index, change.subindex)
+        if change.step is not None or change.clip:
+            yield number, functools.partial(_shaped, entries[number], change)
+
+
+def _shaped(entry: Entry, change: ObjectChange, value: int) -> int:
+    if change.step is not None:
+        value = (value + change.step // 2) // change.step * change.step
+    return min(max(value, entry.low), entry.high) if change.clip else value
 
 
 def bounds(code: str) -> tuple[int, int]:

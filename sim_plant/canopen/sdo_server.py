@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _HEADER = struct.Struct("<BHB")
 _SIZE = struct.Struct("<I")
 _TOGGLE = 0x10
+_UNDEFINED = b"\xa5"
+"""What stands in bytes that do not count, where nobody is told which those are."""
 
 
 class Transfer(Protocol):
@@ -47,9 +49,18 @@ class SdoServer:
     dictionary : ObjectDictionary
     respond : callable
         Sends eight bytes to the client.
+    states_size : bool
+        Expedited uploads say how many of their four bytes count.
     """
 
-    def __init__(self, dictionary: ObjectDictionary, respond: Callable[[bytes], None]) -> None:
+    def __init__(
+        self,
+        dictionary: ObjectDictionary,
+        respond: Callable[[bytes], None],
+        *,
+        states_size: bool = True,
+    ) -> None:
+        self._states_size = states_size
         self._dictionary = dictionary
         self._respond = respond
         self._transfer: Transfer | None = None
@@ -118,10 +129,15 @@ class SdoServer:
         _, index, subindex = _HEADER.unpack_from(data)
         value = self._dictionary.upload(index, subindex)
         if 1 <= len(value) <= 4:
-            command = 0x43 | (4 - len(value)) << 2
-            return [_HEADER.pack(command, index, subindex) + value.ljust(4, b"\0")]
+            return [self._expedited(index, subindex, value)]
         self._transfer = SegmentedUpload(index, subindex, value)
         return [_HEADER.pack(0x41, index, subindex) + _SIZE.pack(len(value))]
+
+    def _expedited(self, index: int, subindex: int, value: bytes) -> bytes:
+        if not self._states_size:
+            return _HEADER.pack(0x42, index, subindex) + value.ljust(4, _UNDEFINED)
+        command = 0x43 | (4 - len(value)) << 2
+        return _HEADER.pack(command, index, subindex) + value.ljust(4, b"\0")
 
     def _initiate_block_upload(self, data: bytes) -> list[bytes]:
         self._transfer = None

@@ -25,6 +25,7 @@ from sim_plant.drive.cia402_states import (
     command_of,
 )
 from sim_plant.drive.cyclic_position import CyclicPosition
+from sim_plant.drive.disobedience import OBEDIENT
 from sim_plant.drive.drive_objects import declare, present
 from sim_plant.drive.homing import Homing
 from sim_plant.drive.lagging_bit import LaggingBit
@@ -62,6 +63,8 @@ class Cia402Node(CanopenNode):
     Attributes
     ----------
     state : State
+    disobedience : Disobedience
+        What the drive does not do although it is commanded.
     """
 
     def __init__(
@@ -76,6 +79,7 @@ class Cia402Node(CanopenNode):
         personality = settings.personality
         super().__init__(settings.node_id, timers, emit, rewired, personality)
         self.state = State.NOT_READY
+        self.disobedience = OBEDIENT
         self._image = image
         self._timers = timers
         self._controlword = 0
@@ -167,7 +171,9 @@ class Cia402Node(CanopenNode):
                 self.emergencies.clear_all()
                 self._enter(State.SWITCH_ON_DISABLED)
         elif self.state is not State.FAULT_REACTION_ACTIVE:
-            self._command(command_of(controlword))
+            command = command_of(controlword)
+            if not (command in self.disobedience.ignored and self.state in POWERED):
+                self._command(command)
             if self._follows_set_points:
                 self._follower.control(controlword)
         self._refresh()
@@ -209,12 +215,15 @@ class Cia402Node(CanopenNode):
             self._refresh()
 
     def _quick_stop(self) -> None:
-        option = self.dictionary.get(0x605A)
+        option, defect = self.dictionary.get(0x605A), self.disobedience
+        stays = option > _STAYS_STOPPED
+        then = None if stays or defect.keeps_voltage else State.SWITCH_ON_DISABLED
         self.state = State.QUICK_STOP_ACTIVE
-        if option > _STAYS_STOPPED:
-            self._slow_down(Ramp(option - _STAYS_STOPPED), None)
+        if defect.runs_on:
+            self._next_state = then
+            self._leave_at_rest()
         else:
-            self._slow_down(Ramp(option), State.SWITCH_ON_DISABLED)
+            self._slow_down(Ramp(option - _STAYS_STOPPED if stays else option), then)
 
     def _resume(self) -> None:
         """Take back a stop: hold where the axis is or comes to rest."""
@@ -278,7 +287,7 @@ class Cia402Node(CanopenNode):
         if self.state not in POWERED:
             return
         option = self.dictionary.get(0x6007)
-        if option == 1:
+        if option == 1 or (option in (2, 3) and self.disobedience is not OBEDIENT):
             self.fail(code)
         elif option in (2, 3) and self.state is not State.FAULT_REACTION_ACTIVE:
             self._command(Command.DISABLE_VOLTAGE if option == 2 else Command.QUICK_STOP)

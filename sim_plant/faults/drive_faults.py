@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sim_plant.canopen.nmt import NmtCommand
+from sim_plant.drive.cia402_states import Command
+from sim_plant.drive.disobedience import OBEDIENT, Disobedience
 from sim_plant.faults.injection import NodeInjection
 
 if TYPE_CHECKING:
@@ -160,6 +162,45 @@ class AxisWeak(NodeInjection):
         """Recover."""
         self.machine.axes[self.axis].weaken(None)
         return []
+
+
+class _Disobedient(NodeInjection):
+    """The drive does not do all that its controlword commands.
+
+    Its reaction to the loss of a heartbeat works all the same (`sim_plant.drive.disobedience`).
+    """
+
+    disobedience = OBEDIENT
+
+    def begin(self) -> None:
+        """Disobey."""
+        self.node.disobedience = self.disobedience
+
+    def end(self) -> list[Frame]:
+        """Obey the commands to come."""
+        self.node.disobedience = OBEDIENT
+        return []
+
+
+class QuickStopIgnored(_Disobedient):
+    """The drive goes on with its move when told to stop quickly."""
+
+    disobedience = Disobedience(ignored=frozenset({Command.QUICK_STOP}))
+
+
+class DisableVoltageIgnored(_Disobedient):
+    """The drive stops quickly but cannot be switched off."""
+
+    disobedience = Disobedience(
+        ignored=frozenset({Command.DISABLE_VOLTAGE, Command.SHUTDOWN, Command.SWITCH_ON}),
+        keeps_voltage=True,
+    )
+
+
+class StopWithoutEffect(_Disobedient):
+    """The drive shows that it stops, and does not."""
+
+    disobedience = Disobedience(runs_on=True)
 
 
 def _restart(node: CanopenNode) -> None:

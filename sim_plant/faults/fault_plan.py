@@ -52,6 +52,10 @@ class What(StrEnum):
     """The drive's controller leaves the bus; the drive works on."""
     ADAPTER_BUS_OFF = "adapter-bus-off"
     """Our controller leaves the bus: it takes no frame any more."""
+    TRANSMIT_OUTAGE = "transmit-outage"
+    """Our adapter takes no frame, as in bus-off; what the drives send still arrives."""
+    RECEIVE_OUTAGE = "receive-outage"
+    """Nothing that the drives send reaches us; our frames get through."""
     CABLE_CUT = "cable-cut"
     """No frame passes between us and any drive."""
     VOLTAGE_LOST = "voltage-lost"
@@ -72,9 +76,22 @@ class What(StrEnum):
     """On an axis that is energised."""
     AXIS_WEAK = "axis-weak"
     """No more than `size` per mille of rated torque: the axis does not follow."""
+    QUICK_STOP_IGNORED = "quick-stop-ignored"
+    """By controlword: the drive stays in OPERATION ENABLED and goes on with its move."""
+    DISABLE_VOLTAGE_IGNORED = "disable-voltage-ignored"
+    """By controlword, as are shutdown and disable operation; after a quick stop the drive stays in
+    QUICK STOP ACTIVE, whatever 605A says."""
+    STOP_WITHOUT_EFFECT = "stop-without-effect"
+    """The drive shows QUICK STOP ACTIVE, and the axis goes on to its target."""
 
 
-_WITHOUT_AXIS = {What.MASTER_HEARTBEAT_LOST, What.ADAPTER_BUS_OFF, What.CABLE_CUT}
+_WITHOUT_AXIS = {
+    What.MASTER_HEARTBEAT_LOST,
+    What.ADAPTER_BUS_OFF,
+    What.TRANSMIT_OUTAGE,
+    What.RECEIVE_OUTAGE,
+    What.CABLE_CUT,
+}
 _WITH_CODE = {What.SDO_ABORTED, What.WARNING, What.FAULT}
 _WITH_SIZE = {What.ENCODER_JUMP, What.CURRENT_OFFSET, What.CURRENT_CLIPPED, What.AXIS_WEAK}
 

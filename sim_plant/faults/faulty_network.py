@@ -2,7 +2,8 @@
 
 Every frame is counted, faults whose moment has come begin, those whose time is up end. Faults that
 are present see each frame on its way to the drives, in the order of the plan, and all that the
-drives send on its way back.
+drives send on its way back. A SYNC that does not reach the drives lets its cycle of time pass all
+the same: the drives' motions and watchdogs do not wait for us.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 from sim_plant.drive.cia402_states import Control
 from sim_plant.faults import drive_faults, frame_faults, interlock_faults
 from sim_plant.faults.fault_plan import What
+from sim_plant.faults.frame_faults import NotSent
 from sim_plant.faults.machine_faults import FaultyMachine
 from sim_plant.faults.moment import Progress, Watch
 from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
@@ -33,6 +35,8 @@ _INJECTIONS: dict[What, type[Injection]] = {
     What.MASTER_HEARTBEAT_LOST: frame_faults.MasterHeartbeatLost,
     What.CABLE_CUT: frame_faults.CableCut,
     What.ADAPTER_BUS_OFF: frame_faults.AdapterBusOff,
+    What.TRANSMIT_OUTAGE: frame_faults.TransmitOutage,
+    What.RECEIVE_OUTAGE: frame_faults.ReceiveOutage,
     What.WARNING: drive_faults.Warned,
     What.FAULT: drive_faults.Failed,
     What.NODE_RESET: drive_faults.Reset,
@@ -46,6 +50,9 @@ _INJECTIONS: dict[What, type[Injection]] = {
     What.CURRENT_STUCK: drive_faults.CurrentStuck,
     What.BRAKE_CLOSED: drive_faults.BrakeClosed,
     What.AXIS_WEAK: drive_faults.AxisWeak,
+    What.QUICK_STOP_IGNORED: drive_faults.QuickStopIgnored,
+    What.DISABLE_VOLTAGE_IGNORED: drive_faults.DisableVoltageIgnored,
+    What.STOP_WITHOUT_EFFECT: drive_faults.StopWithoutEffect,
 }
 
 
@@ -121,22 +128,21 @@ class FaultyNetwork:
 
         Raises
         ------
-        BusOff
-            The frame is not sent, and those to come neither.
+        NotSent
+            The frame is not sent; what the drives send meanwhile comes with the exception.
         """
         sync = identifier == self.nodes[0].sync_identifier
         self.progress.frames += 1
         self.progress.syncs += sync
         held = self._update()
-        for _, injection in self._present:
-            answer = injection.incoming(identifier, data)
-            if answer is not None:
-                break
-        else:
+        try:
+            answer = self._intercepted(identifier, data)
+        except NotSent as refused:
+            refused.frames = held + self._unheard(sync=sync)
+            raise
+        if answer is None:
             return held + self._passed_on(self._network.receive(identifier, data))
-        if sync and self._clock == "sync":  # time passes although the drives do not hear of it
-            self._network.elapse(self._network.cycle)
-        return held + answer
+        return held + answer + self._unheard(sync=sync)
 
     def answer(self, identifier: int, data: bytes) -> tuple[list[Frame], bytes]:
         """Do as `receive`; no frames come as a block here, each may meet its fault."""
@@ -152,6 +158,20 @@ class FaultyNetwork:
         """Let time pass without SYNC [s]; return what the drives send meanwhile."""
         held = self._update()
         return held + self._passed_on(self._network.elapse(duration))
+
+    def _intercepted(self, identifier: int, data: bytes) -> list[Frame] | None:
+        """Return what a fault answers in the drives' place, None if the frame reaches them."""
+        for _, injection in self._present:
+            answer = injection.incoming(identifier, data)
+            if answer is not None:
+                return answer
+        return None
+
+    def _unheard(self, *, sync: bool) -> list[Frame]:
+        """Let the time of a frame pass that the drives do not get; return what they send."""
+        if not (sync and self._clock == "sync"):
+            return []
+        return self._passed_on(self._network.elapse(self._network.cycle))
 
     def _update(self) -> list[Frame]:
         """Let faults begin and end; return frames that those which end have held back."""

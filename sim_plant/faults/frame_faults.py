@@ -17,7 +17,21 @@ _NODE = 0x7F
 _ABORT = struct.Struct("<B3sI")
 
 
-class BusOff(can.CanOperationError):
+class NotSent(can.CanOperationError):
+    """Our adapter does not take a frame.
+
+    Attributes
+    ----------
+    frames : list of Frame
+        What reaches us from the drives meanwhile.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.frames: list[Frame] = []
+
+
+class BusOff(NotSent):
     """Our controller has left the bus."""
 
 
@@ -91,13 +105,17 @@ class MasterHeartbeatLost(Injection):
         return [] if HEARTBEAT < identifier <= HEARTBEAT + _NODE else None
 
 
-class CableCut(Injection):
-    """No frame passes in either direction."""
+class TransmitOutage(Injection):
+    """Our adapter takes no frame, but hands over what arrives."""
 
     def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
-        """Swallow everything."""
-        del identifier, data
-        return []
+        """Refuse it."""
+        del data
+        raise NotSent(f"transmit outage: frame {identifier:03X} was not sent")
+
+
+class ReceiveOutage(Injection):
+    """Nothing that the drives send reaches us."""
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:
         """Swallow everything."""
@@ -105,8 +123,17 @@ class CableCut(Injection):
         return []
 
 
-class AdapterBusOff(CableCut):
-    """Our controller takes no frame."""
+class CableCut(ReceiveOutage):
+    """No frame passes in either direction."""
+
+    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+        """Swallow everything."""
+        del identifier, data
+        return []
+
+
+class AdapterBusOff(ReceiveOutage):
+    """Our controller takes no frame and hears none."""
 
     def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
         """Refuse it."""

@@ -95,10 +95,12 @@ class FaultyMachine:
     ----------
     offsets, clips, frozen : dict
         By axis from 0: current sensor's offset, its range, the values at which it is stuck.
+    plant : Plant
+        The machine as it truly is.
     """
 
     def __init__(self, plant: Plant) -> None:
-        self._plant = plant
+        self.plant = plant
         self.axes = tuple(FaultyAxis(axis) for axis in plant.axes)
         self.offsets: dict[int, int] = {}
         self.clips: dict[int, int] = {}
@@ -108,29 +110,29 @@ class FaultyMachine:
     @property
     def time(self) -> float:
         """Time of the machine [s]."""
-        return self._plant.time
+        return self.plant.time
 
     @property
     def drives(self) -> Sequence[DriveSettings]:
         """One for each axis."""
-        return self._plant.drives
+        return self.plant.drives
 
     @property
     def on_event(self) -> Callable[[int, int], None]:
         """Called with axis index and events when these change."""
-        return self._plant.on_event
+        return self.plant.on_event
 
     @on_event.setter
     def on_event(self, handler: Callable[[int, int], None]) -> None:
-        self._plant.on_event = handler
+        self.plant.on_event = handler
 
     def advance(self, duration: float) -> None:
         """Let the physics run for `duration` [s]."""
-        self._plant.advance(duration)
+        self.plant.advance(duration)
 
     def read(self) -> NDArray[np.int64]:
         """Latch what encoders and current sensors show, which may be wrong."""
-        self._shown[:] = self._plant.read()
+        self._shown[:] = self.plant.read()
         for i, axis in enumerate(self.axes):
             self._shown[i * _WIDTH + _POSITION] += axis.jump
             self._shown[i * _WIDTH + _DEMAND] += axis.jump
@@ -153,11 +155,11 @@ class FaultyMachine:
     def jump(self, axis: int, increments: int) -> None:
         """Let an encoder jump, and the loop behind it take that for a following error."""
         self.axes[axis].jump += increments
-        angle = increments / self._plant.const[axis, st.COUNTS_PER_RAD]
-        self._plant.profile[axis, [st.P0, st.TARGET, st.DEMAND]] -= angle
+        angle = increments / self.plant.const[axis, st.COUNTS_PER_RAD]
+        self.plant.profile[axis, [st.P0, st.TARGET, st.DEMAND]] -= angle
 
     def press_brake(self, axis: int, times: int) -> None:
         """Add the brake's friction to that of an axis so many times; -1 takes it away."""
-        const = self._plant.const
+        const = self.plant.const
         const[axis, st.F_COULOMB] += times * const[axis, st.BRAKE]
-        friction.refresh(const, self._plant.state, axis)
+        friction.refresh(const, self.plant.state, axis)

@@ -18,7 +18,7 @@ class Progress:
     time : float
         Since power-on [s].
     frames, syncs : int
-        That have reached the drives, with the one that is just coming.
+        That we sent, with the one that is just coming, whether they reach the drives or not.
     set_points : dict of int to int
         By axis, from 1.
     """

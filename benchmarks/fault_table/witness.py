@@ -1,0 +1,92 @@
+"""What a plant truly does in a session: who is energised, who watches us, how far the axes go.
+
+Judged by the machine and by the drives' own dictionaries, never by what the driver or a frame says.
+Whoever passes frames or time to the drives lets the witness look afterwards.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_plant.physics import state as st
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from sim_plant.faults.faulty_network import FaultyNetwork
+
+STILL = 1e-3
+"""Speed below which an axis stands [rad/s]."""
+
+
+class Witness:
+    """Looks at machine and dictionaries.
+
+    Parameters
+    ----------
+    network : FaultyNetwork
+        Which it looks at.
+    reaction : float
+        How long after the event nobody can be asked to have stopped an axis [s].
+
+    Attributes
+    ----------
+    energised : bool
+        Some axis was energised at some time.
+    unwatched : set of int
+        Axes, from 1, that were at some time energised while their drive would not have reacted to
+        the loss of our heartbeat: 1016h names none, or it has heard none since it was written.
+    began : float or None
+        When the event was [s].
+    off_after : float or None
+        Time from there until no axis was energised and none moved [s].
+    ways : ndarray, shape (n_axes,)
+        Largest distance of each axis from where it was at the event [rad].
+    speeds : ndarray, shape (n_axes,)
+        Highest speed of each axis from the event until `reaction` is over [rad/s].
+    """
+
+    def __init__(self, network: FaultyNetwork, reaction: float = 0.0) -> None:
+        self.energised = False
+        self.unwatched: set[int] = set()
+        self.began: float | None = None
+        self.off_after: float | None = None
+        self._network = network
+        self._reaction = reaction
+        self._state: NDArray[np.float64] = network.machine.plant.state
+        self.ways = np.zeros(len(self._state))
+        self.speeds = np.zeros(len(self._state))
+        self._from = self.ways
+
+    def begin(self) -> None:
+        """Take note that the event is now."""
+        self.began = self._network.time
+        self._from = self._state[:, st.Q].copy()
+
+    def look(self) -> None:
+        """See what is the case at this instant."""
+        enabled = self._state[:, st.ENABLED] != 0.0
+        if enabled.any():
+            self.energised = True
+            nodes = zip(self._network.nodes, enabled, strict=True)
+            self.unwatched.update(
+                axis for axis, (node, on) in enumerate(nodes, 1) if on and not node.is_watching
+            )
+        if self.began is not None:
+            self._measure(self._network.time - self.began)
+
+    def _measure(self, elapsed: float) -> None:
+        q, speed = self._state[:, st.Q], np.abs(self._state[:, st.QD])
+        np.maximum(self.ways, np.abs(q - self._from), out=self.ways)
+        if elapsed <= self._reaction:
+            np.maximum(self.speeds, speed, out=self.speeds)
+        if self.off_after is None and self.all_off:
+            self.off_after = elapsed
+
+    @property
+    def all_off(self) -> bool:
+        """No axis is energised and none moves."""
+        state = self._state
+        return not state[:, st.ENABLED].any() and bool(np.all(np.abs(state[:, st.QD]) < STILL))

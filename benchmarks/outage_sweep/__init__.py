@@ -1,0 +1,1 @@
+"""Random outages in a session of fast moves: drawn, let happen, judged."""

@@ -1,0 +1,79 @@
+"""Which outage happens when: drawn from a seed and a number, so that each can be had again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_plant.faults.fault_plan import Fault, Span, What, When
+
+SHORTEST, LONGEST = 0.005, 0.250
+"""[s]."""
+AXES = 6
+DIRECTIONS = {
+    "transmit": (What.TRANSMIT_OUTAGE,),
+    "receive": (What.RECEIVE_OUTAGE,),
+    "both": (What.TRANSMIT_OUTAGE, What.RECEIVE_OUTAGE),
+    "drive": (What.BUS_OFF,),
+}
+"""Of our adapter; the last one concerns one drive alone, in both directions."""
+
+
+@dataclass(frozen=True)
+class Outage:
+    """What happens to one session.
+
+    Attributes
+    ----------
+    number : int
+        Of the draw.
+    frame : int
+        The first one of ours that meets it, from 1.
+    length : float
+        [s].
+    direction : str
+        One of `DIRECTIONS`.
+    axis : int or None
+        Whose drive is off the bus, from 1; None for our adapter.
+    interrupted : bool
+        Ctrl-C is pressed at the same moment.
+    """
+
+    number: int
+    frame: int
+    length: float
+    direction: str
+    axis: int | None
+    interrupted: bool
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The plan."""
+        at, lasts = When(frame=self.frame), Span(time=self.length)
+        return tuple(
+            Fault(what=what, axis=self.axis, at=at, lasts=lasts)
+            for what in DIRECTIONS[self.direction]
+        )
+
+    def __str__(self) -> str:
+        whose = self.direction if self.axis is None else f"{self.direction} {self.axis}"
+        with_what = ", Ctrl-C" if self.interrupted else ""
+        return (
+            f"outage {self.number}: {whose}, {1000 * self.length:.0f} ms from frame {self.frame}"
+            f"{with_what}"
+        )
+
+
+def draw(seed: int, number: int, frames: range) -> Outage:
+    """Draw one outage that begins with one of these frames."""
+    rng = np.random.default_rng([seed, number])
+    direction, axis = str(rng.choice(list(DIRECTIONS))), int(rng.integers(1, AXES + 1))
+    return Outage(
+        number=number,
+        frame=int(rng.choice(frames)),
+        length=float(rng.uniform(SHORTEST, LONGEST)),
+        direction=direction,
+        axis=axis if direction == "drive" else None,
+        interrupted=bool(rng.integers(2)),
+    )

@@ -1,0 +1,113 @@
+"""A session of fast moves of all six axes, in lock-step, in which an outage happens.
+
+Powering up, three moves at up to full speed, powering down; then the drives are left alone. What
+counts is what the witness of the machine says (`fault_table.witness`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from fault_table.logged_bus import SYNC, LoggedBus
+from fault_table.stopping_way import allowed_ways, reaction_time
+from fault_table.trial import drives
+
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.drive_bus import DriveError, Move
+from sim_plant.physics import state as st
+
+if TYPE_CHECKING:
+    from outage_sweep.draws import Outage
+
+REACH = (1.2, 0.8, 1.2, 1.5, 1.0, 1.5)
+"""Where the moves lead, either side of zero [rad]."""
+SHARES = ((1, 1.0), (-1, 0.6), (1, 1.0))
+"""Side and share of the speed limit, move by move."""
+ACCELERATION = 0.5
+"""Share of the limit: more than that takes the plant's motors to their torque limits."""
+
+
+class Verdict(NamedTuple):
+    """What came of an outage.
+
+    Attributes
+    ----------
+    ended : str
+        The error that ended the session, "" if it went on to its end.
+    unwatched : tuple of int
+        Axes that were energised with their watchdog off.
+    energised : tuple of int
+        Axes that were energised when the drives had been left alone.
+    way, share : float
+        Longest way of an axis after the event [rad], largest share of the way allowed; 0 where the
+        session went on.
+    """
+
+    ended: str
+    unwatched: tuple[int, ...]
+    energised: tuple[int, ...]
+    way: float
+    share: float
+
+    @property
+    def broken(self) -> bool:
+        """Whether a promise was broken."""
+        return bool(self.unwatched or self.energised or self.share > 1.0)
+
+
+def move_about(bus: LoggedBus) -> None:
+    """Power up, move, power down.
+
+    Raises
+    ------
+    DriveError, KeyboardInterrupt
+        What the driver makes of an outage, or of Ctrl-C.
+    """
+    with CanopenDriveBus(bus, drives) as axes:
+        for side, share in SHARES:
+            axes.move(
+                {
+                    axis: Move(
+                        side * reach,
+                        share * drive.limits.velocity,
+                        ACCELERATION * drive.limits.acceleration,
+                    )
+                    for axis, (reach, drive) in enumerate(zip(REACH, drives.axes, strict=True))
+                }
+            )
+            while not axes.sample().reached:
+                pass
+
+
+def frames_sent() -> range:
+    """Numbers of the frames that the driver sends when nothing happens, from the first SYNC on.
+
+    Before that it asks and configures drives that are off.
+    """
+    with LoggedBus(()) as bus:
+        move_about(bus)
+    ours = [frame.identifier for frame in bus.log if frame.ours]
+    return range(ours.index(SYNC) + 1, len(ours) + 1)
+
+
+def happen(outage: Outage) -> Verdict:
+    """Let an outage happen, and judge what came of it."""
+    ended = ""
+    reaction = reaction_time(outage.length, drives)
+    with LoggedBus(outage.faults, interrupted=outage.interrupted, reaction=reaction) as bus:
+        try:
+            move_about(bus)
+        except (DriveError, KeyboardInterrupt) as error:
+            ended = type(error).__name__
+        bus.leave_alone()
+    energised = np.flatnonzero(bus.plant.state[:, st.ENABLED]) + 1
+    ways = bus.witness.ways if ended else np.zeros(len(REACH))
+    shares = ways / allowed_ways(bus.witness.speeds, outage.length, drives)
+    return Verdict(
+        ended,
+        tuple(sorted(bus.witness.unwatched)),
+        tuple(energised.tolist()),
+        float(ways.max()),
+        float(shares.max()),
+    )

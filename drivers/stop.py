@@ -1,0 +1,231 @@
+"""Stopping one axis: quick stop, standstill, voltage off; each step shown by its drive, or bounded.
+
+A command may be lost, ignored, or acknowledged without effect. So each step is commanded anew at
+every SYNC until the drive shows that it obeys, and each has a bound. After a quick stop an axis of
+speed v and deceleration a may go on for at most::
+
+    way  = window + v (STOP_DELAY + age) + STOP_MARGIN v^2 / (2 a)
+    time = STOP_DELAY + STOP_MARGIN v / a  (and until standstill is certain)
+
+where window is its following error window and age how old its last position was when the command
+went out. Beyond either bound its voltage is disabled at once; a drive that does not show that its
+voltage is off in time is lost, and nothing but its own watchdog ends it.
+
+Positions are in increments; nothing here sends or waits: `AxisStop.step` takes what one SYNC
+showed.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers.cia402 import Command, State, decode_state
+
+if TYPE_CHECKING:
+    from drivers.set_point import Standstill
+
+STOP_DELAY = 0.1
+"""Time that a drive may take to begin to slow down, and its loops to follow [s]."""
+
+STOP_MARGIN = 1.5
+"""Factor by which a stop may last longer and go farther than its stated deceleration says."""
+
+OFF_TIME = 0.5
+"""How long a drive at rest may take to switch off [s]; it may close a brake first."""
+
+OFF_TIME_MOVING = 0.2
+"""The same for an axis that did not stop as it should [s]."""
+
+UNSENT_TIME = 2.0
+"""How long a command is tried that the bus does not take [s]; the drives' watchdogs are faster."""
+
+SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY})
+"""States in which a drive cannot turn its motor until it is commanded to."""
+
+_OBEYING = frozenset({State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})
+_UNUSED = frozenset({State.READY_TO_SWITCH_ON, State.SWITCHED_ON})
+
+
+class StopBound(NamedTuple):
+    """How far [increments] and for how long [s] an axis may go on after a stop command."""
+
+    way: float
+    time: float
+
+    @classmethod
+    def of(cls, speed: float, deceleration: float, window: float, age: float = 0.0) -> StopBound:
+        """Return the bound of an axis.
+
+        Parameters
+        ----------
+        speed, deceleration : float
+            At the command, and as stated, both positive [increments/s, increments/s^2].
+        window : float
+            Following error window [increments].
+        age : float
+            Of the last position when the command went out [s].
+        """
+        braking = STOP_MARGIN * speed / deceleration
+        return cls(window + speed * (STOP_DELAY + age + braking / 2), STOP_DELAY + braking)
+
+
+class Phase(enum.Enum):
+    """How far the stop of an axis has come."""
+
+    STOPPING = "is told to stop"
+    RESTING = "stands still"
+    DISABLING = "is told to switch off"
+    OFF = "is off"
+    UNSEEN = "does not show whether it is off"
+    LOST = "does not switch off"
+
+
+class AxisStop:
+    """The stop of one axis.
+
+    Parameters
+    ----------
+    time : float
+        Of its last position [s].
+    position : int
+        The last that is known [increments].
+    speed, deceleration, window : float
+        As for `StopBound.of`.
+    rest : Standstill
+        Judges whether it rests.
+    settling : float
+        How long `rest` takes to be certain [s].
+
+    Attributes
+    ----------
+    phase : Phase
+        How far it has come.
+    state : State or None
+        What it showed at the last SYNC, None where that is unknown.
+    overrun : tuple of float or None
+        Way [increments] and time [s] at which it was seen to exceed its bound.
+    left_at : int or None
+        Where it was when it first showed that it is off [increments].
+    """
+
+    def __init__(
+        self,
+        time: float,
+        position: int,
+        *,
+        speed: float,
+        deceleration: float,
+        window: float,
+        rest: Standstill,
+        settling: float,
+    ) -> None:
+        self.phase = Phase.STOPPING
+        self.overrun: tuple[float, float] | None = None
+        self.state: State | None = None
+        self._seen, self._origin = time, position
+        self._speed, self._deceleration, self._window = speed, deceleration, window
+        self._rest = rest
+        self._settling = settling
+        self._begun: float | None = None
+        self._asked = time
+        self._moving = True
+        self._confirmed = self._adrift = False
+        self.left_at: int | None = None
+        self._rested = time
+        self._bound = StopBound.of(speed, deceleration, window)
+
+    @property
+    def ended(self) -> bool:
+        """Nothing is to be commanded any more."""
+        return self.phase in {Phase.OFF, Phase.UNSEEN, Phase.LOST}
+
+    @property
+    def bound(self) -> StopBound:
+        """How far and for how long it may go on."""
+        return self._bound
+
+    def sent(self, time: float) -> None:
+        """Take note that the command of this phase went out [s]."""
+        self._confirmed |= self.phase is Phase.OFF
+        if self._begun is None:
+            self._begun = time
+            if self.phase is Phase.STOPPING:
+                age = max(0.0, time - self._seen)
+                self._bound = StopBound.of(self._speed, self._deceleration, self._window, age)
+
+    def rested(self, time: float) -> float:
+        """Return for how long it has been standing still [s], 0 while it moves."""
+        return time - self._rested if self.phase is Phase.RESTING else 0.0
+
+    def disable(self, time: float) -> None:
+        """Go on to switching off, unless that was reached already."""
+        if self.phase in {Phase.STOPPING, Phase.RESTING, Phase.OFF}:
+            if self._begun is not None:  # else the bus has taken nothing since the stop began
+                self._begun, self._asked = None, time
+            self._moving = self.phase is Phase.STOPPING
+            self.phase = Phase.DISABLING
+
+    def step(self, time: float, word: int, position: int, *, fresh: bool) -> Command | None:
+        """Take one SYNC; return what to command.
+
+        Parameters
+        ----------
+        time : float
+            The SYNC's instant [s].
+        word, position : int
+            Statusword and position of its TPDO [increments].
+        fresh : bool
+            They came with this SYNC; else they say nothing.
+        """
+        self.state = decode_state(word) if fresh else None
+        if self.state in SHOWN_OFF:
+            self._take_off(position)
+        elif self.state in _UNUSED or (self.state and self.phase is Phase.OFF):
+            self.disable(time)
+        elif self.phase in {Phase.STOPPING, Phase.RESTING}:
+            self._watch(time, position, fresh=fresh)
+        if self.phase is Phase.DISABLING:
+            self._await_off(time, fresh=fresh)
+        match self.phase:
+            case Phase.STOPPING if self.state not in _OBEYING:
+                return Command.QUICK_STOP
+            case Phase.DISABLING:
+                return Command.DISABLE_VOLTAGE
+            case Phase.OFF if not self._confirmed:  # the last word is never that of a quick stop
+                return Command.DISABLE_VOLTAGE
+        return None
+
+    def give_up(self) -> None:
+        """Take note that it moves although it shows that it is off: only standstill counts now."""
+        self._adrift, self.phase = True, Phase.LOST
+
+    def _take_off(self, position: int) -> None:
+        if self.left_at is None:
+            self.left_at = position
+        if not self._adrift or self._rest.update(position):
+            self.phase, self._adrift = Phase.OFF, False
+
+    def _watch(self, time: float, position: int, *, fresh: bool) -> None:
+        way = abs(position - self._origin)
+        rests = fresh and self._rest.update(position) and self.state in _OBEYING
+        if rests and self.phase is Phase.STOPPING:
+            self.phase, self._rested = Phase.RESTING, time
+        late = self.phase is Phase.STOPPING and self._overdue(time, self._bound.time)
+        far = fresh and self._begun is not None and way > self._bound.way
+        if late or far:
+            self.overrun = (way, time - self._seen) if fresh else None
+            self.disable(time)
+
+    def _await_off(self, time: float, *, fresh: bool) -> None:
+        if not self._overdue(time, OFF_TIME_MOVING if self._moving else OFF_TIME):
+            return
+        if self.state is State.READY_TO_SWITCH_ON:
+            self.phase = Phase.OFF  # it keeps its voltage, and cannot turn its motor
+        else:
+            self.phase = Phase.LOST if fresh else Phase.UNSEEN
+
+    def _overdue(self, time: float, bound: float) -> bool:
+        if self._begun is None:
+            return time - self._asked > UNSENT_TIME
+        return time - self._begun > bound + self._settling

@@ -1,0 +1,37 @@
+"""What a defective drive does not do although its controlword commands it.
+
+Only commands by controlword meet these defects. The reaction to the loss of a heartbeat is taken
+for another part of the firmware, which works: where 6007h names a reaction at all, a disobedient
+drive ends in FAULT, by way of the fault reaction (605Eh), even if 6007h names the quick stop that
+has no effect. So the watchdog is the last resort of whoever commands such a drive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim_plant.drive.cia402_states import Command
+
+
+@dataclass(frozen=True, slots=True)
+class Disobedience:
+    """What a drive does not do while its axis is energised.
+
+    Attributes
+    ----------
+    ignored : frozenset of Command
+        Have no effect.
+    keeps_voltage : bool
+        A quick stop ends in QUICK STOP ACTIVE, whatever 605Ah says.
+    runs_on : bool
+        A quick stop changes the state alone: the axis goes on to its target.
+    """
+
+    ignored: frozenset[Command] = frozenset()
+    keeps_voltage: bool = False
+    runs_on: bool = False
+
+
+OBEDIENT = Disobedience()

@@ -1,0 +1,332 @@
+"""What stops all axes, keeps them stopped, and decides whose watchdog may be released."""
+
+# ruff: noqa: PT012 - what happens inside and at the end of a with block is what is tested
+
+from __future__ import annotations
+
+import struct
+import time
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import can
+import local_drives
+import pytest
+from test_canopen_bus import all_off, drives_file, never_energised
+
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.drive_bus import (
+    BusUnavailable,
+    DriveError,
+    DriveFault,
+    LimitExceeded,
+    Move,
+    Tripped,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+NODES = 3
+MOVES = {axis: Move(1.0, 1.0, 10.0) for axis in range(NODES)}
+STOP, OFF = 0x02, 0x00
+
+
+@pytest.fixture
+def can_bus() -> Iterator[Any]:
+    bus = local_drives.LocalBus(NODES, {})
+    yield bus
+    bus.shutdown()
+
+
+@pytest.fixture
+def drive_bus(can_bus: Any) -> CanopenDriveBus:
+    return CanopenDriveBus(can_bus, drives_file())
+
+
+def samples(drive_bus: CanopenDriveBus, count: int) -> None:
+    for _ in range(count):
+        drive_bus.sample()
+
+
+def controlwords(can_bus: Any, node: int) -> list[int]:
+    return [
+        struct.unpack("<iH", frame.data)[1]
+        for frame in can_bus.sent
+        if frame.arbitration_id == 0x200 + node
+    ]
+
+
+def watched(can_bus: Any) -> list[bool]:
+    return [drive.value(0x1016, 1) != 0 for drive in can_bus.drives.values()]
+
+
+def run_away(can_bus: Any) -> None:
+    can_bus.drives[1].position += 100_000
+
+
+def failing(nodes: set[int], times: int, error: Exception) -> Callable[[can.Message], None]:
+    """Let so many set-points and commands to these nodes fail."""
+    left = dict.fromkeys(nodes, times)
+
+    def fail(frame: can.Message) -> None:
+        node = frame.arbitration_id - 0x200
+        if left.get(node):
+            left[node] -= 1
+            raise error
+
+    return fail
+
+
+# Stop commands
+
+
+def test_a_stop_command_that_fails_keeps_no_other_axis_from_being_stopped(can_bus: Any) -> None:
+    drive_bus = CanopenDriveBus(can_bus, drives_file())
+    with pytest.raises(KeyboardInterrupt), drive_bus:
+        drive_bus.move(MOVES)
+        samples(drive_bus, 20)
+        can_bus.sent.clear()
+        can_bus.on_send = failing({1}, 3, can.CanOperationError("transmit buffer full"))
+        raise KeyboardInterrupt
+    before_sync = [f.arbitration_id for f in can_bus.sent]
+    assert {0x202, 0x203} <= set(before_sync[: before_sync.index(0x80)])
+    assert all_off(can_bus)
+    assert not any(watched(can_bus))
+
+
+def test_a_stop_command_is_repeated_at_every_sync_until_it_is_obeyed(can_bus: Any) -> None:
+    drive_bus = CanopenDriveBus(can_bus, drives_file())
+    with pytest.raises(KeyboardInterrupt), drive_bus:
+        drive_bus.move(MOVES)
+        samples(drive_bus, 20)
+        can_bus.sent.clear()
+        can_bus.on_send = failing({1, 2, 3}, 12, OSError("no buffer space available"))
+        raise KeyboardInterrupt
+    syncs = [n for n, frame in enumerate(can_bus.sent) if frame.arbitration_id == 0x80]
+    for first, second in pairwise(syncs[:12]):
+        between = {frame.arbitration_id for frame in can_bus.sent[first:second]}
+        assert {0x201, 0x202, 0x203} <= between
+    assert all_off(can_bus)
+
+
+def test_what_a_back_end_raises_is_a_drive_error_and_stops_the_axes(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    class Broken(Exception):
+        pass
+
+    for error in (OSError(100, "network is down"), Broken("no such handle"), ValueError("closed")):
+        with pytest.raises(BusUnavailable, match="cannot be sent") as caught, drive_bus:
+            drive_bus.move(MOVES)
+            samples(drive_bus, 5)
+
+            def fail(frame: can.Message, error: Exception = error) -> None:
+                if frame.arbitration_id == 0x80 and fail.left:  # type: ignore[attr-defined]
+                    fail.left -= 1  # type: ignore[attr-defined]
+                    raise error
+
+            fail.left = 10  # type: ignore[attr-defined]
+            can_bus.on_send = fail
+            samples(drive_bus, 1)
+        assert caught.value.__cause__ is error
+        assert all_off(can_bus)
+        can_bus.on_send = lambda _: None
+
+
+def test_what_a_back_end_raises_when_receiving_is_a_drive_error(
+    can_bus: Any, drive_bus: CanopenDriveBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(BusUnavailable, match=r"cannot receive: .*adapter"), drive_bus:
+        samples(drive_bus, 5)
+
+        def broken(timeout: float | None = None) -> None:
+            monkeypatch.undo()
+            raise OSError("adapter unplugged")
+
+        monkeypatch.setattr(drive_bus._exchange, "_receive", broken)
+        samples(drive_bus, 1)
+    assert all_off(can_bus)
+
+
+# The latch
+
+
+def trip(can_bus: Any, drive_bus: CanopenDriveBus) -> None:
+    drive_bus.move(MOVES)
+    samples(drive_bus, 10)
+    run_away(can_bus)
+    with pytest.raises(Tripped, match="joint 1"):
+        samples(drive_bus, 10)
+
+
+def test_after_a_trip_nothing_moves_until_a_deliberate_reset(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with drive_bus:
+        trip(can_bus, drive_bus)
+        for attempt in (
+            lambda: drive_bus.move(MOVES),
+            lambda: drive_bus.stream([[0.0] * NODES] * 3),
+            drive_bus.halt,
+            drive_bus.sample,
+        ):
+            can_bus.sent.clear()
+            with pytest.raises(Tripped, match=r"until a deliberate reset\(\): joint 1"):
+                attempt()
+            assert not any(
+                word & 0x0F == 0x0F for n in (1, 2, 3) for word in controlwords(can_bus, n)
+            )
+        assert not any(drive.state == "enabled" for drive in can_bus.drives.values())
+        drive_bus.reset()
+        samples(drive_bus, 5)
+        assert all(drive.state == "enabled" for drive in can_bus.drives.values())
+        drive_bus.move({1: Move(0.5, 1.0, 10.0)})
+        while not drive_bus.sample().reached:
+            pass
+    assert all_off(can_bus)
+    assert not any(watched(can_bus))
+
+
+def test_axes_have_come_to_rest_when_the_trip_is_raised(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with drive_bus:
+        trip(can_bus, drive_bus)
+        before = [drive.position for drive in can_bus.drives.values()]
+        for drive in can_bus.drives.values():
+            drive.step()
+        assert [drive.position for drive in can_bus.drives.values()] == before
+
+
+def test_a_reset_without_a_trip_changes_nothing(can_bus: Any, drive_bus: CanopenDriveBus) -> None:
+    with drive_bus:
+        can_bus.sent.clear()
+        drive_bus.reset()
+        assert not can_bus.sent
+
+
+def test_a_drive_that_does_not_show_that_it_is_off_is_not_powered_on_again(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with pytest.raises(DriveFault, match=r"joint 2 .*not shown to be off"), drive_bus:
+        can_bus.drives[2].stuck |= {"enabled", "stopping"}
+        trip(can_bus, drive_bus)
+        drive_bus.reset()
+
+
+# Watchdogs
+
+
+def test_a_drive_that_stays_energised_keeps_its_watchdog_and_hears_no_heartbeat_any_more(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with pytest.raises(DriveFault, match=r"incomplete.*joint 2 .*watchdog stays armed"), drive_bus:
+        samples(drive_bus, 5)
+        can_bus.drives[2].stuck |= {"enabled", "stopping"}
+    assert watched(can_bus) == [False, True, False]
+    beats = [n for n, frame in enumerate(can_bus.sent) if frame.arbitration_id == 0x77F]
+    syncs_after = [f for f in can_bus.sent[beats[-1] :] if f.arbitration_id == 0x80]
+    assert len(syncs_after) * local_drives.PERIOD > 0.5
+
+
+def test_a_start_that_is_refused_releases_the_watchdogs_of_drives_that_are_off(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    can_bus.drives[3].stuck.add("ready")
+    with pytest.raises(DriveError):
+        drive_bus.__enter__()
+    assert never_energised(can_bus)
+    assert not any(watched(can_bus))
+
+
+# Brakes, and where axes stand
+
+
+def test_voltage_stays_on_for_the_brake_s_delay_after_standstill(can_bus: Any) -> None:
+    delays = []
+    for delay in (0.0, 0.3):
+        for drive in can_bus.drives.values():
+            drive.history.clear()
+            drive.stays_stopped = True
+        drive_bus = CanopenDriveBus(can_bus, drives_file(brake_delay=delay))
+        with drive_bus:
+            samples(drive_bus, 5)
+            can_bus.sent.clear()
+        syncs, first_off = 0, 0
+        for frame in can_bus.sent:
+            syncs += frame.arbitration_id == 0x80
+            if frame.arbitration_id == 0x201 and struct.unpack("<iH", frame.data)[1] == OFF:
+                first_off = first_off or syncs
+        delays.append(first_off * local_drives.PERIOD)
+        assert all_off(can_bus)
+    assert delays[1] - delays[0] == pytest.approx(0.3, abs=0.01)
+
+
+def test_an_axis_that_sags_after_switching_off_is_noted(can_bus: Any) -> None:
+    drive_bus = CanopenDriveBus(can_bus, drives_file())
+    with drive_bus:
+        samples(drive_bus, 5)
+        can_bus.drives[2].sags = 500.0
+    (note,) = [note for note in drive_bus.notes if "sagged" in note]
+    assert note.startswith("joint 2 (node 2): sagged by 0.0077 rad")
+    assert "brake_delay" in note
+
+
+def test_an_axis_that_shows_off_and_goes_on_is_not_released(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with pytest.raises(DriveFault, match=r"joint 2 .*it still moves"), drive_bus:
+        samples(drive_bus, 5)
+        can_bus.drives[2].sags = 1e9
+    assert watched(can_bus) == [False, True, False]
+
+
+@pytest.mark.parametrize("radians", [2.1, -2.1])
+def test_an_axis_that_stands_outside_its_limits_keeps_all_from_being_powered(
+    can_bus: Any, drive_bus: CanopenDriveBus, radians: float
+) -> None:
+    can_bus.drives[1].position = can_bus.drives[1].target = radians * 4096 * 100 / 6.283185
+    with pytest.raises(LimitExceeded, match=r"joint 1 .*stands at -?2.1 rad, must be in \[-2, 2\]"):
+        drive_bus.__enter__()
+    assert never_energised(can_bus)
+
+
+def test_before_homing_an_axis_may_stand_anywhere(can_bus: Any) -> None:
+    can_bus.drives[1].position = can_bus.drives[1].target = 1e6
+    with CanopenDriveBus(can_bus, drives_file(), anywhere=True) as drive_bus:
+        drive_bus.follow()
+    assert all_off(can_bus)
+
+
+def test_a_bus_that_was_opened_for_us_is_shut_down_when_connecting_fails() -> None:
+    class Half(local_drives.LocalBus):
+        closed = 0
+
+        def shutdown(self) -> None:
+            type(self).closed += 1
+            super().shutdown()
+
+    bus = Half(NODES, {})
+    drive_bus = CanopenDriveBus(bus, drives_file(), pacing="nonsense", owns_bus=True)  # type: ignore[arg-type]
+    drive_bus._drives = None  # type: ignore[assignment]
+    with pytest.raises(AttributeError):
+        drive_bus.__enter__()
+    assert Half.closed == 1
+
+
+# Supervision
+
+
+def test_axes_in_motion_that_nobody_looks_at_are_stopped(can_bus: Any) -> None:
+    drive_bus = CanopenDriveBus(can_bus, drives_file(), pacing="wall-clock")
+    with drive_bus:
+        samples(drive_bus, 3)
+        time.sleep(0.3)
+        samples(drive_bus, 3)  # at rest a caller may make a pause
+        drive_bus.move({0: Move(1.5, 0.5, 10.0)})
+        samples(drive_bus, 3)
+        time.sleep(0.3)
+        with pytest.raises(Tripped, match=r"nobody supervised .* at most 0.25 s may be"):
+            drive_bus.sample()
+    assert all_off(can_bus)
