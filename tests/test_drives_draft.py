@@ -199,7 +199,7 @@ def test_the_time_that_a_brake_takes_is_quoted_where_the_maker_has_an_object_for
         (0x3158, 2): {"DataType": 6, "ParameterValue": 50},
     }
     text = draft_drives([axis(configured)])
-    assert "# brake_delay: 0.05 # s, 3158:02 of the drive (holding brake fall time)" in text
+    assert "    brake_delay: 0.05 # s, 3158:02 of the drive (holding brake fall time)" in text
 
 
 def test_a_drive_that_cannot_watch_our_heartbeat_needs_a_reason() -> None:

@@ -66,10 +66,15 @@ def test_of_options_that_a_drive_does_not_have_nothing_is_stated() -> None:
     assert stated(lacking) == []
 
 
-def test_the_time_that_a_maker_s_brake_takes_is_quoted() -> None:
+@pytest.mark.parametrize(("delay", "grade"), [(0.05, Grade.OK), (0.04, Grade.WARNING)])
+def test_a_brake_that_takes_longer_than_the_voltage_stays_is_stated(
+    delay: float, grade: Grade
+) -> None:
     maxon = {"vendor": 0xFB, "product": 0x402}
     brake: Objects = {(0x3158, 2): ("u16", 50)}
-    assert "holding brake fall time (3158:02): 0.05 s" in str(stated(brake, identity=maxon)[-1])
+    found = stated(brake, identity=maxon, brake_delay=delay)[-1]
+    assert f"holding brake fall time (3158:02): 0.05 s (file: {delay:g} s)" in str(found)
+    assert found.grade is grade
     assert not any("brake" in str(v) for v in stated(brake))
 
 

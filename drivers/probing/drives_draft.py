@@ -225,8 +225,8 @@ def _brake(dictionary: Dictionary) -> Iterator[str]:
     counts = dictionary.value(maker.brake_delay.entry) if maker else None
     if maker and counts:
         delay = maker.brake_delay
-        said = f"{delay.place} of the drive ({delay.entry.name})"
-        yield f"# brake_delay: {delay.value(counts):g} # s, {said}; state it where there is a brake"
+        said = f"s, {delay.place} of the drive ({delay.entry.name})"
+        yield _line("brake_delay", f"{delay.value(counts):g}", said, "")
 
 
 def _watch(dictionary: Dictionary) -> Iterator[str]:

@@ -15,7 +15,7 @@ from drivers import objects
 from drivers.interlocks import safe_torque_off
 from drivers.makers import MAKERS
 from drivers.probing import probed_objects as probed
-from drivers.probing.verdict import Grade, Verdict
+from drivers.probing.verdict import Grade, Verdict, graded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -80,16 +80,20 @@ def _option(
 
 
 def _brake(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
-    """Quote the time that a brake takes, where the maker has an object for it."""
+    """Compare the time that a brake takes, where the maker has an object for it."""
     maker = MAKERS.get(axis.identity.vendor)
     counts = server.find(maker.brake_delay.entry) if maker else None
     if maker and counts:
         delay = maker.brake_delay
-        yield Verdict(
-            Grade.OK,
+        yield graded(
+            delay.value(counts) <= axis.brake_delay * (1 + 1e-9),
+            Grade.WARNING,
             server.label,
             f"{delay.entry.name} ({delay.place})",
             f"{delay.value(counts):g} s",
+            f"file: {axis.brake_delay:g} s",
+            "the voltage goes before the brake has closed: an axis that hangs sags; state it as "
+            "brake_delay",
         )
 
 
