@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from drivers.rate_units import RateUnit
     from drivers.sdo import Entry, SdoServer
 
-POSITION = "position unit (608F, 6091, 6092, 60A8)"
+POSITION = "position unit (6064)"
 _COUNTS = "increments_per_revolution"
 _SAME = Fraction(1, 10**6)
 """Units that differ by less than this share are one."""

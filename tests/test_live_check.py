@@ -63,7 +63,7 @@ def test_a_missing_drive_is_named_and_nothing_is_powered_on() -> None:
         ({"gear_ratio": 100}, "gear (6091)", "105 (file: 100); correct gear_ratio"),
         (
             {"increments_per_revolution": 2000},
-            "position unit (608F, 6091, 6092, 60A8)",
+            "position unit (6064)",
             "counts per motor revolution (feed 6092 = 430080 over gear 6091 = 105) (file: 2000)",
         ),
     ],

@@ -44,8 +44,8 @@ def stated(objects: Objects, **changes: Any) -> list[Verdict]:
         (0x605C, 0, Grade.WARNING, "when it is switched off the axis coasts, and one that hangs"),
         (0x605B, 0, Grade.WARNING, "when it is shut down the axis coasts"),
         (0x605A, 0, Grade.WARNING, "hil run writes another option over it"),
-        (0x6007, 0, Grade.WARNING, "0, does nothing; when the bus is lost the axis goes on"),
-        (0x6007, 2, Grade.WARNING, "2, takes the torque away; when the bus is lost the axis coas"),
+        (0x6007, 0, Grade.WARNING, "0, does nothing; without a bus the axis goes on"),
+        (0x6007, 2, Grade.WARNING, "2, takes the torque away; without a bus the axis coas"),
         (0x605E, 2, Grade.OK, "2, slows down on the quick stop ramp"),
         (0x605C, 1, Grade.OK, "1, slows down on the ramp"),
         (0x605A, 6, Grade.OK, "6, slows down on the quick stop ramp and stays powered"),
@@ -73,7 +73,7 @@ def test_a_brake_that_takes_longer_than_the_voltage_stays_is_stated(
     maxon = {"vendor": 0xFB, "product": 0x402}
     brake: Objects = {(0x3158, 2): ("u16", 50)}
     found = stated(brake, identity=maxon, brake_delay=delay)[-1]
-    assert f"holding brake fall time (3158:02): 0.05 s (file: {delay:g} s)" in str(found)
+    assert f"brake (3158:02): 0.05 s (file: {delay:g} s)" in str(found)
     assert found.grade is grade
     assert not any("brake" in str(v) for v in stated(brake))
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from drivers.drives_file import AxisDrive
-    from drivers.sdo import Entry, SdoServer
+    from drivers.sdo import SdoServer
 
 COASTS, GOES_ON = "takes the torque away", "does nothing"
 _RAMPS = {1: "slows down on the ramp", 2: "slows down on the quick stop ramp"}
@@ -53,26 +53,24 @@ def check_reactions(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
     DriveRefused, NodeSilent
         An object that cannot be read.
     """
-    for entry, meanings, when, remedy in (
-        (probed.FAULT_REACTION, _FAULT, "on a fault", _SET),
-        (probed.DISABLE_OPTION, _SHUT_DOWN, "when it is switched off", _SET),
-        (probed.SHUTDOWN_OPTION, _SHUT_DOWN, "when it is shut down", _SET),
-        (objects.QUICK_STOP_OPTION, _QUICK_STOP, "at a quick stop", _WRITTEN),
-        (objects.ABORT_CONNECTION_OPTION, _CONNECTION, "when the bus is lost", _WRITTEN),
+    for entry, check, meanings, when, remedy in (
+        (probed.FAULT_REACTION, "fault reaction", _FAULT, "on a fault", _SET),
+        (probed.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),
+        (probed.SHUTDOWN_OPTION, "shutting down", _SHUT_DOWN, "when it is shut down", _SET),
+        (objects.QUICK_STOP_OPTION, "quick stop", _QUICK_STOP, "at a quick stop", _WRITTEN),
+        (objects.ABORT_CONNECTION_OPTION, "lost bus", _CONNECTION, "without a bus", _WRITTEN),
     ):
         present = server.find(entry)
         if present is not None:
-            yield _option(server.label, entry, present, meanings, f"{when} {{}}: {remedy}")
+            meaning = meanings.get(present, "the maker's own, see its manual")
+            name, found = f"{check} ({entry.index:04X})", f"{present}, {meaning}"
+            yield _option(server.label, name, found, meaning, f"{when} {{}}: {remedy}")
     yield from _brake(server, axis)
     yield from _interlock(server)
 
 
-def _option(
-    place: str, entry: Entry, present: int, meanings: dict[int, str], remedy: str
-) -> Verdict:
+def _option(place: str, check: str, found: str, meaning: str, remedy: str) -> Verdict:
     """Warn of an option that lets the axis coast or go on."""
-    meaning = meanings.get(present, "the maker's own, see its manual")
-    found, check = f"{present}, {meaning}", f"{entry.name} ({entry.index:04X})"
     consequence = _CONSEQUENCES.get(meaning)
     if consequence is None:
         return Verdict(Grade.OK, place, check, found)
@@ -89,7 +87,7 @@ def _brake(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
             delay.value(counts) <= axis.brake_delay * (1 + 1e-9),
             Grade.WARNING,
             server.label,
-            f"{delay.entry.name} ({delay.place})",
+            f"brake ({delay.place})",
             f"{delay.value(counts):g} s",
             f"file: {axis.brake_delay:g} s",
             "the voltage goes before the brake has closed: an axis that hangs sags; state it as "
