@@ -9,9 +9,11 @@ feed / gear ratio counts, whatever the encoder. A drive may state the unit itsel
 a power of ten of a degree or a revolution at the gear's output. Feed and gear of 1, as drives leave
 the factory, say that nothing was configured: then a count is an increment.
 
-From all these follow the readings that are admissible, each with its reason. One is a fact; several
-that differ are a contradiction within the drive; none leaves the drives file on trust. Draft, check
-and commissioning all ask here.
+From all these follow the readings that are admissible, each with its reason; a unit coarser than a
+motor revolution is none. One reading is a fact. Several that differ leave the choice among them to
+the drives file: the drive contradicts itself, or states a gear and no feed, which may be counted
+before or behind that gear. None leaves the file on trust. Draft, check and commissioning all ask
+here.
 """
 
 from __future__ import annotations
@@ -124,18 +126,26 @@ def shown(counts: Fraction) -> str:
 def _readings(factors: PositionFactors) -> Iterator[Reading]:
     gear, feed = factors.gear or Fraction(1), factors.feed
     angle = _per_output_revolution(factors.unit)
-    if feed is not None and feed != 1:
+    if feed is not None and feed != 1 and feed > gear:
         yield Reading(feed / gear, f"feed 6092 = {feed} over gear 6091 = {gear}")
-    if angle is not None:
+    if angle is not None and angle > gear:
         behind = f" at the output of gear 6091 = {gear}" if gear != 1 else ""
         yield Reading(angle / gear, f"60A8 says {factors.unit_in_words}{behind}")
-    if factors.resolution is None:
-        return
+    if factors.resolution is not None:
+        yield from _increments(factors, factors.resolution, gear)
+
+
+def _increments(
+    factors: PositionFactors, resolution: Fraction, gear: Fraction
+) -> Iterator[Reading]:
+    encoder = f"608F = {factors.encoder}"
     if factors.factor is not None and factors.factor != 1:
-        reason = f"608F = {factors.encoder} over position factor 6093 = {factors.factor}"
-        yield Reading(factors.resolution / factors.factor, reason)
+        by_factor = f"{encoder} over position factor 6093 = {factors.factor}"
+        yield Reading(resolution / factors.factor, by_factor)
     elif _says_increments(factors):
-        yield Reading(factors.resolution, f"608F = {factors.encoder}, in increments")
+        yield Reading(resolution, f"{encoder}, in increments")
+        if gear != 1 and factors.feed in {None, 1}:  # some take 6091 for an electronic gear
+            yield Reading(resolution / gear, f"{encoder} over gear 6091 = {gear}")
 
 
 def _says_increments(factors: PositionFactors) -> bool:

@@ -95,7 +95,7 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
     found = " or ".join(map(str, readings))
     agrees = any(same(reading.per_revolution, stated) for reading in readings)
     if agrees and len(readings) > 1:
-        remedy = f"the drive contradicts itself, {_COUNTS}: {shown(stated)} is taken on trust"
+        remedy = f"the drive leaves it open, {_COUNTS}: {shown(stated)} is taken on trust"
         return unsettled(POSITION, found, _COUNTS, shown(stated), remedy)
     return compared(
         agrees,

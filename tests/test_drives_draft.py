@@ -130,6 +130,18 @@ def test_a_unit_is_a_fact_where_the_maker_fixed_it_and_a_hint_where_he_did_not()
     assert "by default rpm/s (60AA)" in asked["acceleration_unit"]
 
 
+def test_a_default_that_may_hold_in_the_drive_keeps_a_reading_from_being_a_fact() -> None:
+    encoder: Changes = {
+        (0x608F, 1): {"ParameterValue": 2000},
+        (0x608F, 2): {"ParameterValue": 1},
+        (0x6092, 1): {"DefaultValue": 3600},
+        (0x6092, 2): {"DefaultValue": 1},
+    }
+    asked = marked(draft_drives([axis(encoder)]))["increments_per_revolution"]
+    assert "2000 counts per motor revolution (608F = 2000, in increments)" in asked
+    assert "3600 counts per motor revolution (feed 6092 = 3600" in asked
+
+
 def test_positions_in_other_units_than_increments_are_told() -> None:
     asked = marked(draft_drives([axis({(0x60A8, 0): {"ParameterValue": "0xFD010000"}})]))
     assert "60A8 = FD010000h says that positions are no" in asked["increments_per_revolution"]

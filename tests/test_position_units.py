@@ -76,9 +76,12 @@ def readings(says: Says) -> list[str]:
         (encoder(4096) | gear(101) | feed(360_000) | unit(MILLI_DEGREE), ["360000/101"]),
         (encoder(4096) | gear(101) | feed(1) | unit(MILLI_DEGREE), ["360000/101"]),
         (encoder(4096) | gear(105) | feed(430_080), ["4096"]),
-        (encoder(4096) | gear(105), ["4096"]),
+        (encoder(4096) | gear(105) | feed(430_080) | unit(INCREMENTS), ["4096"]),
         # the older edition's position factor
         (encoder(4096) | {(0x6093, 1): 8, (0x6093, 2): 1}, ["512"]),
+        # a gear and no feed: counted before it or behind it
+        (encoder(4096) | gear(105), ["4096", "4096/105"]),
+        (encoder(131_072) | gear(131_072, 10_000) | feed(1), ["131072", "10000"]),
         # the drive contradicts itself
         (encoder(2000) | gear(1) | feed(3600) | unit(INCREMENTS), ["3600", "2000"]),
         (encoder(2000) | gear(1) | feed(2000) | unit(TENTH_DEGREE), ["2000", "3600"]),
@@ -87,6 +90,9 @@ def readings(says: Says) -> list[str]:
         (encoder(1) | FACTORY, []),
         (encoder(2000) | FACTORY | unit(0x00AC0000), []),
         (encoder(2000) | FACTORY | unit(0xFA010000), []),
+        # no position can be controlled in units of whole revolutions
+        (encoder(2000) | unit(0x00B40000), []),
+        (encoder(2000) | gear(1000) | feed(360), []),
         (gear(1, 0) | feed(0) | encoder(0, 0), []),
     ],
 )
@@ -118,7 +124,7 @@ def configurations(draw: st.DrawFn) -> tuple[Says, Fraction, Fraction]:
     says = encoder(resolution.numerator, resolution.denominator) | gear(motor, shaft)
     style = draw(st.sampled_from(["plain", "feed", "unit", "both"]))
     if style == "plain":
-        says |= draw(st.sampled_from([{}, feed(1), unit(INCREMENTS), unit(0)]))
+        says |= gear(1) | draw(st.sampled_from([{}, feed(1), unit(INCREMENTS), unit(0)]))
         return says, resolution, resolution
     power, code = draw(PREFIXES), draw(st.sampled_from(sorted(UNITS)))
     per_output = UNITS[code] / Fraction(10) ** power
@@ -137,7 +143,7 @@ def test_the_scale_that_follows_from_a_drive_s_objects_is_that_of_its_motor(
     configuration: tuple[Says, Fraction, Fraction], turned: int
 ) -> None:
     says, resolution, expected = configuration
-    assume(resolution > 1)
+    assume(resolution > 1 and expected > 1)
     (reading,) = position_readings(factors(says))
     assert reading.per_revolution == expected
     scale = AxisScale.of(one_axis(increments_per_revolution=expected, gear_ratio=50.0, zero=0))

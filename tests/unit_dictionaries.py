@@ -89,6 +89,13 @@ HABITS = {
         {"increments_per_revolution": 4096},
         [({"increments_per_revolution": 1}, "4096 counts per motor revolution (608F = 4096")],
     ),
+    "an electronic gear and no feed": Habit(
+        words(x608F_1=131_072, x608F_2=1, x6091_1=131_072, x6091_2=10_000),
+        {"increments_per_revolution": None},
+        {"increments_per_revolution": 10_000},
+        [({"increments_per_revolution": 4096}, "131072 counts per motor revolution (608F = 131")],
+        {"increments_per_revolution"},
+    ),
     "milliradians": Habit(
         words(x608F_1=4096, x608F_2=1, x60A8=0xFD100000, x60A9=0xFD100300) | FACTORY,
         {"increments_per_revolution": "6283.185307", "velocity_unit": "inc/s"},

@@ -7,6 +7,7 @@ reading; what is a default, unknown or contradictory becomes part of the hint.
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers import objects, unit_codes
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
 _NAMES = {
     "rated_current": re.compile(r"(rated|nominal|nenn).*(current|strom)", re.I),
     "rated_torque": re.compile(r"(rated|nominal|nenn).*(torque|moment)", re.I),
-    "increments": re.compile(r"(encoder|sensor).*(resolution|pulses|increments)", re.I),
+    "increments": re.compile(
+        r"(encoder|sensor).*(resolution|pulses)|pulse number|increments per|encoder lines", re.I
+    ),
     "torque_constant": re.compile(r"torque const|drehmomentkonst", re.I),
 }
 
@@ -59,17 +62,24 @@ def _unit(
 
 
 def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
-    """Return the counts per motor revolution if certain, their reason, and what to state."""
+    """Return the counts per motor revolution if certain, their reason, and what to state.
+
+    What is left at a default may hold in the drive, so a reading must hold with it too.
+    """
     hint = "counts of 6064 per revolution of the motor (encoder lines times 4), or a ratio"
     factors = PositionFactors.read(dictionary.value)
     readings = position_readings(factors)
-    if len(readings) == 1:
+    by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
+    counts = {reading.per_revolution for reading in (*readings, *by_default)}
+    if readings and len(counts) == 1:
         return shown(readings[0].per_revolution), readings[0].reason, hint
     if readings:
-        return None, "", f"{hint}; the drive contradicts itself: {' or '.join(map(str, readings))}"
+        either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
+        return None, "", f"{hint}; the drive leaves it open: {either}"
     if factors.unit and factors.unit_in_words != "inc":
         hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
-    hint += default_of(dictionary, objects.ENCODER_INCREMENTS)
+    if by_default:
+        hint += f"; by its defaults {' or '.join(map(str, by_default))}"
     return None, "", hint + also_named(dictionary, "increments")
 
 
@@ -100,6 +110,11 @@ def meaning_of(chosen: CurrentCandidate | None, dictionary: Dictionary) -> str:
         f"what one count of {place} is: {choice}; by the standard {chosen.basis.value}, see the "
         "drive's manual"
     )
+
+
+def _value_or_default(dictionary: Dictionary, entry: Entry) -> int | None:
+    value = dictionary.value(entry)
+    return _default(dictionary, entry) if value is None else value
 
 
 def _default(dictionary: Dictionary, entry: Entry) -> int | None:

@@ -95,17 +95,22 @@ def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
 
 
 def _gear(server: SdoServer, axis: AxisDrive) -> Verdict:
-    check, stated, gear = "gear (6091)", axis.gear_ratio, PositionFactors.read(server.find).gear
+    """Compare the gear; one that stands without a feed may be the drive's electronic gear."""
+    factors = PositionFactors.read(server.find)
+    check, stated, gear = "gear (6091)", axis.gear_ratio, factors.gear
     if gear is None or gear == 1:
         return unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
+    alone = factors.feed in {None, 1} and not factors.unit
     return graded(
         math.isclose(float(gear), stated, rel_tol=SAME),
-        Grade.REFUSED,
+        Grade.WARNING if alone else Grade.REFUSED,
         server.label,
         check,
         f"{float(gear):g}",
         f"file: {stated:g}",
-        "correct gear_ratio or the drive's parameter: angles and torques scale with it",
+        "an electronic gear of the drive, or correct gear_ratio: it shows by eye, in a move"
+        if alone
+        else "correct gear_ratio or the drive's parameter: angles and torques scale with it",
     )
 
 
