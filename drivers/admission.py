@@ -1,25 +1,36 @@
-"""All or nothing: every drive must pass before any is energised.
+"""All or nothing: every drive must pass before any is energised, or even written to.
 
-Each drive is switched off, checked and configured in turn (`commissioning`). One that fails does
-not keep the others from being looked at, so that the operator learns at once what to mend.
+Each drive is switched off and looked at in turn, and what start-up will write to it is found out
+(`announcement`). One that fails does not keep the others from being looked at, so that the operator
+learns at once what to mend. Only when all have passed, and what they hold has been kept
+(`settings_keeper`), are they configured (`commissioning`).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
+from drivers.announcement import announce
 from drivers.commissioning import commission
 from drivers.communication import find_collisions
 from drivers.drive_bus import AxisInfo, DriveError, DriveFault, DriveRefused, NodeSilent
+from drivers.effective_limits import effective_limits
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
+    from drivers.announcement import Announcement
     from drivers.communication import Communication
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.effective_limits import EffectiveLimits
     from drivers.power import Power
-    from drivers.sdo import SdoServer
+    from drivers.sdo import Entry, SdoServer
+    from drivers.settings_keeper import SettingsKeeper
+
+_Result = TypeVar("_Result")
 
 
 def admit(
@@ -29,9 +40,10 @@ def admit(
     power: Power,
     commissioned: list[SdoServer],
     communications: Sequence[Communication],
+    keeper: SettingsKeeper,
     *,
     reset_faults: bool,
-) -> tuple[AxisInfo, ...]:
+) -> tuple[tuple[AxisInfo, ...], tuple[EffectiveLimits, ...]]:
     """Check and configure all drives, leaving them off and pre-operational.
 
     Parameters
@@ -48,42 +60,93 @@ def admit(
         Extended by each drive as soon as something may have been written to it.
     communications : sequence of Communication
         By drive; what is found is put in.
+    keeper : SettingsKeeper
+        Keeps what they hold before that.
     reset_faults : bool
         Reset drives that are found in a fault.
+
+    Returns
+    -------
+    tuple of AxisInfo, tuple of EffectiveLimits
+        What the drives are, and which limits hold.
 
     Raises
     ------
     DriveRefused, NodeSilent, DriveFault
         Why drives cannot serve, a line each.
+    FileError
+        What they hold cannot be kept; nothing was written.
     """
+    keeper.open(drives)
+    pairs = list(zip(servers, drives.axes, strict=True))
+
+    def look(server: SdoServer, axis: AxisDrive) -> Announcement:
+        server.enter_pre_operational()
+        power.make_safe(server, reset_fault=reset_faults)
+        held = partial(keeper.found, server)
+        announcement = announce(server, axis, drives, period, held, keeper.later)
+        keeper.take(server, axis, announcement.found)
+        return announcement
+
+    expected = tuple(each.limits for each in _all(look, pairs))
+    keeper.announced(servers)
+    at = {server.node: place for place, server in enumerate(servers)}
+
+    def configure(server: SdoServer, axis: AxisDrive) -> tuple[AxisInfo, EffectiveLimits]:
+        place = at[server.node]
+        commissioned.append(server)
+        holding, communication = expected[place], communications[place]
+        identity = commission(server, axis, drives, period, power.wait, holding, communication)
+        held = _held(server, axis, holding)
+        return _described(axis, identity, held), held
+
+    admitted = _all(configure, pairs)
+    collisions = find_collisions(communications, drives.master_node)
+    if collisions:
+        raise _joined(collisions)
+    return tuple(info for info, _ in admitted), tuple(held for _, held in admitted)
+
+
+def _held(server: SdoServer, axis: AxisDrive, expected: EffectiveLimits) -> EffectiveLimits:
+    """Return the limits that hold now: a drive may keep a tighter value than was written."""
+
+    def find(entry: Entry) -> int | None:
+        if entry in server.missing:
+            return None
+        return server.kept.get(entry, expected.values.get(entry))
+
+    kept = effective_limits(find, axis, server.label)
+    return replace(kept, own={**kept.own, **expected.own}, notes=())
+
+
+def _all(
+    step: Callable[[SdoServer, AxisDrive], _Result], pairs: Iterable[tuple[SdoServer, AxisDrive]]
+) -> list[_Result]:
+    """Take a step with each drive, and only then raise what went wrong."""
     problems: list[DriveError] = []
-    infos = []
-    for server, axis, communication in zip(servers, drives.axes, communications, strict=True):
+    results = []
+    for server, axis in pairs:
         try:
-            server.enter_pre_operational()
-            power.make_safe(server, reset_fault=reset_faults)
-            commissioned.append(server)
-            identity = commission(server, axis, drives, period, power.wait, communication)
-            infos.append(_described(axis, identity))
+            results.append(step(server, axis))
         except (DriveRefused, NodeSilent, DriveFault) as error:
             problems.append(error)
-    problems = problems or [*find_collisions(communications, drives.master_node)]
     if problems:
         raise _joined(problems)
-    return tuple(infos)
+    return results
 
 
-def _described(axis: AxisDrive, identity: str) -> AxisInfo:
-    scale = AxisScale.of(axis)
+def _described(axis: AxisDrive, identity: str, holding: EffectiveLimits) -> AxisInfo:
+    scale, limits = AxisScale.of(axis), holding.limits
     return AxisInfo(
         name=axis.name,
         identity=identity,
-        q_min=axis.limits.q_min,
-        q_max=axis.limits.q_max,
-        velocity_max=axis.limits.velocity,
-        acceleration_max=axis.limits.acceleration,
+        q_min=limits.q_min,
+        q_max=limits.q_max,
+        velocity_max=limits.velocity,
+        acceleration_max=limits.acceleration,
         torque_resolution=abs(scale.torque),
         position_resolution=abs(scale.position),
+        own_limits=holding.own,
     )
 
 

@@ -44,14 +44,16 @@ from drivers.open_bus import open_can_bus
 from drivers.pacing import choose_pacing, sync_channel
 from drivers.path_check import check_path
 from drivers.pdo_mapping import answers
-from drivers.power import Power, release
+from drivers.power import Power
 from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
+from drivers.settings_keeper import SettingsKeeper
 from drivers.shutdown import Shutdown
 from drivers.streams import Streams
 from drivers.supervision import Supervision
 from drivers.trips import SPEED_SHARE, Trips
+from drivers.yaml_file import FileError
 from drivers.zero_current import offsets
 
 if TYPE_CHECKING:
@@ -63,7 +65,8 @@ if TYPE_CHECKING:
     import can
 
     from drivers.drive_bus import Move, Sample
-    from drivers.drives_file import DrivesFile
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.effective_limits import EffectiveLimits
     from drivers.pacing import PacingName
     from drivers.pdo_mapping import Pdo
 
@@ -96,6 +99,8 @@ class CanopenDriveBus:
         Shut the bus down when leaving.
     anywhere : bool
         Power on also where an axis stands outside its limits, as before homing.
+    keeper : SettingsKeeper, optional
+        Keeps what the drives hold before they are written to; by default in memory only.
 
     Attributes
     ----------
@@ -114,6 +119,7 @@ class CanopenDriveBus:
         reset_faults: bool = False,
         owns_bus: bool = False,
         anywhere: bool = False,
+        keeper: SettingsKeeper | None = None,
     ) -> None:
         self.notes: tuple[str, ...] = ()
         self._bus = bus
@@ -123,7 +129,10 @@ class CanopenDriveBus:
         self._reset_faults = reset_faults
         self._owns_bus = owns_bus
         self._anywhere = anywhere
+        self._keeper = keeper or SettingsKeeper()
         self._axes: tuple[AxisInfo, ...] = ()
+        self._limits: tuple[EffectiveLimits, ...] = ()
+        self._limited = drives.axes
         self._trip: DriveError | None = None
         self._words: tuple[int, ...] = ()
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
@@ -139,6 +148,16 @@ class CanopenDriveBus:
     def axes(self) -> tuple[AxisInfo, ...]:
         """What the drives told about themselves; known once entered."""
         return self._axes
+
+    @property
+    def limits(self) -> tuple[EffectiveLimits, ...]:
+        """Which limits hold, the drives' own or the drives file's; known once entered."""
+        return self._limits
+
+    @property
+    def limited_axes(self) -> tuple[AxisDrive, ...]:
+        """What the drives file states of the axes, with the limits that hold; once entered."""
+        return self._limited
 
     @property
     def servers(self) -> tuple[SdoServer, ...]:
@@ -197,7 +216,8 @@ class CanopenDriveBus:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         self._refuse_after_trip()
         for axis, move in moves.items():
-            check_move(move, self._drives.axes[axis], self._scales[axis], axis + 1)
+            own = self._limits[axis].own
+            check_move(move, self._limited[axis], self._scales[axis], axis + 1, own)
         try:
             if self._streams.cyclic:
                 self._streams.leave()
@@ -215,7 +235,8 @@ class CanopenDriveBus:
             raise MoveFailed("a path can only begin where all axes rest; wait until reached")
         here = self._readout.sample(self._pacing.now(), self._exchange, reached=True).q
         points = np.asarray(path, dtype=float)
-        check_path(points, self._drives.axes, here, self._period)
+        own = [limits.own for limits in self._limits]
+        check_path(points, self._limited, here, self._period, own)
         try:
             self._streams.begin(points)
         except DriveError as error:
@@ -342,27 +363,29 @@ class CanopenDriveBus:
         self._trip = None
         self._commissioned: list[SdoServer] = []
         self._running = False
-        self._motions = Motions(self._exchange, self._servers, drives.axes, self._period, now)
-        self._trips = Trips(drives.axes, self._period)
-        self._streams = Streams(
-            self._exchange, self._servers, drives.axes, self._trips, self._period, self.follow
-        )
         self._gaps = Gaps(network, self._servers, self._heartbeats)
         self._words = ()
 
     def _admit(self) -> None:
-        self._axes = admit(
+        self._axes, self._limits = admit(
             self._servers,
             self._drives,
             self._period,
             self._power,
             self._commissioned,
             self._communications,
+            self._keeper,
             reset_faults=self._reset_faults,
         )
         self._exchange.wire(self.transmitted)
         self._supervision.listen([drive.emergency for drive in self._communications])
         self._note(note for server in self._servers for note in server.notes)
+        pairs = zip(self._limits, self._drives.axes, strict=True)
+        self._limited = axes = tuple(limits.of(axis) for limits, axis in pairs)
+        exchange, servers, period = self._exchange, self._servers, self._period
+        self._motions = Motions(exchange, servers, axes, period, self._pacing.now)
+        self._trips = Trips(axes, period)
+        self._streams = Streams(exchange, servers, axes, self._trips, period, self.follow)
 
     def _start(self) -> None:
         for server in self._servers:
@@ -406,7 +429,7 @@ class CanopenDriveBus:
             return
         outside = []
         for axis, scale, counts in zip(
-            self._drives.axes, self._scales, self._exchange.positions, strict=True
+            self._limited, self._scales, self._exchange.positions, strict=True
         ):
             q, limits, slack = scale.position_from_counts(counts), axis.limits, axis.position_window
             if not limits.q_min - slack <= q <= limits.q_max + slack:
@@ -467,7 +490,7 @@ class CanopenDriveBus:
         """How fast each axis may be: as measured, or as commanded if that is faster."""
         found = []
         for number, (axis, scale, counts) in enumerate(
-            zip(self._drives.axes, self._scales, self._exchange.speeds(), strict=True)
+            zip(self._limited, self._scales, self._exchange.speeds(), strict=True)
         ):
             limit = axis.limits.velocity
             commanded = limit if self._streams.moving else self._motions.velocity(number)
@@ -477,10 +500,10 @@ class CanopenDriveBus:
         return found
 
     def _decelerations(self) -> list[float]:
-        """How each axis slows down in a quick stop: by the drives file, or as commanded."""
+        """How each axis slows down in a quick stop: as stated, as the drive has it, or as moved."""
         found = []
-        for number, (axis, server) in enumerate(zip(self._drives.axes, self._servers, strict=True)):
-            ours = axis.limits.acceleration
+        for number, (axis, server) in enumerate(zip(self._limited, self._servers, strict=True)):
+            ours = self._limits[number].stop_deceleration or axis.limits.acceleration
             if server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
                 ours = min(ours, self._motions.deceleration(number))  # it may take that of 6084
             found.append(axis.quick_stop_deceleration or ours)
@@ -498,6 +521,7 @@ class CanopenDriveBus:
     def _leave(self, error: BaseException | None) -> None:
         with interrupts_held():
             problems, complete = self._switch_off()
+            self._close_settings()
             self._commissioned, self._running = [], False
             problems += self._close()
             if getattr(self._bus, "recorded", False):
@@ -512,15 +536,15 @@ class CanopenDriveBus:
             raise DriveFault(text)
 
     def _switch_off(self) -> tuple[list[str], bool]:
-        """Stop and switch off all drives; release those that have shown that they are off.
+        """Stop and switch off all drives; put back what those held that are shown to be off.
 
-        Returns what went wrong, and whether all are off.
+        With that their watchdogs are released. Returns what went wrong, and whether all are off.
         """
         off = self._switch_off_running() if self._running else self._switch_off_standing()
         for server in self._commissioned:
             if server in off:
-                with suppress(Exception):  # one that cannot be told misses our heartbeat only
-                    release(server)
+                with suppress(Exception):  # what is not put back is reported by `_close_settings`
+                    self._keeper.restore(server)
         return self._shutdown.problems, set(self._commissioned) <= off
 
     def _switch_off_running(self) -> set[SdoServer]:
@@ -561,6 +585,12 @@ class CanopenDriveBus:
                 problems.append(f"the bus cannot be shut down: {error}")
         return problems
 
+    def _close_settings(self) -> None:
+        try:
+            self._note(self._keeper.close(self._servers, self._commissioned))
+        except FileError as error:  # the axes are off, and what was kept before is on the disk
+            self._note([str(error)])
+
 
 def open_drive_bus(
     drives: DrivesFile,
@@ -569,6 +599,7 @@ def open_drive_bus(
     bus_options: Mapping[str, object] | None = None,
     pacing: PacingName = "auto",
     frame_log: Path | None = None,
+    keeper: SettingsKeeper | None = None,
 ) -> CanopenDriveBus:
     """Open a python-can bus and put a `CanopenDriveBus` on it, which shuts it down when left.
 
@@ -584,6 +615,8 @@ def open_drive_bus(
         See `drivers.pacing.choose_pacing`.
     frame_log : path, optional
         Where to log all frames (see `drivers.frame_log`).
+    keeper : SettingsKeeper, optional
+        See `CanopenDriveBus`.
 
     Raises
     ------
@@ -596,4 +629,4 @@ def open_drive_bus(
     bus = open_can_bus(interface, channel, options)
     if frame_log is not None:
         bus = logged(bus, frame_log)
-    return CanopenDriveBus(bus, drives, pacing=pacing, owns_bus=True)
+    return CanopenDriveBus(bus, drives, pacing=pacing, owns_bus=True, keeper=keeper)

@@ -8,7 +8,6 @@ on.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from drivers import objects
@@ -24,12 +23,13 @@ from drivers.sdo import Aborted
 from drivers.statements import compare_statements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from drivers.communication import Communication
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.effective_limits import EffectiveLimits
     from drivers.pdo_set_up import OtherTpdo
-    from drivers.sdo import SdoServer
+    from drivers.sdo import Entry, SdoServer
 
 DRIVE_PROFILE = 402
 SYNC_COB_ID = 0x80
@@ -48,6 +48,7 @@ def commission(
     drives: DrivesFile,
     period: float,
     wait: Callable[[Callable[[], bool], float], bool],
+    limits: EffectiveLimits,
     communication: Communication,
 ) -> str:
     """Check and configure one drive that is off and pre-operational.
@@ -62,6 +63,8 @@ def commission(
         Time between two SYNCs [s].
     wait : callable
         ``wait(condition, timeout)`` lets time pass until the condition holds; tells whether it did.
+    limits : EffectiveLimits
+        Which hold on this axis.
     communication : Communication
         What the drive sends and listens to; what is found is put in.
 
@@ -80,7 +83,7 @@ def commission(
     _take_profile_position(server, wait)
     compare_statements(server, axis)
     _require_current(server, axis)
-    _write_limits(server, axis)
+    _write_limits(server, axis, limits)
     _write_reactions(server, drives)
     _set_up_sync(server, period)
     communication.transmitted, communication.others = set_up_pdos(server, axis)
@@ -143,27 +146,23 @@ def _require_current(server: SdoServer, axis: AxisDrive) -> None:
         ) from error
 
 
-def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
-    scale, limits = AxisScale.of(axis), axis.limits
-    _write_range(server, axis)
-    speed = limits.velocity * axis.gear_ratio * 60 / (2 * math.pi)
+def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) -> None:
+    scale, limits, values = AxisScale.of(axis), holding.limits, holding.values
+    server.notes += holding.notes
+    _write_range(server, axis, values)
+    for either in (
+        (objects.MAX_PROFILE_VELOCITY, objects.MAX_MOTOR_SPEED),
+        (objects.MAX_ACCELERATION,),
+        (objects.MAX_DECELERATION,),
+        (objects.MAX_TORQUE,),
+    ):
+        _write_limit(server, {entry: values[entry] for entry in either})
     acceleration = scale.acceleration_to_counts(limits.acceleration)
     per_count = abs(scale.position)
-    only_ours = "this limit is kept by the driver alone"
-    per_mille = scale.torque_limit_to_counts(limits.torque)
-    for either in (
-        {
-            objects.MAX_PROFILE_VELOCITY: scale.velocity_to_counts(limits.velocity),
-            objects.MAX_MOTOR_SPEED: math.ceil(speed),
-        },
-        {objects.MAX_ACCELERATION: acceleration},
-        {objects.MAX_DECELERATION: acceleration},
-        {objects.MAX_TORQUE: per_mille},
-    ):
-        server.set_any(either, only_ours)
+    quick_stop = objects.QUICK_STOP_DECELERATION
     for entry, value, consequence in (
         (objects.PROFILE_DECELERATION, acceleration, "6083 must hold for decelerating too"),
-        (objects.QUICK_STOP_DECELERATION, acceleration, "the drive's own quick stop ramp is used"),
+        (quick_stop, values[quick_stop], "the drive's own quick stop ramp is used"),
         (
             objects.FOLLOWING_ERROR_WINDOW,
             round(axis.following_error_window / per_count),
@@ -179,20 +178,22 @@ def _write_limits(server: SdoServer, axis: AxisDrive) -> None:
     ):
         server.set_if_present(entry, value, consequence, also=_ANY)
     if objects.MAX_TORQUE in server.missing and server.find(objects.MAX_CURRENT) is not None:
-        server.set(objects.MAX_CURRENT, per_mille)
+        _write_limit(server, {objects.MAX_CURRENT: values[objects.MAX_CURRENT]})
     server.set(objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity))
     server.set(objects.PROFILE_ACCELERATION, acceleration)
 
 
-def _write_range(server: SdoServer, axis: AxisDrive) -> None:
+def _write_range(server: SdoServer, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
     """Write the software limits; take fixed ones if they keep the axis from somewhere."""
-    scale, limits = AxisScale.of(axis), axis.limits
-    ends = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
     entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
+    ends = [values[entry] for entry in entries]
+    if [server.find(entry) for entry in entries] == ends:
+        return
     taken = [server.set_unless_fixed(entry, end) for entry, end in zip(entries, ends, strict=True)]
     kept = [server.kept[entry] for entry in entries]
     if all(taken) or kept == ends:
         return
+    scale, limits = AxisScale.of(axis), axis.limits
     unit = "rad" if axis.joint == "revolute" else "m"
     own = "[{:.5g}, {:.5g}]".format(*sorted(scale.position_from_counts(float(k)) for k in kept))
     ours = f"[{limits.q_min:g}, {limits.q_max:g}] {unit}"
@@ -201,11 +202,6 @@ def _write_range(server: SdoServer, axis: AxisDrive) -> None:
             f"{server.label}: software limits (607D) are fixed at {kept[0]} and {kept[1]}, which "
             "switches them off: the drive itself would take any target; set them with the maker's "
             "commissioning tool"
-        )
-    if kept[1] <= ends[0] or kept[0] >= ends[1]:
-        raise DriveRefused(
-            f"{server.label}: software limits (607D) are fixed at {own} {unit}, outside those of "
-            f"the drives file, {ours}; correct zero, sign, gear_ratio or the limits"
         )
     server.notes.append(
         f"{server.label}: software limits (607D) are fixed at {own} {unit}, those of the drives "
@@ -221,6 +217,18 @@ def _range_consequence(kept: Sequence[int], ends: Sequence[int]) -> str:
     if kept[0] > ends[0] or kept[1] < ends[1]:
         found.append(narrower)
     return " and ".join(found) or "they agree to an increment"
+
+
+def _write_limit(server: SdoServer, values: Mapping[Entry, int]) -> None:
+    """Write a limit that one or several objects keep; leave alone what is there already."""
+    present = {entry: server.find(entry) for entry in values}
+    if not any(present[entry] == value for entry, value in values.items()):
+        server.set_any(values, "this limit is kept by the driver alone")
+        return
+    server.missing.update(entry for entry, value in present.items() if value is None)
+    for entry, value in values.items():
+        if present[entry] not in {None, value}:
+            server.set(entry, value)
 
 
 _UNWATCHED = "the drive's own following error supervision is used"

@@ -24,7 +24,7 @@ Whatever stops the axes in the middle of operation latches: until `DriveBus.rese
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
@@ -126,7 +126,16 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AxisInfo:
-    """What a drive told about itself when the bus was entered; goes into the run's provenance."""
+    """What a drive told about itself when the bus was entered; goes into the run's provenance.
+
+    Attributes
+    ----------
+    q_min, q_max, velocity_max, acceleration_max : float
+        Limits that hold [rad, rad/s, rad/s^2; m if prismatic].
+    own_limits : mapping of str to str
+        Where it is the drive's own limit that holds: ``q_min``, ``q_max``, ``velocity``,
+        ``acceleration`` or ``torque``, and the object that sets it, such as ``607D``.
+    """
 
     name: str
     identity: str
@@ -136,6 +145,7 @@ class AxisInfo:
     acceleration_max: float
     torque_resolution: float
     position_resolution: float
+    own_limits: Mapping[str, str] = field(default_factory=dict)
 
 
 @runtime_checkable

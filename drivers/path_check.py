@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import LimitExceeded
+from drivers.move_check import NONE, where_to_widen
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -27,7 +28,11 @@ ROUNDING = 1e-3
 
 
 def check_path(
-    path: Array, axes: Sequence[AxisDrive], here: Sequence[float], period: float
+    path: Array,
+    axes: Sequence[AxisDrive],
+    here: Sequence[float],
+    period: float,
+    own: Sequence[Mapping[str, str]] = (),
 ) -> None:
     """Refuse set-points that leave the limits, or that do not begin where the axes stand.
 
@@ -36,11 +41,13 @@ def check_path(
     path : ndarray, shape (n, n_axes)
         Set-points [rad or m].
     axes : sequence of AxisDrive
-        In joint order.
+        In joint order, with the limits that hold.
     here : sequence of float
         Where the axes stand [rad or m].
     period : float
         Time between two set-points [s].
+    own : sequence of mapping
+        Of each axis, see `drivers.effective_limits.EffectiveLimits.own`; by default none.
 
     Raises
     ------
@@ -57,13 +64,14 @@ def check_path(
     for number, axis in enumerate(axes):
         limits, unit = axis.limits, "rad" if axis.joint == "revolute" else "m"
         place = f"joint {number + 1} ({axis.name})"
+        whose = own[number] if own else NONE
         _check_start(place, float(path[0, number]), here[number], axis.position_window, unit)
         for what, values, low, high, per in (
             ("set-point", path[:, number], limits.q_min, limits.q_max, ""),
             ("velocity", speed[:, number], *_about(limits.velocity), "/s"),
             ("acceleration", bend[:, number], *_about(limits.acceleration), "/s^2"),
         ):
-            _check_range(place, what, values, (low, high), unit + per, period)
+            _check_range(place, what, values, (low, high), unit + per, period, whose)
 
 
 def _about(limit: float) -> tuple[float, float]:
@@ -79,13 +87,21 @@ def _check_start(place: str, first: float, here: float, window: float, unit: str
 
 
 def _check_range(
-    place: str, what: str, values: Array, bounds: tuple[float, float], unit: str, period: float
+    place: str,
+    what: str,
+    values: Array,
+    bounds: tuple[float, float],
+    unit: str,
+    period: float,
+    own: Mapping[str, str],
 ) -> None:
     outside = np.flatnonzero(~((values >= bounds[0]) & (values <= bounds[1])))
     if outside.size:
         first = int(outside[0])
+        end = "q_min" if values[first] < bounds[0] else "q_max"
+        key = end if what == "set-point" else what
         raise LimitExceeded(
             f"{place}: {what} {values[first]:.5g} {unit} after {first * period:.3g} s of the path"
             f" must be in [{bounds[0]:.5g}, {bounds[1]:.5g}] {unit}; plan a slower or smaller"
-            " motion, or correct the limits of the drives file"
+            f" motion, or {where_to_widen(own, key)}"
         )

@@ -169,16 +169,3 @@ class Power:
         position = self._exchange.positions[axis]
         for word in command.value:
             self._exchange.command(axis, position, word)
-
-
-def release(server: SdoServer) -> None:
-    """End the watch for our heartbeat (1016), which only a drive that is off may do without.
-
-    Raises
-    ------
-    DriveRefused, NodeSilent
-        The drive does not take it.
-    """
-    server.enter_pre_operational()
-    if server.find(objects.CONSUMER_HEARTBEAT):
-        server.put(objects.CONSUMER_HEARTBEAT, 0)

@@ -8,6 +8,7 @@ that is noted instead of refused.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -17,7 +18,7 @@ from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.network import PumpedSdoClient
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Mapping
+    from collections.abc import Callable, Container, Mapping
 
     from drivers.network import PumpedNetwork
 
@@ -106,6 +107,16 @@ class _Exact:
         return ""
 
 
+class SdoClient(Protocol):
+    """Whatever carries the bytes of objects from and to a drive; errors are canopen's."""
+
+    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
+        """Read an object whose length is `size` [bytes]."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object."""
+
+
 class SdoServer:
     """The object dictionary of one drive.
 
@@ -132,6 +143,10 @@ class SdoServer:
         What the drive holds of all that `set` has written, which may be another value.
     judge : Judge
         Decides which other values are accepted; at first none.
+    saved : set of (int, int)
+        Index and sub-index of objects that may be written without further ado.
+    first_write : callable, optional
+        Called with every other `Entry` before it is written; may add to `saved`.
     """
 
     def __init__(
@@ -143,8 +158,24 @@ class SdoServer:
         self.notes: list[str] = []
         self.kept: dict[Entry, int] = {}
         self.judge: Judge = _Exact()
+        self.saved: set[tuple[int, int]] = set()
+        self.first_write: Callable[[Entry], None] | None = None
         self._network = network
-        self._client = PumpedSdoClient(network, node, timeout)
+        self._client: SdoClient = PumpedSdoClient(network, node, timeout)
+
+    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> SdoServer:
+        """Return this drive's dictionary as `layer` shows it, with notes of its own.
+
+        Parameters
+        ----------
+        layer : callable
+            Turns the client of the drive into one that need not hand writes on.
+        """
+        other = copy(self)
+        other.missing, other.notes, other.kept, other.saved = set(), [], {}, set()
+        other.first_write = None
+        other._client = layer(self._client)
+        return other
 
     def enter_operational(self) -> None:
         """Command the node to exchange process data (NMT start)."""
@@ -192,6 +223,8 @@ class SdoServer:
                 f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
                 f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
             )
+        if self.first_write is not None and (entry.index, entry.subindex) not in self.saved:
+            self.first_write(entry)
         data = value.to_bytes(entry.size, "little", signed=entry.signed)
         try:
             self._client.download(entry.index, entry.subindex, data)

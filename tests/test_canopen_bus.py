@@ -281,10 +281,10 @@ def test_a_mapping_that_reads_back_differently_is_refused() -> None:
         assert never_energised(can_bus)
 
 
-def test_a_limit_that_the_drive_clips_is_refused() -> None:
+def test_a_limit_that_the_drive_does_not_take_is_refused() -> None:
     can_bus, drive_bus = build()
-    can_bus.drives[1].insists[0x6072, 0] = 1000
-    with can_bus, pytest.raises(DriveRefused, match=r"6072.* reads back 1000 after 3000 was"):
+    can_bus.drives[1].insists[0x6072, 0] = 0  # no limit of its own, and none of ours
+    with can_bus, pytest.raises(DriveRefused, match=r"6072.* reads back 0 after 3000 was"):
         drive_bus.__enter__()
 
 

@@ -237,6 +237,7 @@ def follow_badly(desk: Desk) -> None:
 )
 def test_the_fault_reaction_follows_605e(desk: Desk, code: int, calls: list[str]) -> None:
     desk.write(0x605E, code)
+    desk.write(0x6085, 409_600)  # slow enough to be seen
     moving(desk)
     follow_badly(desk)
     if code in (1, 2):

@@ -120,7 +120,7 @@ def test_another_plan_than_the_logged_one_is_told_by_the_frame_where_they_part(
     assert [m.id for m in kept.missing] == ["g1"], "what agreed was measured"
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.75])
 def test_a_log_that_breaks_off_is_replayed_up_to_there(
     log: Path, logged_run: Path, tmp_path: Path, plan: Plan, manutec: Robot, drives: DrivesFile,
     share: float,

@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 from small_run import write_run
 
 from drivers.drives_file import DrivesFile, load_drives
+from drivers.found_settings import load_found_settings
 from drivers.yaml_file import FileError, FileModel, load_yaml, parse_yaml
 from hil.measuring.recording_file import read_measured
 from hil.measuring.run_journal import read_journal
@@ -79,6 +80,21 @@ JOURNAL = """
  "axes": [{"name": "1", "identity": "z", "torque_resolution": 0.1, "position_resolution": 1e-5}]}]}
 """
 
+FOUND = """
+format: 1
+restored: false
+bitrate: 1000000
+drives:
+- {name: joint 1, node: 1, identity: {vendor: 0x4D2, product: 0x402, revision: null, serial: 7},
+   restored: true, objects: []}
+- name: joint 2
+  node: 2
+  identity: {vendor: 0x4D2}
+  objects:
+  - {index: 0x607D, subindex: 1, type: i32, value: -197120, name: min position limit}
+  - {index: 0x1A00, subindex: 0, type: u8, value: 3, name: number of objects in TPDO 1}
+"""
+
 
 def shortened(path: Path) -> str:
     """A file with its first two axes only."""
@@ -100,6 +116,7 @@ LOADERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     ),
     "model": (MODEL, lambda path: load_yaml(path, ModelFile)),
     "journal": (JOURNAL, read_journal),
+    "found settings": (FOUND, load_found_settings),
 }
 
 ODD = st.sampled_from(

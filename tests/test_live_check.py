@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -77,7 +78,9 @@ def test_what_drive_and_file_state_differently_is_refused_without_power(
     assert words in found[checks]
 
 
-def test_a_file_that_would_widen_the_limits_of_a_drive_is_refused(tmp_path: Path) -> None:
+def test_limits_of_a_drive_that_are_tighter_than_the_files_hold_and_are_noted(
+    tmp_path: Path,
+) -> None:
     narrow = spoilt_plant(
         tmp_path,
         ("range_deg: 165", "range_deg: 100"),
@@ -85,11 +88,33 @@ def test_a_file_that_would_widen_the_limits_of_a_drive_is_refused(tmp_path: Path
         ("velocity_max: 3.0", "velocity_max: 1.0"),
     )
     with bench(narrow) as bus:
-        found = refusals(checked(bus, drives_of(1)))
-        assert not bus.powered
+        verdicts = checked(bus, drives_of(1))
+    assert refusals(verdicts) == {}
+    found = of_grade(Grade.WARNING, verdicts)
     assert "[-1.745, 1.745] rad (file: [-2.88, 2.88])" in found["software limits (607D)"]
+    assert "the tighter of both holds, [-1.745, 1.745] rad" in found["software limits (607D)"]
     assert "lower limits.torque" in found["max torque (6072)"]
-    assert "lower limits.velocity" in found["max motor speed (6080)"]
+    assert "drive's own is tighter and holds" in found["max motor speed (6080)"]
+
+
+def test_ranges_of_drive_and_file_without_anything_in_common_are_refused_without_power() -> None:
+    beside = {**drives_of(1).axes[0].limits.model_dump(), "q_min": 3.0, "q_max": 4.0}
+    with bench() as bus:
+        found = refusals(checked(bus, drives_of(1, limits=beside)))
+        assert not bus.powered
+    assert "have nothing in common" in found["software limits (607D)"]
+
+
+def test_what_power_on_will_write_is_listed_beforehand_and_only_what_differs() -> None:
+    listed = {}
+    with bench() as bus:
+        with suppress(StoppedByOperator):
+            for verdict in check(bus, drives_of(1), MOVES, Scripted(agreed=False)):
+                listed[verdict.check] = str(verdict)
+        assert not bus.powered
+    watchdog = "set: 1016:01 (consumer heartbeat time)"
+    assert f"0 ({127 << 16 | 500} is written for the session, then 0 again)" in listed[watchdog]
+    assert "set: 607D:01 (min position limit)" not in listed, "the drive's own is tighter"
 
 
 def test_limits_of_a_file_that_are_narrower_than_the_drives_are_fine() -> None:
@@ -252,8 +277,10 @@ def test_a_drive_that_cannot_watch_our_heartbeat_is_refused() -> None:
 
 
 def test_a_drive_in_rpm_that_the_file_takes_for_increments_is_refused_before_it_moves() -> None:
-    found = refusals(on_personality("tenth-rpm"))
-    assert "max profile velocity (607F)" in found
+    verdicts = on_personality("tenth-rpm")
+    assert "max profile velocity (607F)" in of_grade(Grade.WARNING, verdicts)
+    found = refusals(verdicts)
+    assert "60A9:00 (SI unit velocity) says 0.1 rpm" in found["configuration"]
     assert "nothing was powered on" in found["motion"]
 
 

@@ -20,6 +20,7 @@ from personalities import FIT, UNFIT, drives_for, plant_file
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused
 from hil.estimation.identification import estimate
+from hil.measuring.axis_limits import limited
 from hil.measuring.events import Recorded
 from hil.measuring.sequencer import measure
 from hil.model.dynamics import inverse_dynamics
@@ -56,7 +57,8 @@ def campaign(
     def run(name: str) -> Recorded_:
         if name not in runs:
             with bus_of(folder, name) as bus, CanopenDriveBus(bus, drives_for(name)) as drive_bus:
-                events = [e for e in measure(plan, manutec, drive_bus) if isinstance(e, Recorded)]
+                robot = limited(manutec, drive_bus.axes)
+                events = [e for e in measure(plan, robot, drive_bus) if isinstance(e, Recorded)]
             assert not any(event.findings for event in events)
             runs[name] = [(event.measurement, event.recording) for event in events]
         return runs[name]
@@ -178,7 +180,7 @@ def notes(folder: Path, name: str) -> list[str]:
             "event-tpdo",
             ["TPDO 2 cannot be switched off: it goes on to be sent under 281h on event"],
         ),
-        ("wide-range", ["(607D) are fixed at [-12415, 12415] rad, those of the drives file are"]),
+        ("wide-range", ["(607D) are fixed at [-29219, 29219] rad, those of the drives file are"]),
         ("rounding", ["128 instead of 100 in object 1017:00", "(2.9999 rad/s instead of 3 rad/s)"]),
         ("clipping", ["2500 instead of 3422 in object 6065:00", "(0.036523 rad instead of 0.0"]),
     ],
@@ -228,7 +230,7 @@ def test_axes_of_one_plant_may_have_different_personalities(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("index", "default", "words"),
-    [(0x6007, 0, "6007:00"), (0x605A, 0, "605A:00"), (0x607F, 1, "607F:00")],
+    [(0x6007, 0, "6007:00"), (0x605A, 0, "605A:00"), (0x607F, 0x7FFFFFFF, "607F:00")],
 )
 def test_a_fixed_value_that_is_not_safe_is_refused(
     index: int, default: int, words: str, tmp_path: Path

@@ -14,12 +14,14 @@ from drivers import objects
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import Control, Mode, Status
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
+from drivers.effective_limits import effective_limits
 from drivers.probing import probed_objects as probed
 from drivers.probing.jog import SLOW, shown
 from drivers.probing.operator import STOP_KEYS, StoppedByOperator
 from drivers.probing.standing import StandingDrives
 from drivers.scaling import AxisScale
 from drivers.set_point import ENABLED
+from drivers.settings_keeper import SettingsKeeper
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,6 +38,13 @@ MODE_TIME = 3.0
 POLLED = 0.05
 """Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
 
+_WRITTEN = (
+    probed.HOMING_METHOD,
+    probed.HOME_OFFSET,
+    probed.HOMING_SPEED,
+    probed.HOMING_CREEP,
+    probed.HOMING_ACCELERATION,
+)
 _START = ENABLED | Control.NEW_SET_POINT
 _ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR
 
@@ -49,6 +58,7 @@ def home(
     *,
     patience: float,
     pacing: PacingName = "auto",
+    keeper: SettingsKeeper | None = None,
 ) -> float:
     """Home one axis and return where it stands then [rad or m]; it is off afterwards.
 
@@ -68,6 +78,8 @@ def home(
         How long it may take [s].
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.pacing.choose_pacing`.
+    keeper : SettingsKeeper, optional
+        See `drivers.canopen_bus.CanopenDriveBus`.
 
     Raises
     ------
@@ -82,14 +94,16 @@ def home(
     """
     alone = drives.model_copy(update={"axes": (axis,)})
     (server,) = StandingDrives(bus, alone, pacing).servers
-    _refuse(server, axis, homing)
+    _refuse(server, effective_limits(server.find, axis, server.label).of(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
         f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."
     )
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
-    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True) as axes:
+    keeper = keeper or SettingsKeeper()
+    keeper.later = _WRITTEN
+    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
         _configure(session.server, axis, homing)
         session.change_mode(Mode.HOMING)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import LimitExceeded
+from drivers.effective_limits import effective_limits
 from drivers.move_check import check_move
 from drivers.probing.operator import StoppedByOperator
 from drivers.probing.small_move import small_move, travel
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from drivers.pacing import PacingName
     from drivers.probing.operator import Operator
     from drivers.probing.small_move import Stroke
+    from drivers.settings_keeper import SettingsKeeper
 
 SLOW = 0.2
 """Share of its velocity limit at which an axis may jog."""
@@ -39,6 +41,7 @@ def jog(
     velocity: float,
     operator: Operator,
     pacing: PacingName = "auto",
+    keeper: SettingsKeeper | None = None,
 ) -> Stroke:
     """Move one axis and return what was seen of it; the axis is off afterwards.
 
@@ -56,6 +59,8 @@ def jog(
         Who agrees to it and may stop it.
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.pacing.choose_pacing`.
+    keeper : SettingsKeeper, optional
+        See `drivers.canopen_bus.CanopenDriveBus`.
 
     Raises
     ------
@@ -65,24 +70,26 @@ def jog(
         The axis is stopped and off.
     """
     alone = drives.model_copy(update={"axes": (axis,)})
-    scale, fastest = AxisScale.of(axis), SLOW * axis.limits.velocity
+    (server,) = StandingDrives(bus, alone, pacing).servers
+    limits = effective_limits(server.find, axis, server.label)
+    held = limits.of(axis)
+    scale, fastest = AxisScale.of(axis), SLOW * held.limits.velocity
     if velocity > fastest:
         raise LimitExceeded(
             f"{axis.name}: {shown(axis, velocity)}/s must be at most {shown(axis, fastest)}/s, "
             f"{SLOW:.0%} of its limit; jog more slowly"
         )
-    (server,) = StandingDrives(bus, alone, pacing).servers
     start = scale.position_from_counts(float(server.get(objects.POSITION)))
-    move = small_move(axis, start + way, velocity)
-    check_move(move, axis, scale, drives.axes.index(axis) + 1)
+    move = small_move(held, start + way, velocity)
+    check_move(move, held, scale, drives.axes.index(axis) + 1, limits.own)
     intent = (
         f"Power on {axis.name} alone and move it from {shown(axis, start)} to "
         f"{shown(axis, move.target)} at {shown(axis, move.velocity)}/s?"
     )
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
-    with CanopenDriveBus(bus, alone, pacing=pacing) as axes:
-        return travel(axes, 0, axis, move, operator)
+    with CanopenDriveBus(bus, alone, pacing=pacing, keeper=keeper) as axes:
+        return travel(axes, 0, held, move, operator)
 
 
 def shown(axis: AxisDrive, value: float) -> str:

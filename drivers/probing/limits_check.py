@@ -1,8 +1,9 @@
 """The limits that a drive keeps of its own against those of the drives file.
 
-The driver writes the file's limits to the drives when it powers them on. Whoever set up a drive
-with narrower ones had a reason, so a file that would widen them is refused; limits that are wider
-or off become those of the file. All is compared joint side, and only read here.
+The driver writes the file's limits to the drives when it powers them on, but never wider ones than
+a drive has of its own (`drivers.effective_limits`): whoever set it up had a reason. Here it is said
+which of the two holds; limits that are off in the drive become those of the file. All is compared
+joint side, and only read.
 """
 
 from __future__ import annotations
@@ -24,7 +25,11 @@ if TYPE_CHECKING:
 
 SLACK = 1e-3
 """A drive's limit may be narrower by this share: counts are rounded."""
-OFF = 0xFFFFFFFF
+_ACCELERATIONS = (
+    objects.MAX_ACCELERATION,
+    objects.MAX_DECELERATION,
+    objects.QUICK_STOP_DECELERATION,
+)
 
 
 class _Limit(NamedTuple):
@@ -33,7 +38,7 @@ class _Limit(NamedTuple):
     stated: float
     per_count: float
     unit: str
-    narrower: Grade
+    own_holds: bool
 
 
 def check_limits(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
@@ -72,55 +77,63 @@ def _range(server: SdoServer, axis: AxisDrive) -> Verdict:
     scale = AxisScale.of(axis)
     q_low, q_high = sorted(scale.position_from_counts(float(end)) for end in (low, high))
     slack = SLACK * (limits.q_max - limits.q_min)
+    q_low_held, q_high_held = max(q_low, limits.q_min), min(q_high, limits.q_max)
+    overlap = q_low_held < q_high_held
     return graded(
         q_low <= limits.q_min + slack and q_high >= limits.q_max - slack,
-        Grade.REFUSED,
+        Grade.WARNING if overlap else Grade.REFUSED,
         server.label,
         check,
         f"[{q_low:.4g}, {q_high:.4g}] {_unit(axis)}",
         stated,
-        "the drive allows less than the file: narrow q_min and q_max, correct sign, zero and gear, "
-        "or widen the drive's limits",
+        f"the tighter of both holds, [{q_low_held:.4g}, {q_high_held:.4g}] {_unit(axis)}: plan"
+        " within it, or widen the drive's limits with the maker's tool"
+        if overlap
+        else "the two have nothing in common: correct sign, zero and gear in the drives file",
     )
 
 
 def _limits(axis: AxisDrive) -> Iterator[_Limit]:
     scale, limits, unit = AxisScale.of(axis), axis.limits, _unit(axis)
-    rpm = 2 * math.pi / 60 / axis.gear_ratio
-    torque, force = scale.torque_limit, "N m" if unit == "rad" else "N"
-    yield _Limit(
-        objects.MAX_PROFILE_VELOCITY, "limits.velocity", limits.velocity, scale.velocity,
-        f"{unit}/s", Grade.REFUSED,
-    )  # fmt: skip
-    yield _Limit(
-        objects.MAX_MOTOR_SPEED, "limits.velocity", limits.velocity, rpm, f"{unit}/s", Grade.REFUSED
-    )
-    yield _Limit(objects.MAX_TORQUE, "limits.torque", limits.torque, torque, force, Grade.REFUSED)
+    rpm, force = 2 * math.pi / 60 / axis.gear_ratio, "N m" if unit == "rad" else "N"
+    for entry, key, stated, per_count, of in (
+        (objects.MAX_PROFILE_VELOCITY, "velocity", limits.velocity, scale.velocity, f"{unit}/s"),
+        (objects.MAX_MOTOR_SPEED, "velocity", limits.velocity, rpm, f"{unit}/s"),
+        *(
+            (entry, "acceleration", limits.acceleration, scale.acceleration, f"{unit}/s^2")
+            for entry in _ACCELERATIONS
+        ),
+        (objects.MAX_TORQUE, "torque", limits.torque, scale.torque_limit, force),
+    ):
+        yield _Limit(entry, f"limits.{key}", stated, per_count, of, own_holds=True)
     if axis.current.basis is Basis.RATED_CURRENT:
         per_mille = abs(scale.torque)
         yield _Limit(
-            probed.MAX_CURRENT, "limits.torque", limits.torque, per_mille, force, Grade.WARNING
+            probed.MAX_CURRENT, "limits.torque", limits.torque, per_mille, force, own_holds=True
         )
     yield _Limit(
         objects.FOLLOWING_ERROR_WINDOW, "following_error_window", axis.following_error_window,
-        abs(scale.position), unit, Grade.WARNING,
+        abs(scale.position), unit, own_holds=False,
     )  # fmt: skip
 
 
 def _judge(place: str, limit: _Limit, found: int) -> Verdict:
     check = f"{limit.entry.name} ({limit.entry.index:04X})"
     stated = f"file: {limit.stated:.4g} {limit.unit}"
-    if found in {0, OFF}:
+    if found in {0, (1 << 8 * limit.entry.size) - 1}:
         return Verdict(Grade.OK, place, check, "not set in the drive", f"{stated} is written")
     value = found * limit.per_count
     return graded(
         value + limit.per_count >= limit.stated * (1 - SLACK),
-        limit.narrower,
+        Grade.WARNING,
         place,
         check,
         f"{value:.4g} {limit.unit}",
         stated,
-        f"the drive allows less than the file: lower {limit.key}, or widen the drive's limit",
+        f"the drive's own is tighter and holds: plan within it, lower {limit.key}, correct the unit"
+        " in the drives file if that is wrong, or widen it with the maker's tool"
+        if limit.own_holds
+        else f"the drive allows less than the file: lower {limit.key}, or the file's is written",
     )
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers import objects
+from drivers.announcement import announce
 from drivers.commissioning import check_identity
 from drivers.drive_bus import DriveError
 from drivers.probing.bus_load import MAX_LOAD, cycle_time
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from drivers.probing.operator import Operator
     from drivers.probing.powered_check import SmallMoves
     from drivers.sdo import SdoServer
+    from drivers.settings_keeper import SettingsKeeper
 
 
 def check(
@@ -48,6 +50,7 @@ def check(
     moves: SmallMoves,
     operator: Operator,
     pacing: PacingName = "auto",
+    keeper: SettingsKeeper | None = None,
     gravity: Gravity | None = None,
 ) -> Generator[Verdict, None, None]:
     """Check every axis of a drives file on a live bus.
@@ -64,6 +67,8 @@ def check(
         Who agrees to motion, can stop it, and is asked which way it went.
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.pacing.choose_pacing`.
+    keeper : SettingsKeeper, optional
+        See `drivers.canopen_bus.CanopenDriveBus`.
     gravity : callable, optional
         Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
 
@@ -87,14 +92,32 @@ def check(
         return
     if not operator.agrees(_intent(drives, moves)):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
-    yield from check_powered(bus, drives, moves, operator, pacing, gravity)
+    yield from check_powered(bus, drives, moves, operator, pacing, keeper, gravity)
     yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
 
 
 def _unpowered(standing: StandingDrives, drives: DrivesFile) -> Iterator[Verdict]:
     for server, axis in zip(standing.servers, drives.axes, strict=True):
-        yield from _ask(standing.network, server, axis)
+        serves = True
+        for verdict in _ask(standing.network, server, axis):
+            serves &= verdict.grade is not Grade.REFUSED
+            yield verdict
+        if serves:
+            yield from _written(server, axis, drives)
     yield _load(drives)
+
+
+def _written(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> Iterator[Verdict]:
+    """What powering on will write to the drive, in the place of what; nothing is written here."""
+    try:
+        changes = announce(server, axis, drives, drives.sync_period).changes
+    except DriveError as error:
+        yield refused(server.label, "configuration", error)
+        return
+    for change in changes:
+        present = "write-only" if change.present is None else f"{change.present}"
+        bound = f"{change.value} is written for the session, then {present} again"
+        yield Verdict(Grade.OK, server.label, f"set: {change.entry}", present, bound)
 
 
 def _ask(network: PumpedNetwork, server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:

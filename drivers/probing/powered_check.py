@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from drivers.pacing import PacingName
     from drivers.probing.gravity_judgement import Gravity
     from drivers.probing.operator import Operator
+    from drivers.settings_keeper import SettingsKeeper
 
 REST_TIME = 1.0
 """How long axes are watched at rest, powered and unpowered [s]."""
@@ -75,18 +76,19 @@ def check_powered(
     moves: SmallMoves,
     operator: Operator,
     pacing: PacingName,
+    keeper: SettingsKeeper | None = None,
     gravity: Gravity | None = None,
 ) -> Iterator[Verdict]:
     """All that needs power; an error ends it with a verdict, after the axes are off."""
     try:
         with (
             StopwatchBus(bus, drives) as timed,
-            CanopenDriveBus(timed, drives, pacing=pacing) as axes,
+            CanopenDriveBus(timed, drives, pacing=pacing, keeper=keeper) as axes,
         ):
             yield from _notes(axes)
             yield from _rest(axes, drives, operator)
             yield _rate(timed, axes, drives)
-            for number, axis in enumerate(drives.axes):
+            for number, axis in enumerate(axes.limited_axes):
                 yield from _move(axes, number, axis, moves, operator, gravity)
     except StoppedByOperator:
         raise

@@ -21,6 +21,7 @@ from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
 from hil.cli import (
     commissioning,
+    drive_settings,
     findings,
     first_steps,
     friction,
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
+    from drivers.settings_keeper import SettingsKeeper
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
     from hil.planning.plan import Plan
@@ -58,6 +60,7 @@ app = typer.Typer(
 )
 app.add_typer(planning.commands)
 app.add_typer(first_steps.commands)
+first_steps.drives_commands.command()(drive_settings.restore)
 app.add_typer(commissioning.commands)
 app.add_typer(monitoring.commands)
 app.add_typer(findings.commands)
@@ -165,6 +168,12 @@ def run(
         Path | None,
         typer.Option(help="Run whose friction must have been found symmetric, or nothing moves."),
     ] = None,
+    what_changes: Annotated[
+        bool,
+        typer.Option(
+            "--what-changes", help="List what would be written to the drives; write nothing."
+        ),
+    ] = False,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     the_plan, the_robot = _load(plan_file, robot_file, workspace)
@@ -176,14 +185,21 @@ def run(
     drives = _narrowed(drives, the_plan.workspace)
     _dry_run(plan_file, the_plan, the_robot, drives.bitrate, quiet=True)
     options = bus_options(bus_option or [])
+    keeper = drive_settings.keeper_of_run(output, interface)
+    if what_changes:
+        _show_changes(drives, interface, channel, options, keeper)
+        return
     folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
-    carry_out(
-        folder,
-        lambda: _open_bus(drives, interface, channel, options, pacing, frame_log),
-        f"{interface} {channel}",
-        out,
-        speed if rehearse else None,
-    )
+    try:
+        carry_out(
+            folder,
+            lambda: _open_bus(drives, interface, channel, options, pacing, frame_log, keeper),
+            f"{interface} {channel}",
+            out,
+            speed if rehearse else None,
+        )
+    finally:
+        drive_settings.tell_unrestored(keeper)
 
 
 @app.command()
@@ -326,7 +342,22 @@ def _open_bus(
     options: dict[str, object],
     pacing: Pacing,
     frame_log: Path | None,
+    keeper: SettingsKeeper,
 ) -> DriveBus:
     from drivers.canopen_bus import open_drive_bus  # noqa: PLC0415 - only where a bus is used
 
-    return open_drive_bus(drives, interface, channel, options, pacing.value, frame_log)
+    return open_drive_bus(drives, interface, channel, options, pacing.value, frame_log, keeper)
+
+
+def _show_changes(
+    drives: DrivesFile,
+    interface: str,
+    channel: str,
+    options: dict[str, object],
+    keeper: SettingsKeeper,
+) -> None:
+    from drivers.open_bus import open_can_bus  # noqa: PLC0415 - only where a bus is used
+
+    with open_can_bus(interface, channel, {"bitrate": drives.bitrate, **options}) as bus:
+        drive_settings.show_changes(drives, bus, keeper)
+    out.print("nothing was written, nothing was powered", highlight=False)

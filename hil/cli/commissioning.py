@@ -18,6 +18,7 @@ import typer
 from drivers.drives_file import load_drives
 from drivers.yaml_file import FileError
 from hil.cli import drive_commands as shared
+from hil.cli.drive_settings import keeper_of_bus
 from hil.measuring.run_journal import SIMULATED
 from hil.terminal import check_view
 
@@ -62,7 +63,10 @@ def check(
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         shared.operator_at_terminal(agreed=yes) as operator,
-        closing(check_drives(bus, drives, moves, operator, gravity=gravity)) as verdicts,
+        keeper_of_bus(interface, channel) as keeper,
+        closing(
+            check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
+        ) as verdicts,
     ):
         serves = check_view.show(map(_line, verdicts), shared.out)
     if not serves:
@@ -88,9 +92,10 @@ def jog(
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         shared.operator_at_terminal(agreed=yes) as operator,
+        keeper_of_bus(interface, channel) as keeper,
     ):
         way, velocity = _si(drive, by), _si(drive, speed)
-        stroke = jogging.jog(bus, drives, drive, way, velocity, operator)
+        stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
     torque = "N m" if drive.joint == "revolute" else "N"
     shared.out.print(
         f"{drive.name}: from {jogging.shown(drive, stroke.q[0])} to"
@@ -127,8 +132,9 @@ def home(
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         shared.operator_at_terminal(agreed=yes) as operator,
+        keeper_of_bus(interface, channel) as keeper,
     ):
-        q = homing.home(bus, drives, drive, how, operator, patience=patience)
+        q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
     shared.out.print(
         f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off",
         highlight=False,

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from drivers.probing.drives_draft import DraftedAxis
 
 commands = typer.Typer()
-drives_commands = typer.Typer(help="Write drives files.", no_args_is_help=True)
+drives_commands = typer.Typer(
+    help="Write drives files, put found settings back.", no_args_is_help=True
+)
 commands.add_typer(drives_commands, name="drives")
 out = Console()
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
+from hil.measuring.axis_limits import limited, refuse_beyond
 from hil.measuring.background import Background
 from hil.measuring.events import Recorded
 from hil.measuring.recording_file import Measured
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
     from hil.measuring.run_folder import RunFolder
+    from hil.model.robot import Robot
 
 
 def run_campaign(
@@ -51,7 +53,8 @@ def run_campaign(
     Raises
     ------
     DriveError, FileError
-        The campaign ended early; what was measured stays.
+        The campaign ended early; what was measured stays. `LimitExceeded` before anything moved
+        where the plan exceeds the limits that hold on the drives.
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
@@ -62,9 +65,9 @@ def run_campaign(
         Background() as background,
         bus,
     ):
-        _note_axes(folder, bus, background)
+        robot = _note_axes(folder, bus, background)
         timing = SyncTiming()
-        for event in measure(folder.plan, folder.robot, bus, done, pause):
+        for event in measure(folder.plan, robot, bus, done, pause):
             if isinstance(event, Recorded):
                 measured = Measured(
                     event.measurement, event.recording, event.attempts, event.findings, session
@@ -94,15 +97,18 @@ def rehearse_campaign(
         Background() as background,
         bus,
     ):
-        _note_axes(folder, bus, background)
-        yield from rehearse(folder.plan, folder.robot, bus, speed, pause)
+        robot = _note_axes(folder, bus, background)
+        yield from rehearse(folder.plan, robot, bus, speed, pause)
     folder.note_rehearsed(speed)
 
 
-def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> None:
+def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> Robot:
+    """Take what the drives are; return the robot within the limits that hold on them."""
     folder.refuse_other_drives(bus.axes)
     folder.keep_axes(bus.axes)
     background.do(folder.save_journal)
+    refuse_beyond(folder.plan, folder.robot, bus.axes)
+    return limited(folder.robot, bus.axes)
 
 
 @contextmanager

@@ -4,6 +4,7 @@
     robot.yaml        the robot file, verbatim
     drives.yaml       the drives file, verbatim, if there was one
     run.json          sessions: versions, host, bus, axes, times, why each ended
+    found-settings.yaml  what the drives held before they were written to
     recordings/ID.h5  one file for each measurement that is done
 
 A measurement is done when its file is there and whole. To resume is to measure what has no such
@@ -18,7 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drivers.yaml_file import FileError
+from drivers.yaml_file import FileError, FileModel, load_yaml
 from hil.measuring.atomic_file import PART, operator_told, write_file
 from hil.measuring.recording_file import Measured, read_measured, write_measured
 from hil.measuring.run_journal import (
@@ -40,7 +41,14 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
 
 DAMAGED = ".damaged"
+_SETTINGS = "found-settings.yaml"
 _STUB = {"recordings", "plan.yaml", "robot.yaml", "drives.yaml", "run.json"}
+
+
+class _FoundSettings(FileModel, extra="ignore"):
+    """As much of the drives' found settings as concerns the folder."""
+
+    restored: bool
 
 
 class RunFolder:
@@ -232,13 +240,21 @@ class RunFolder:
         """Remove the folder if nothing was rehearsed or measured; tell whether it was removed."""
         if self.journal.rehearsed or any((self.path / "recordings").iterdir()):
             return False
+        if not self._settings_restored:
+            return False
         with operator_told(self.path, "removed"):
-            for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json"):
+            for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json", _SETTINGS):
                 (self.path / name).unlink(missing_ok=True)
             (self.path / "recordings").rmdir()
             if not any(self.path.iterdir()):
                 self.path.rmdir()
         return True
+
+    @property
+    def _settings_restored(self) -> bool:
+        """Whether no drive needs what the folder keeps of it."""
+        path = self.path / _SETTINGS
+        return not path.exists() or load_yaml(path, _FoundSettings).restored
 
     @contextmanager
     def session(self, bus_name: str) -> Iterator[int]:

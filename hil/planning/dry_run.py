@@ -95,12 +95,7 @@ def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
     """Fold over `plan`, which was made for `robot`; `bitrate` of the bus in bit/s."""
     streamed = any(isinstance(m, Trajectory) for m in plan.measurements)
     load = bus_load(robot.n_joints, plan.sample_period, bitrate, streamed=streamed)
-    guarded = narrowed(robot, plan.workspace)
-    measurements = [
-        problem
-        for number, measurement in enumerate(plan.measurements)
-        for problem in _check(number, measurement, guarded, plan.sample_period)
-    ]
+    measurements = measurement_problems(plan, robot)
     if not measurements:
         measurements = [
             Problem(("measurements", obstacle.number, "q"), obstacle.message)
@@ -114,6 +109,16 @@ def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
         problems=tuple(measurements + list(_check_load(load, plan, bitrate))),
         groups=() if measurements or not _of_groups(plan) else identifiability(plan, robot),
     )
+
+
+def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
+    """Return where a measurement leaves the limits of `robot` and of the plan's workspace."""
+    guarded = narrowed(robot, plan.workspace)
+    return [
+        problem
+        for number, measurement in enumerate(plan.measurements)
+        for problem in _check(number, measurement, guarded, plan.sample_period)
+    ]
 
 
 def frame_bits(n_bytes: int) -> int:

@@ -90,6 +90,7 @@ def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
         (0x6091, 2): shaft,
         (0x6092, 1): settings.feed[0],
         (0x6092, 2): settings.feed[1],
+        (0x6085, 0): acceleration,
         (0x60C5, 0): acceleration,
         (0x60C6, 0): acceleration,
     }

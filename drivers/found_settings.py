@@ -1,0 +1,232 @@
+"""What drives held before the driver wrote to them, as a file: `found-settings.yaml`.
+
+A drive that was only borrowed is left as it was found. So each value is read before it is first
+overwritten, and all of them are on the disk before anything is written: after a crash the file is
+the only place where they stand. It names each drive by its identity, since values of another drive
+must never be written. What only commands a drive (controlword, targets) is no setting, and an
+object that stores or loads parameters, or is about firmware, is never written from a file.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+import yaml
+from pydantic import Field, model_validator
+
+from drivers.drives_file import U32
+from drivers.objects import PRODUCT, REVISION, SERIAL, VENDOR
+from drivers.sdo import Entry
+from drivers.yaml_file import FileModel, load_yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from drivers.sdo import SdoServer
+
+NAME = "found-settings.yaml"
+"""How the file is called in the folder of a run."""
+
+COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
+"""Controlword and targets: they command, and are neither kept nor put back."""
+LOWEST, HIGHEST = 0x1005, 0x9FFF
+_NEVER = (range(0x1010, 0x1012), range(0x1F00, 0x6000))
+_RANGES = {
+    kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
+    for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
+}
+
+
+class FoundObject(FileModel):
+    """One object of a drive, and the value that it held."""
+
+    index: Annotated[int, Field(ge=LOWEST, le=HIGHEST)]
+    subindex: Annotated[int, Field(ge=0, le=0xFF)]
+    type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
+    value: int
+    name: Annotated[str, Field(max_length=80)] = ""
+
+    @model_validator(mode="after")
+    def _a_setting(self) -> Self:
+        if self.index in COMMANDS or any(self.index in indices for indices in _NEVER):
+            raise ValueError(
+                f"index {self.index:04X}h is no setting that a run changes; remove this object"
+            )
+        low, high = _RANGES[self.type]
+        if not low <= self.value <= high:
+            raise ValueError(
+                f"value {self.value} must be in [{low}, {high}] of a {self.type}; correct either"
+            )
+        return self
+
+    @property
+    def entry(self) -> Entry:
+        """Where it stands in the drive's object dictionary."""
+        return Entry(self.index, self.subindex, self.type, self.name)
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return self.index, self.subindex
+
+
+class FoundIdentity(FileModel):
+    """Which drive it was (1018); None for what it lacks."""
+
+    vendor: U32 | None = None
+    product: U32 | None = None
+    revision: U32 | None = None
+    serial: U32 | None = None
+
+
+IDENTITY = {"vendor": VENDOR, "product": PRODUCT, "revision": REVISION, "serial": SERIAL}
+
+
+class FoundDrive(FileModel):
+    """One drive and the values that it held.
+
+    Attributes
+    ----------
+    name : str
+        Of its axis.
+    restored : bool
+        The drive holds all of them again.
+    objects : tuple of FoundObject
+        In the order in which they were first written.
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    node: Annotated[int, Field(ge=1, le=127)]
+    identity: FoundIdentity
+    restored: bool = False
+    objects: tuple[FoundObject, ...] = ()
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        places = [each.place for each in self.objects]
+        for index, subindex in places:
+            if places.count((index, subindex)) > 1:
+                raise ValueError(f"object {index:04X}:{subindex:02X} stands twice; remove one")
+        return self
+
+
+class FoundSettings(FileModel):
+    """Content of the file.
+
+    Attributes
+    ----------
+    restored : bool
+        All drives hold again what they held.
+    bitrate : int
+        Of the bus [bit/s].
+    sdo_timeout : float
+        How long a drive may take to answer [s].
+    """
+
+    format: Literal[1] = 1
+    restored: bool = False
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
+    sdo_timeout: Annotated[float, Field(ge=0.01, le=30)] = 0.5
+    drives: tuple[FoundDrive, ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        nodes = [drive.node for drive in self.drives]
+        for node in nodes:
+            if nodes.count(node) > 1:
+                raise ValueError(f"node {node} stands twice; remove one of the drives")
+        if self.restored and not all(drive.restored for drive in self.drives):
+            raise ValueError("restored: true, but not of all drives; write false")
+        return self
+
+    @property
+    def unrestored(self) -> tuple[FoundDrive, ...]:
+        """Drives that may still hold values of ours."""
+        return tuple(drive for drive in self.drives if not drive.restored)
+
+    def with_drives(self, drives: Iterable[FoundDrive]) -> FoundSettings:
+        """Return the settings with these drives in place of those with their node numbers."""
+        changed = {drive.node: drive for drive in drives}
+        kept = {drive.node: drive for drive in self.drives} | changed
+        everything = tuple(kept.values())
+        restored = all(drive.restored for drive in everything)
+        return self.model_copy(update={"drives": everything, "restored": restored})
+
+
+def load_found_settings(path: Path | str) -> FoundSettings:
+    """Read the file.
+
+    Raises
+    ------
+    FileError
+        It is missing, or not such a file.
+    """
+    return load_yaml(path, FoundSettings)
+
+
+def dump_found_settings(settings: FoundSettings) -> str:
+    """Return the file's text; `load_found_settings` reads the same settings from it."""
+    lines = [
+        "# What the drives held before they were written to. To put it back after a crash, with",
+        "# the drives powered but off: hil drives restore FILE",
+        f"format: {settings.format}",
+        f"restored: {_shown(settings.restored)}",
+        f"bitrate: {settings.bitrate} # bit/s",
+        f"sdo_timeout: {settings.sdo_timeout!r} # s",
+        "drives:" if settings.drives else "drives: []",
+    ]
+    for drive in settings.drives:
+        lines += _drive_lines(drive)
+    return "\n".join(lines) + "\n"
+
+
+def read_identity(server: SdoServer) -> FoundIdentity:
+    """Ask a drive for its identity.
+
+    Raises
+    ------
+    NodeSilent, DriveRefused
+        It does not answer.
+    """
+    return FoundIdentity(**{key: server.find(entry) for key, entry in IDENTITY.items()})
+
+
+def difference(found: FoundIdentity, present: FoundIdentity) -> str:
+    """Name the first object in which two identities differ, with both values; empty if none."""
+    for key, entry in IDENTITY.items():
+        then, now = getattr(found, key), getattr(present, key)
+        if then != now:
+            return f"{entry} was {_hex(then)}, now it is {_hex(now)}"
+    return ""
+
+
+def _drive_lines(drive: FoundDrive) -> Sequence[str]:
+    identity = ", ".join(f"{key}: {_shown(getattr(drive.identity, key))}" for key in IDENTITY)
+    return [
+        f"- name: {_quoted(drive.name)}",
+        f"  node: {drive.node}",
+        f"  identity: {{{identity}}}",
+        f"  restored: {_shown(drive.restored)}",
+        "  objects:" if drive.objects else "  objects: []",
+        *(
+            f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
+            f" value: {each.value}, name: {_quoted(each.name)}}}"
+            for each in drive.objects
+        ),
+    ]
+
+
+def _quoted(text: str) -> str:
+    return yaml.safe_dump(text, default_style='"', width=math.inf).rstrip("\n")
+
+
+def _shown(value: bool | int | None) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return "null" if value is None else f"0x{value:X}"
+
+
+def _hex(value: int | None) -> str:
+    return "missing" if value is None else f"{value:08X}h"

@@ -1,0 +1,118 @@
+"""`hil drives restore`: what drives held before a session that never put it back.
+
+A process that was killed leaves its values in the drives, and the file that it kept. Before
+anything is written, every drive of the file must be there, be the one that it was, and be off.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
+from drivers.found_settings import difference, read_identity
+from drivers.network import PumpedNetwork
+from drivers.pacing import choose_pacing
+from drivers.sdo import Entry, SdoServer
+from drivers.settings_restore import refuse_energised, restore_drive
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import can
+
+    from drivers.found_settings import FoundDrive, FoundSettings
+    from drivers.pacing import PacingName
+
+PERIOD = 0.004
+"""Decides nothing: no SYNC is sent [s]."""
+
+
+class Returned(NamedTuple):
+    """One drive after it was dealt with.
+
+    Attributes
+    ----------
+    label : str
+        How messages name it.
+    drive : FoundDrive
+        With `restored` as it is by now.
+    written : tuple of (Entry, int or None, int)
+        What differed: object, value on the drive (None: missing), value that it held before.
+    problem : str
+        Why some of it could not be put back; empty if all was.
+    """
+
+    label: str
+    drive: FoundDrive
+    written: tuple[tuple[Entry, int | None, int], ...]
+    problem: str
+
+
+def put_back(
+    bus: can.BusABC, settings: FoundSettings, pacing: PacingName = "auto"
+) -> Iterator[Returned]:
+    """Put back what drives held; those that hold it again already are left alone.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus on which nobody commands the drives.
+    settings : FoundSettings
+        What they held.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.pacing.choose_pacing`.
+
+    Yields
+    ------
+    Returned
+        Each drive once it has been dealt with.
+
+    Raises
+    ------
+    NodeSilent, DriveRefused
+        A drive is missing, another one, or energised, a line each; nothing was written.
+    """
+    synchronous = choose_pacing(bus, pacing, PERIOD).synchronous
+    network = PumpedNetwork(bus, synchronous=synchronous)
+    pairs = [
+        (SdoServer(network, drive.node, drive.name, settings.sdo_timeout), drive)
+        for drive in settings.unrestored
+    ]
+    _refuse(pairs)
+    for server, drive in pairs:
+        yield _returned(server, drive)
+
+
+def _refuse(pairs: Sequence[tuple[SdoServer, FoundDrive]]) -> None:
+    problems: list[DriveError] = []
+    for server, drive in pairs:
+        try:
+            _refuse_other(server, drive)
+            refuse_energised(server)
+        except (DriveRefused, NodeSilent) as error:
+            problems.append(error)
+    if problems:
+        silent = all(isinstance(problem, NodeSilent) for problem in problems)
+        kind = NodeSilent if silent else DriveRefused
+        raise kind("\n".join(["nothing was written", *map(str, problems)]))
+
+
+def _refuse_other(server: SdoServer, drive: FoundDrive) -> None:
+    differs = difference(drive.identity, read_identity(server))
+    if differs:
+        raise DriveRefused(
+            f"{server.label}: another drive than the file is about: {differs}; check node numbers"
+            " and wiring, or take the file of this drive"
+        )
+
+
+def _returned(server: SdoServer, drive: FoundDrive) -> Returned:
+    written: tuple[tuple[Entry, int | None, int], ...] = ()
+    try:
+        present = [(each.entry, server.find(each.entry), each.value) for each in drive.objects]
+        written = tuple(row for row in present if row[1] != row[2])
+        restore_drive(server, drive)
+    except DriveError as error:
+        return Returned(server.label, drive, written, str(error))
+    done = drive.model_copy(update={"restored": True})
+    return Returned(server.label, done, written, "")

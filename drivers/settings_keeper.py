@@ -1,0 +1,285 @@
+"""Keeping what drives held, before each object is first written.
+
+A `SettingsKeeper` stands in front of every write of a session: the first one to an object reads
+what it held. What start-up will overwrite is known beforehand (`announcement`), so that all of it
+is on the disk before the first write; an object that is first written later, in the middle of a
+session, is added by itself. Where the file of an earlier session is there that never put back what
+it had found, its values stand: what the drives hold by now is ours.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import DriveRefused
+from drivers.found_settings import (
+    COMMANDS,
+    FoundDrive,
+    FoundObject,
+    FoundSettings,
+    difference,
+    dump_found_settings,
+    load_found_settings,
+    read_identity,
+)
+from drivers.sdo import Aborted, Entry
+from drivers.settings_restore import restore_drive
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.sdo import SdoServer
+
+MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+ENTRIES_MAX = 64
+"""Most objects in a PDO (CiA 301)."""
+
+
+class SettingsKeeper:
+    """Reads and keeps what drives hold, before it is overwritten.
+
+    Parameters
+    ----------
+    path : Path, optional
+        The file; None to keep everything in memory only.
+    write : callable, optional
+        ``write(path, content)`` puts a file on the disk, whole or not at all. Needed with `path`.
+
+    Attributes
+    ----------
+    path : Path or None
+    later : tuple of Entry
+        Objects that the session will write once the drives are on: they are kept with the others.
+    unannounced : list of str
+        Objects that were first written after the announcement, in words.
+    """
+
+    def __init__(
+        self, path: Path | None = None, write: Callable[[Path, bytes], None] | None = None
+    ) -> None:
+        self.path = path
+        self.later: tuple[Entry, ...] = ()
+        self.unannounced: list[str] = []
+        self._write = write
+        self._settings: FoundSettings | None = None
+        self._announced = False
+        self._earlier: frozenset[int] = frozenset()
+
+    @property
+    def settings(self) -> FoundSettings:
+        """What is kept by now.
+
+        Raises
+        ------
+        LookupError
+            Nothing has been kept yet.
+        """
+        if self._settings is None:
+            raise LookupError("settings are kept once `open` was called")
+        return self._settings
+
+    @property
+    def unrestored(self) -> bool:
+        """Whether a drive may hold values of ours."""
+        return self._announced and self._settings is not None and not self._settings.restored
+
+    def open(self, drives: DrivesFile) -> None:
+        """Begin a session; read what an earlier one left behind.
+
+        Raises
+        ------
+        FileError
+            There is a file that cannot be used.
+        """
+        self._settings = FoundSettings(bitrate=drives.bitrate, sdo_timeout=drives.sdo_timeout)
+        self._announced = False
+        self.unannounced.clear()
+        if self.path is not None and self.path.exists():
+            earlier = load_found_settings(self.path)
+            self._settings = self._settings.with_drives(earlier.unrestored)
+        self._earlier = frozenset(drive.node for drive in self._settings.drives)
+
+    def found(self, server: SdoServer, entry: Entry) -> int | None:
+        """Return what an object held before any of our writes; None where it is missing."""
+        kept = self._drive(server.node)
+        for each in kept.objects if kept else ():
+            if each.place == (entry.index, entry.subindex):
+                return each.value
+        return server.find(entry)
+
+    def take(self, server: SdoServer, axis: AxisDrive, found: Mapping[Entry, int]) -> None:
+        """Add what one drive holds; values of an earlier session that are there stay.
+
+        Raises
+        ------
+        DriveRefused
+            The earlier session's values are those of another drive.
+        NodeSilent
+            No answer.
+        """
+        earlier, identity = self._drive(server.node), read_identity(server)
+        if earlier is not None and (differs := difference(earlier.identity, identity)):
+            raise DriveRefused(
+                f"{server.label}: {self.path} holds what another drive was set to, which was never"
+                f" put back: {differs}; connect that drive and put it back with hil drives restore"
+                f" {self.path}, or remove the file if the drive is gone"
+            )
+        kept = earlier or FoundDrive(name=axis.name, node=axis.node, identity=identity)
+        self._settings = self.settings.with_drives([_extended(kept, found)])
+        server.saved = {each.place for each in self.drive(server).objects}
+
+    def announced(self, servers: Iterable[SdoServer]) -> None:
+        """Put on the disk what was taken; from here on a further object is kept when it comes.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written.
+        """
+        self.save()
+        self._announced = True
+        for server in servers:
+            self.guard(server)
+
+    def guard(self, server: SdoServer) -> None:
+        """Keep what `server` holds before each first write to it."""
+        server.first_write = lambda entry: self._keep(server, entry)
+
+    def drive(self, server: SdoServer) -> FoundDrive:
+        """Return what is kept of a drive.
+
+        Raises
+        ------
+        LookupError
+            Nothing is.
+        """
+        kept = self._drive(server.node)
+        if kept is None:
+            raise LookupError(f"{server.label}: nothing was kept")
+        return kept
+
+    def restore(self, server: SdoServer) -> None:
+        """Put back what a drive held that is shown off, and note it; `close` brings that to disk.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent, BusUnavailable
+            See `drivers.settings_restore.restore_drive`.
+        """
+        restore_drive(server, self.drive(server))
+        self._note_restored(server)
+
+    def close(self, servers: Iterable[SdoServer], written: Collection[SdoServer]) -> list[str]:
+        """End a session; return for the operator which drives could not be put back.
+
+        Parameters
+        ----------
+        servers : iterable of SdoServer
+            The drives of the session.
+        written : collection of SdoServer
+            Those that something may have been written to.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written.
+        """
+        if not self._announced:
+            return []
+        for server in servers:
+            if server not in written and server.node not in self._earlier:
+                self._note_restored(server)
+        self.save()
+        remedy = f": put it back with hil drives restore {self.path}" if self.path else ""
+        return [
+            *(f"{each} was written without having been announced" for each in self.unannounced),
+            *(
+                f"{server.label}: does not hold again what it held before{remedy}"
+                for server in servers
+                if not self.drive(server).restored
+            ),
+        ]
+
+    def save(self) -> None:
+        """Write the file, if there is to be one.
+
+        Raises
+        ------
+        FileError
+            It cannot be written.
+        """
+        if self.path is not None and self._write is not None:
+            self._write(self.path, dump_found_settings(self.settings).encode())
+
+    def _note_restored(self, server: SdoServer) -> None:
+        restored = self.drive(server).model_copy(update={"restored": True})
+        self._settings = self.settings.with_drives([restored])
+
+    def _drive(self, node: int) -> FoundDrive | None:
+        return next((drive for drive in self.settings.drives if drive.node == node), None)
+
+    def _keep(self, server: SdoServer, entry: Entry) -> None:
+        found = before(server, entry)
+        if found:
+            extended = _extended(self.drive(server), found)
+            self._settings = self.settings.with_drives([extended])
+            self.save()
+            self.unannounced.append(f"{server.label}: {entry}")
+        server.saved.update((each.index, each.subindex) for each in (*found, entry))
+
+
+def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
+    """Read what must be kept before `entry` is written, beside what `server` has kept already.
+
+    Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
+    together: whoever changes one loses them all.
+
+    Raises
+    ------
+    NodeSilent, DriveRefused
+        No answer, or another length than expected.
+    """
+    if entry.index in COMMANDS:
+        return {}
+    entries: Sequence[Entry] = [entry]
+    if any(entry.index in mappings for mappings in MAPPINGS):
+        entries = [*_mapped(server, entry.index), entry]
+    fresh = {(each.index, each.subindex): each for each in entries}
+    values = {e: _read(server, e) for place, e in fresh.items() if place not in server.saved}
+    return {each: value for each, value in values.items() if value is not None}
+
+
+def _mapped(server: SdoServer, index: int) -> list[Entry]:
+    count = Entry(index, 0, "u8", "number of mapped objects")
+    present = min(_read(server, count) or 0, ENTRIES_MAX)
+    return [
+        count,
+        *(Entry(index, n, "u32", f"mapped object {n}") for n in range(1, present + 1)),
+    ]
+
+
+def _read(server: SdoServer, entry: Entry) -> int | None:
+    try:
+        return server.get(entry)
+    except Aborted:  # missing or write-only: the write itself will say what is wrong with it
+        return None
+
+
+def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
+    places = {each.place for each in drive.objects}
+    objects = tuple(
+        FoundObject.model_validate(
+            {
+                "index": entry.index,
+                "subindex": entry.subindex,
+                "type": entry.type,
+                "value": value,
+                "name": entry.name,
+            }
+        )
+        for entry, value in found.items()
+        if (entry.index, entry.subindex) not in places
+    )
+    return drive.model_copy(update={"objects": (*drive.objects, *objects), "restored": False})

@@ -1,0 +1,161 @@
+"""Putting back what a drive held, once it is off.
+
+The order is that of the standard: a mapping can be changed only while its PDO is off. What watches
+our heartbeat comes last, for until then it is what stops the axis when this process dies. A value
+that a drive refuses keeps no other from being put back. Each is read first, and written only where
+the drive holds another, so doing it again is harmless.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from drivers import objects
+from drivers.cia402 import State, decode_state
+from drivers.drive_bus import DriveRefused
+from drivers.sdo import Aborted, Entry
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from drivers.found_settings import FoundDrive
+    from drivers.sdo import SdoServer
+
+SHOWN_OFF = frozenset(
+    {State.NOT_READY, State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.FAULT}
+)
+"""States in which the motor has no power."""
+WATCHDOGS = (0x100C, 0x100D, 0x1016)
+"""Life guarding and consumer heartbeat."""
+OFF = 1 << 31
+"""Bit of a COB-ID by which its PDO does not exist."""
+_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+_MAPPING = 0x200
+_PDO_SPAN = 0x1C00
+_ROUNDS = 2
+"""Limits may depend on each other: what a drive refuses at first is tried again once."""
+
+Place = tuple[int, int]
+
+
+def restore_drive(server: SdoServer, found: FoundDrive) -> None:
+    """Put back what a drive held that is shown off, and read it back.
+
+    Raises
+    ------
+    DriveRefused
+        It is energised, so nothing was written; or it does not take values, a line each.
+    NodeSilent, BusUnavailable
+        No answer: what was not reached is as it was, the watchdog included.
+    """
+    refuse_energised(server)
+    server.enter_pre_operational()
+    values = {each.entry: each.value for each in found.objects}
+    problems = [problem for pdo in _pdos(values) for problem in _restore_pdo(server, pdo)]
+    others = {e: v for e, v in values.items() if not 0x1400 <= e.index < _PDO_SPAN}
+    problems += _restore(server, {e: v for e, v in others.items() if e.index not in WATCHDOGS})
+    problems += _restore(server, {e: v for e, v in others.items() if e.index in WATCHDOGS})
+    if problems:
+        raise DriveRefused("\n".join(problems))
+
+
+def refuse_energised(server: SdoServer) -> None:
+    """Refuse a drive that is not shown off.
+
+    Raises
+    ------
+    DriveRefused
+        With the state that it shows.
+    """
+    word = server.get(objects.STATUSWORD)
+    state = decode_state(word)
+    if state not in SHOWN_OFF:
+        shown = f"an undefined state ({word:04X}h)" if state is None else state.value
+        raise DriveRefused(
+            f"{server.label}: shows {shown}, settings are put back only to a drive that is off;"
+            " switch it off first, by the emergency stop if need be"
+        )
+
+
+def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
+    """Take apart what belongs to each PDO, in order of its COB-ID's index."""
+    present = {entry.index for entry in values}
+    for index in (index for indices in _COMMUNICATION for index in indices):
+        if present & {index, index + _MAPPING}:
+            yield {e: v for e, v in values.items() if e.index in {index, index + _MAPPING}}
+
+
+def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
+    """Off, count 0, entries, count, transmission type and the like, COB-ID."""
+    if not any(_differs(server, entry, value) for entry, value in values.items()):
+        return []
+    mapping = {e: v for e, v in values.items() if _is_mapping(e.index)}
+    cob = {e: v for e, v in values.items() if e not in mapping and e.subindex == 1}
+    count = {e: v for e, v in mapping.items() if e.subindex == 0}
+    rest = {e: v for e, v in values.items() if e not in mapping and e not in cob}
+    problems: list[str] = []
+    for entry, value in cob.items():
+        if _differs(server, entry, value | OFF):
+            _try(server, entry, value | OFF)  # a read-only COB-ID need not be off
+    if any(_differs(server, entry, value) for entry, value in mapping.items()):
+        problems += _restore_mapping(server, mapping, count)
+    return problems + _restore(server, rest) + _restore(server, cob)
+
+
+def _restore_mapping(
+    server: SdoServer, mapping: Mapping[Entry, int], count: Mapping[Entry, int]
+) -> list[str]:
+    for entry in count:
+        _try(server, entry, 0)
+    active = max(count.values(), default=0)
+    entries = {e: v for e, v in mapping.items() if e.subindex}
+    # Beyond its count a mapping means nothing, and not every drive takes what stood there.
+    _restore(server, {e: v for e, v in entries.items() if e.subindex > active})
+    problems = _restore(server, {e: v for e, v in entries.items() if e.subindex <= active})
+    return problems + _restore(server, count)
+
+
+def _is_mapping(index: int) -> bool:
+    return 0x1600 <= index < 0x1800 or 0x1A00 <= index < _PDO_SPAN
+
+
+def _restore(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
+    """Put values back; return why not, a line each."""
+    refused: dict[Entry, str] = {}
+    pending: Sequence[Entry] = list(values)
+    for _ in range(_ROUNDS):
+        refused = {}
+        for entry in pending:
+            try:
+                _put_back(server, entry, values[entry])
+            except DriveRefused as error:
+                refused[entry] = str(error)
+        pending = list(refused)
+        if not pending:
+            break
+    return list(refused.values())
+
+
+def _put_back(server: SdoServer, entry: Entry, value: int) -> None:
+    if not _differs(server, entry, value):
+        return
+    server.put(entry, value)
+    kept = server.get(entry)
+    if kept != value:
+        raise DriveRefused(
+            f"{server.label}: object {entry} held {value}, it reads {kept} after that was written;"
+            " set it with the maker's commissioning tool"
+        )
+
+
+def _differs(server: SdoServer, entry: Entry, value: int) -> bool:
+    try:
+        return server.get(entry) != value
+    except Aborted:
+        return True
+
+
+def _try(server: SdoServer, entry: Entry, value: int) -> None:
+    with suppress(Aborted):
+        server.put(entry, value)

@@ -1,0 +1,87 @@
+"""Limits that hold on the axes, against the plan and the robot file.
+
+A drive's own limits may be tighter than those that a plan was made for. Then every motion that the
+plan leaves open, such as the way from one measurement to the next, keeps within them, and a plan
+that would exceed them is refused before anything moves: a drive that clips a motion spoils the
+measurement without a word.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import LimitExceeded
+from hil.planning.dry_run import measurement_problems
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from drivers.drive_bus import AxisInfo
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+
+
+ROUNDING = 1e-3
+"""Share by which limits of drive and robot file may differ without a word."""
+
+
+def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:
+    """Return `robot` within the limits that hold on its axes, for motions and checks only."""
+    if len(axes) != robot.n_joints:
+        return robot  # which is refused where measuring begins
+    joints = tuple(
+        joint.model_copy(
+            update={
+                "q_min": max(joint.q_min, axis.q_min),
+                "q_max": min(joint.q_max, axis.q_max),
+                "velocity_limit": min(joint.velocity_limit, axis.velocity_max),
+                "acceleration_limit": min(joint.acceleration_limit, axis.acceleration_max),
+            }
+        )
+        for joint, axis in zip(robot.file.joints, axes, strict=True)
+    )
+    if joints == robot.file.joints:
+        return robot
+    return replace(robot, file=robot.file.model_copy(update={"joints": joints}))
+
+
+def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
+    """Refuse a plan that exceeds the limits that hold on the axes.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is to be measured.
+    robot : Robot
+        That the plan was made for.
+    axes : sequence of AxisInfo
+        In joint order.
+
+    Raises
+    ------
+    LimitExceeded
+        A line for each problem, with measurement, joint, value and bound.
+    """
+    problems = measurement_problems(plan, limited(robot, axes))
+    if problems:
+        lines = ["the plan exceeds what the drives allow; nothing has moved"]
+        lines += [problem.message for problem in problems]
+        raise LimitExceeded("\n".join([*lines, *_whose(robot, axes)]))
+
+
+def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
+    """Say which objects of the drives are behind the limits, where they matter."""
+    for number, (joint, axis) in enumerate(zip(robot.file.joints, axes, strict=True), start=1):
+        for key, planned, holds in (
+            ("q_min", joint.q_min, axis.q_min),
+            ("q_max", joint.q_max, axis.q_max),
+            ("velocity", joint.velocity_limit, axis.velocity_max),
+            ("acceleration", joint.acceleration_limit, axis.acceleration_max),
+        ):
+            if key in axis.own_limits and abs(holds - planned) > ROUNDING * max(1.0, abs(planned)):
+                yield (
+                    f"joint {number} ({axis.name}): {key} {holds:.4g} is the drive's own limit"
+                    f" {axis.own_limits[key]}, {planned:.4g} in the robot file; plan within it, or"
+                    " widen it with the maker's tool"
+                )

@@ -1,0 +1,231 @@
+"""Found settings at the command line: listed beforehand, kept in the run, put back after a kill."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import can
+import pytest
+from probing_bench import DRIVES, spoilt_plant
+from rich.console import Console
+from test_found_settings import downloads
+from two_processes import open_bus, plant_process
+
+from drivers.announcement import announce
+from drivers.drives_file import load_drives
+from drivers.found_settings import NAME, load_found_settings
+from drivers.probing.standing import StandingDrives
+from hil import cli
+from hil.cli import drive_commands, drive_settings
+from hil.measuring.run_folder import RunFolder
+from hil.planning.plan import Plan, dump_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    Hil = Callable[..., tuple[int, str, str]]
+
+PLACE = ("local", f"restore-{os.getpid()}")
+
+
+@pytest.fixture
+def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
+    """Call the command line; return exit status, standard output and standard error."""
+    monkeypatch.setattr(drive_commands, "out", Console(width=160))
+    monkeypatch.setattr(cli, "out", Console(width=200))
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            cli.main([str(argument) for argument in arguments])
+        printed = capsys.readouterr()
+        assert "Traceback" not in printed.out + printed.err
+        return int(left.value.code or 0), printed.out, printed.err
+
+    return call
+
+
+@pytest.fixture
+def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
+    path = tmp_path / "plan.yaml"
+    path.write_text(dump_plan(small_plan))
+    return path
+
+
+def test_what_changes_is_listed_for_each_drive_and_nothing_is_written(
+    hil: Hil, plan_file: Path, tmp_path: Path
+) -> None:
+    with can.Bus("manutec-r15", "sim_plant", ignore_config=True) as listener:
+        status, out, _ = hil("run", plan_file, "-o", tmp_path / "run", "--what-changes")
+        sent = list(iter(lambda: listener.recv(0), None))
+    assert status == 0
+    assert sent
+    assert downloads(sent) == []
+    own = {frame.arbitration_id for frame in sent if frame.arbitration_id < 0x580}
+    assert own == set(), "neither NMT nor SYNC nor process data"
+    assert not (tmp_path / "run").exists()
+    for number in range(1, 7):
+        assert f"joint {number} (node {number})" in out
+    (row,) = [line for line in out.splitlines() if "1016:01" in line][:1]
+    assert row.split()[-2:] == ["0", f"{127 << 16 | 500:08X}h"]
+    assert "nothing was written, nothing was powered" in out
+
+
+def test_a_run_keeps_what_was_found_in_its_folder_and_says_that_it_is_put_back(
+    hil: Hil, plan_file: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    status, _, err = hil("run", plan_file, "-o", folder)
+    assert (status, err) == (0, "")
+    kept = load_found_settings(folder / NAME)
+    assert kept.restored
+    assert len(kept.drives) == 6
+    assert all(len(drive.objects) > 30 for drive in kept.drives)
+    assert RunFolder.open(folder).missing == ()
+    status, out, _ = hil("drives", "restore", folder / NAME)
+    assert (status, "nothing was written" in out) == (0, True)
+
+
+def test_a_plan_beyond_the_drives_own_limits_is_refused_before_anything_moves(
+    hil: Hil, plan_file: Path, tmp_path: Path
+) -> None:
+    plant = spoilt_plant(tmp_path, ("velocity_max: 5.2", "velocity_max: 1.0"))
+    log = tmp_path / "frames.log"
+    status, _, err = hil(
+        "run", plan_file, "-o", tmp_path / "run", "--channel", plant, "--frame-log", log
+    )
+    assert status == 1
+    assert "the plan exceeds what the drives allow; nothing has moved" in err
+    assert "i1: 1.5 rad/s is above the limit of joint 3, 1.0" in err
+    assert "joint 3 (joint 3): velocity 1 is the drive's own limit 607F, 5.2 in the robot" in err
+    assert "607D" not in err, "which differs by rounding alone"
+    with can.LogReader(log) as frames:
+        commands = [f for f in frames if 0x200 < f.arbitration_id < 0x280]
+    assert commands, "the drives were powered on"
+    assert not any(frame.data[4] & 0x10 for frame in commands), "no set-point was given"
+    assert not (tmp_path / "run").exists(), "nothing was measured, all drives are as found"
+
+
+def test_the_ways_between_measurements_keep_within_the_drives_own_limits(
+    hil: Hil, plan_file: Path, tmp_path: Path
+) -> None:
+    plant = spoilt_plant(tmp_path, ("velocity_max: 3.0", "velocity_max: 0.3"))
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "run", "--channel", plant)
+    assert (status, err) == (0, "")
+    notes = RunFolder.open(tmp_path / "run").journal.sessions[0].notes
+    assert any("own max motor speed (6080) is 0.3" in note for note in notes)
+
+
+def start(*arguments: object) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, "-m", "hil", *map(str, arguments)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def state_of_the_drives() -> dict[tuple[int, int, int], int]:
+    """What start-up would change, by asking the drives."""
+    drives = load_drives(DRIVES)
+    with open_bus(PLACE) as bus:
+        found = {}
+        servers = StandingDrives(bus, drives, "lock-step").servers
+        for server, axis in zip(servers, drives.axes, strict=True):
+            announced = announce(server, axis, drives, drives.sync_period)
+            for entry, value in announced.found.items():
+                found[axis.node, entry.index, entry.subindex] = value
+    return found
+
+
+def let_time_pass(syncs: int) -> None:
+    """Let the plant's time go on without any heartbeat of a master."""
+    with open_bus(PLACE) as bus:
+        for _ in range(syncs):
+            bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+            while bus.recv(0.002) is not None:
+                pass
+
+
+@pytest.mark.slow
+@pytest.mark.flaky(reruns=2)
+def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
+    hil: Hil, plan_file: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    where = ("--interface", PLACE[0], "--channel", PLACE[1])
+    with plant_process(PLACE):
+        before = state_of_the_drives()
+        run = start("run", plan_file, "-o", folder, *where, "--pacing", "lock-step")
+        while not list(folder.glob("recordings/*.h5")):
+            assert run.poll() is None
+            time.sleep(0.01)
+        run.kill()
+        run.wait()
+        left = state_of_the_drives()
+        assert len({place for place, value in left.items() if before.get(place) != value}) > 60
+
+        status, _, err = hil("drives", "restore", folder / NAME, *where)
+        assert status == 1
+        assert "nothing was written" in err
+        assert "joint 1 (node 1): shows OPERATION ENABLED" in err
+        assert state_of_the_drives() == left
+
+        let_time_pass(400)  # beyond the drives' watch on our heartbeat
+        status, out, err = hil("drives", "restore", folder / NAME, *where)
+        assert (status, err) == (0, "")
+        assert "all drives hold again what they held" in out
+        assert {p: v for p, v in state_of_the_drives().items() if p in before} == before
+        assert load_found_settings(folder / NAME).restored
+        status, out, _ = hil("drives", "restore", folder / NAME, *where)
+        assert (status, "nothing was written" in out) == (0, True)
+
+
+@pytest.mark.slow
+@pytest.mark.flaky(reruns=2)
+def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
+    hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    text = DRIVES.read_text().replace("sync_period: 0.004", "sync_period: 0.04")
+    slow = tmp_path / "slow.drives.yaml"
+    slow.write_text(text.replace("heartbeat_timeout: 0.5", "heartbeat_timeout: 2"))
+    where = ("--interface", PLACE[0], "--channel", PLACE[1])
+    path = drive_settings.state_file(*PLACE)
+    assert path.is_relative_to(tmp_path)
+    seen: list[bool] = []
+    real = drive_settings.SettingsKeeper.close
+
+    def close(self: drive_settings.SettingsKeeper, *arguments: object) -> list[str]:
+        seen.append(path.exists())
+        return real(self, *arguments)
+
+    monkeypatch.setattr(drive_settings.SettingsKeeper, "close", close)
+    with plant_process(PLACE, "--clock", "wall"):
+        status, out, err = hil("jog", slow, 6, "--by", 1, *where, "--yes")
+    assert (status, err) == (0, "")
+    assert "off" in out
+    assert seen == [True]
+    assert not path.exists()
+
+
+def test_on_the_virtual_plant_commands_without_a_folder_keep_nothing(
+    hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert hil("jog", "manutec-r15", 6, "--by", 1, "--yes")[0] == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("text", ["", "format: 2\n", "bitrate: 1\ndrives: []\n"])
+def test_a_file_that_is_none_is_refused_at_its_line(hil: Hil, text: str, tmp_path: Path) -> None:
+    path = tmp_path / NAME
+    path.write_text(text)
+    status, _, err = hil("drives", "restore", path)
+    assert status == 1
+    assert f"{path}:1: " in err
