@@ -31,6 +31,8 @@ POSITION = "position unit (6064)"
 _COUNTS = "increments_per_revolution"
 _SAME = Fraction(1, 10**6)
 """Units that differ by less than this share are one."""
+_SPINDLE = Fraction(1, 1000)
+"""So too where the gear ratio of a prismatic axis [rad/m] turns lengths into revolutions."""
 
 
 def compare_statements(server: SdoServer, axis: AxisDrive) -> None:
@@ -123,19 +125,23 @@ def _compare_rate(
     if said is None:
         unknown = f"{entry} is {word:08X}h, an unknown unit"
         return unsettled(check, unknown, key, text, f"{key}: {text} is taken on trust")
-    wanted = motor_turns(unit(text), axis.increments_per_revolution, axis.gear_ratio)
-    found = motor_turns(unit(said), axis.increments_per_revolution, axis.gear_ratio)
+    wanted, found = (_turns(unit(name), axis) for name in (text, said))
+    lengths = {unit(text).of, unit(said).of} & {Per.METRE}
+    slack = wanted * (_SPINDLE if lengths else _SAME)
     turning = unit(said).of in {Per.TURN, Per.RADIAN} and gear != 1
-    agrees = any(abs(side - wanted) <= _SAME * wanted for side in (found, found * gear))
-    if turning and agrees:
+    if turning and min(abs(found - wanted), abs(found * gear - wanted)) <= slack:
         either = f"{entry} says {said} and the gear (6091) is {gear}"
         remedy = f"{key}: {text} is taken on trust, that of the motor or of the gear's output"
         return unsettled(check, either, key, text, remedy)
     return compared(
-        abs(found - wanted) <= _SAME * wanted,
+        abs(found - wanted) <= slack,
         check,
-        said,
+        f"{said} ({word:08X}h)",
         key,
         text,
         "correct whichever is wrong: velocities and accelerations scale with it",
     )
+
+
+def _turns(unit: RateUnit, axis: AxisDrive) -> Fraction:
+    return motor_turns(unit, axis.increments_per_revolution, axis.gear_ratio)

@@ -280,7 +280,7 @@ def test_a_drive_in_rpm_that_the_file_takes_for_increments_is_refused_before_it_
     verdicts = on_personality("tenth-rpm")
     assert "max profile velocity (607F)" in of_grade(Grade.WARNING, verdicts)
     found = refusals(verdicts)
-    assert "0.1 rpm (file: inc/s)" in found["SI unit velocity (60A9)"]
+    assert "0.1 rpm (FFB44700h) (file: inc/s)" in found["SI unit velocity (60A9)"]
     assert "nothing was powered on" in found["motion"]
 
 

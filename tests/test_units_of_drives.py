@@ -11,7 +11,7 @@ import pytest
 import yaml
 from data_sheets import sheet
 from test_canopen_bus import axis, never_energised
-from unit_dictionaries import HABITS, Habit, as_sheet
+from unit_dictionaries import HABITS, Habit, as_sheet, words
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused
@@ -114,6 +114,21 @@ def test_an_object_of_another_length_is_left_out_and_noted() -> None:
         CanopenDriveBus(bus, drives(habit)) as drive_bus,
     ):
         assert any("6093:01" in note and "left out" in note for note in drive_bus.notes)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "gear_ratio", "refused"),
+    [("mm/s", 628.3, False), ("inc/s", 628.3, False), ("inc/s", 62.83, True), ("m/s", 628.3, True)],
+)
+def test_lengths_per_second_are_those_that_the_spindle_makes_of_revolutions(
+    velocity: str, gear_ratio: float, refused: bool
+) -> None:
+    # 10 mm in a revolution of 10 counts: one count per second is 1 mm/s
+    spindle = Habit(words(x6092_1=10, x6092_2=1, x60A9=0xFD010300), {}, {}, [])
+    changes = {"joint": "prismatic", "increments_per_revolution": 10}
+    found = checked(spindle, **changes, gear_ratio=gear_ratio, velocity_unit=velocity)
+    (unit,) = [v for v in found if v.check == "SI unit velocity (60A9)"]
+    assert unit.grade is (Grade.REFUSED if refused else Grade.OK)
 
 
 def test_a_position_in_millidegrees_is_the_angle_that_the_joint_turned() -> None:

@@ -51,7 +51,7 @@ HABITS = {
         [
             ({"increments_per_revolution": 2000}, "3600 counts per motor revolution (feed 6092"),
             ({"increments_per_revolution": 3601}, "states increments_per_revolution: 3601"),
-            ({"velocity_unit": "0.1 rpm"}, "SI unit velocity (60A9) is rpm, the drives file"),
+            ({"velocity_unit": "0.1 rpm"}, "(60A9) is rpm (00B44700h), the drives file"),
         ],
     ),
     "tenths of a degree by 60A8": Habit(
@@ -66,7 +66,7 @@ HABITS = {
         TENTH_DEGREES | {"velocity_unit": "inc/s", "acceleration_unit": "0.1 deg/s^2"},
         [
             ({"increments_per_revolution": 2000}, "(60A8 says 0.1 deg), the drives file states"),
-            ({"acceleration_unit": "rpm/s"}, "SI unit acceleration (60AA) is inc/s^2, the"),
+            ({"acceleration_unit": "rpm/s"}, "SI unit acceleration (60AA) is inc/s^2 (FF415700h), the"),
         ],
     ),
     "no encoder resolution, rpm": Habit(
