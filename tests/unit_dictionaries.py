@@ -66,7 +66,7 @@ HABITS = {
         TENTH_DEGREES | {"velocity_unit": "inc/s", "acceleration_unit": "0.1 deg/s^2"},
         [
             ({"increments_per_revolution": 2000}, "(60A8 says 0.1 deg), the drives file states"),
-            ({"acceleration_unit": "rpm/s"}, "SI unit acceleration (60AA) is inc/s^2 (FF415700h), the"),
+            ({"acceleration_unit": "rpm/s"}, "(60AA) is inc/s^2 (FF415700h), the drives file"),
         ],
     ),
     "no encoder resolution, rpm": Habit(
