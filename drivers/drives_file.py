@@ -1,9 +1,10 @@
 """`drives.yaml`: which drive moves which axis, and what its numbers mean.
 
 Real drives agree on object indices and on little else: the current readback may be in mA or in per
-mille of a rated value, rms or peak, from 6077, 6078 or an object of the maker's own; velocities
-come in increments or in revolutions. So each axis states it all, nothing is guessed, and where the
-drive knows better (1018, 6075, 6076, 608F) the two are compared before anything moves.
+mille of a rated value, rms or peak, from 6077, 6078 or an object of the maker's own; positions
+come in increments or in parts of a degree, velocities in either or in revolutions. So each axis
+states it all, nothing is guessed, and where the drive knows better (1018, 6075, 6076, 608F, 6091,
+6092, 60A8 to 60AA) the two are compared before anything moves.
 
 A prismatic axis's gear ratio is in rad of the motor per m of the axis; its limits and windows are
 in m, m/s, m/s^2 and N.
@@ -13,10 +14,13 @@ from __future__ import annotations
 
 import math
 from enum import Enum
+from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 
+from drivers import rate_units
+from drivers.rate_units import AccelerationUnit, Per, VelocityUnit
 from drivers.yaml_file import FileModel, load_yaml
 
 if TYPE_CHECKING:
@@ -35,20 +39,22 @@ class Basis(Enum):
     RATED_TORQUE = "per mille of rated torque"
 
 
-class VelocityUnit(Enum):
-    """Unit of velocities in the drive (6081, 607F)."""
+class TorqueUnit(Enum):
+    """Unit of the rated torque (6076): the standard's, or a thousandth of it."""
 
-    INCREMENTS = "inc/s"
-    RPM = "rpm"
-    TENTH_RPM = "0.1 rpm"
+    MILLI = "mN m"
+    MICRO = "uN m"
 
 
-class AccelerationUnit(Enum):
-    """Unit of accelerations in the drive (6083, 6084, 6085)."""
+def _counts(value: object) -> Fraction:
+    """Take a number or a ratio; decimals mean what they say."""
+    counts = rate_units.ratio(str(value))
+    if counts > I32_MAX:
+        raise ValueError(f"{value} must be at most {I32_MAX}")
+    return counts
 
-    INCREMENTS = "inc/s^2"
-    RPM = "rpm/s"
-    TENTH_RPM = "0.1 rpm/s"
+
+Counts = Annotated[Fraction, PlainValidator(_counts), PlainSerializer(str)]
 
 
 class Identity(FileModel):
@@ -143,10 +149,17 @@ class AxisDrive(FileModel):
         Motor angle over joint coordinate [-, or rad/m if prismatic], positive.
     sign : int
         +1 where the motor turns with q, -1 where against it.
+    increments_per_revolution : Fraction
+        Counts of 6064 per revolution of the motor, in whatever unit the drive counts: an integer,
+        or a ratio such as 360000/101 (0.001 degree behind a gear of 101).
     zero : int
-        Position of the drive at q = 0 [increments].
+        Position of the drive at q = 0 [counts].
+    velocity_unit, acceleration_unit : str
+        Of 6081 and 607F, of 6083 to 6085 (see `drivers.rate_units`).
     rated_current, rated_torque : float
         What the drive's per mille refer to [A, N m of the motor]; compared with 6075 and 6076.
+    rated_torque_unit : TorqueUnit
+        In what the drive states 6076: mN m by the standard, uN m with some makers.
     torque_constant : float
         Motor torque over current [N m/A], for the amplitude `torque_constant_amplitude`.
     following_error_window, following_error_time : float
@@ -178,13 +191,14 @@ class AxisDrive(FileModel):
     joint: Literal["revolute", "prismatic"] = "revolute"
     gear_ratio: Positive
     sign: Literal[-1, 1]
-    increments_per_revolution: Annotated[int, Field(gt=0, le=I32_MAX)]
+    increments_per_revolution: Counts
     zero: Annotated[int, Field(ge=-I32_MAX, le=I32_MAX)]
     velocity_unit: VelocityUnit
     acceleration_unit: AccelerationUnit
     current: CurrentObject
     rated_current: Positive
     rated_torque: Positive
+    rated_torque_unit: TorqueUnit = TorqueUnit.MILLI
     torque_constant: Positive | None = None
     torque_constant_amplitude: Literal["rms", "peak"] | None = None
     limits: AxisLimits
@@ -218,12 +232,29 @@ class AxisDrive(FileModel):
 
     @model_validator(mode="after")
     def _within_counts(self) -> Self:
-        per_unit = self.gear_ratio * self.increments_per_revolution / (2 * math.pi)
+        per_unit = self.gear_ratio * float(self.increments_per_revolution) / (2 * math.pi)
         for key, q in (("q_min", self.limits.q_min), ("q_max", self.limits.q_max)):
             if abs(q) * per_unit + abs(self.zero) > I32_MAX:
                 raise ValueError(
                     f"limits.{key} = {q:g} is beyond 32 bits of increments; "
                     "check gear_ratio, increments_per_revolution and zero"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _lengths_of_lengths(self) -> Self:
+        for key, text, unit in (
+            ("velocity_unit", self.velocity_unit, rate_units.velocity_unit(self.velocity_unit)),
+            (
+                "acceleration_unit",
+                self.acceleration_unit,
+                rate_units.acceleration_unit(self.acceleration_unit),
+            ),
+        ):
+            if unit.of is Per.METRE and self.joint == "revolute":
+                raise ValueError(
+                    f"{key}: {text} is a unit of lengths and the joint is revolute; state one of "
+                    "revolutions, angles or position units"
                 )
         return self
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.cia402 import Command, State, decode_state, next_command
 from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
+from drivers.interlocks import safe_torque_off
 from drivers.stop import SHOWN_OFF
 
 if TYPE_CHECKING:
@@ -147,6 +148,12 @@ class Power:
         if state in _FAULTS:
             raise self._supervision.diagnose(server, self._exchange.words[axis])
         if late and state is not goal:
+            locked = safe_torque_off(server)
+            if locked is not None:
+                raise DriveRefused(
+                    f"{server.label}: {locked}, so that {goal.value} cannot be reached; close "
+                    "guards and emergency stops, and release it"
+                )
             shown = "an undefined state" if state is None else state.value
             raise DriveRefused(
                 f"{server.label}: stays in {shown}, {goal.value} was commanded; check supply "

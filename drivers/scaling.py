@@ -1,8 +1,8 @@
 """Counts to radians and per mille to newton metres, from what the drives file states.
 
-A drive speaks in encoder increments of its motor, in per mille of a rated value or in
-milliamperes; we speak SI on the joint side. With motor increments c, increments per motor
-revolution R, gear ratio N (motor angle over joint coordinate), direction s = +-1, zero c0 and
+A drive speaks in counts of its encoder or in parts of a degree, in per mille of a rated value or in
+milliamperes; we speak SI on the joint side. With counts c of 6064, counts per motor revolution R (a
+ratio of integers), gear ratio N (motor angle over joint coordinate), direction s = +-1, zero c0 and
 sign of the current's count against the drive's position sc = +-1::
 
     q   = s (c - c0) 2 pi / (R N)                                                  [rad or m]
@@ -19,7 +19,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
-from drivers.drives_file import AccelerationUnit, Basis, VelocityUnit
+from drivers.drives_file import Basis
+from drivers.rate_units import RateUnit, acceleration_unit, motor_turns, velocity_unit
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,9 +38,9 @@ class AxisScale:
     Attributes
     ----------
     position : float
-        Joint coordinate per increment, with the sign [rad or m].
+        Joint coordinate per count, with the sign [rad or m].
     zero : int
-        Position at q = 0 [increments].
+        Position at q = 0 [counts].
     torque : float
         Joint torque per count of the current object, with the sign [N m or N].
     velocity, acceleration : float
@@ -58,25 +59,14 @@ class AxisScale:
     @classmethod
     def of(cls, axis: AxisDrive) -> AxisScale:
         """Derive the factors from an axis of the drives file."""
-        increment = 2 * math.pi / axis.increments_per_revolution / axis.gear_ratio
-        rpm = 2 * math.pi / 60 / axis.gear_ratio
+        increment = 2 * math.pi / float(axis.increments_per_revolution) / axis.gear_ratio
         per_mille = axis.gear_ratio * axis.rated_torque / 1000
-        velocities = {
-            VelocityUnit.INCREMENTS: increment,
-            VelocityUnit.RPM: rpm,
-            VelocityUnit.TENTH_RPM: rpm / 10,
-        }
-        accelerations = {
-            AccelerationUnit.INCREMENTS: increment,
-            AccelerationUnit.RPM: rpm,
-            AccelerationUnit.TENTH_RPM: rpm / 10,
-        }
         return cls(
             position=axis.sign * increment,
             zero=axis.zero,
-            torque=axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque_per_count(axis),
-            velocity=velocities[axis.velocity_unit],
-            acceleration=accelerations[axis.acceleration_unit],
+            torque=axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque(axis),
+            velocity=_rate(velocity_unit(axis.velocity_unit), axis),
+            acceleration=_rate(acceleration_unit(axis.acceleration_unit), axis),
             torque_limit=per_mille,
         )
 
@@ -105,16 +95,33 @@ class AxisScale:
         return _floor(torque / self.torque_limit)
 
 
+def _rate(unit: RateUnit, axis: AxisDrive) -> float:
+    """Joint side of one unit of velocity or acceleration, positive."""
+    turns = motor_turns(unit, axis.increments_per_revolution, axis.gear_ratio)
+    return 2 * math.pi * float(turns) / axis.gear_ratio
+
+
 def _floor(value: float) -> int:
     return math.floor(value * (1 + 1e-9))
 
 
-def _motor_torque_per_count(axis: AxisDrive) -> float:
-    if axis.current.basis is Basis.RATED_TORQUE:
+def motor_torque_per_count(axis: AxisDrive, basis: Basis) -> float | None:
+    """Return the motor's torque per count of the current object, were it in `basis` [N m].
+
+    None where the drives file states no torque constant, which currents need.
+    """
+    if basis is Basis.RATED_TORQUE:
         return axis.rated_torque / 1000
-    assert axis.torque_constant is not None  # noqa: S101 - the file's validator saw to it
-    ampere = 0.001 if axis.current.basis is Basis.MILLIAMPERE else axis.rated_current / 1000
+    if axis.torque_constant is None:
+        return None
+    ampere = 0.001 if basis is Basis.MILLIAMPERE else axis.rated_current / 1000
     return axis.torque_constant * ampere * _amplitude_factor(axis)
+
+
+def _motor_torque(axis: AxisDrive) -> float:
+    per_count = motor_torque_per_count(axis, axis.current.basis)
+    assert per_count is not None  # noqa: S101 - the file's validator saw to it
+    return per_count
 
 
 def _amplitude_factor(axis: AxisDrive) -> float:

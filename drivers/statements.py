@@ -1,77 +1,147 @@
 """What the drives file states, compared with what the drive itself says, where it says anything.
 
-Ratings, encoder and units scale every torque and every set-point. A drive that contradicts the file
-is refused; where it is silent, the file is trusted and that is noted.
+Ratings, encoder, gear and units scale every torque and every set-point. A drive that contradicts
+the file is refused; where it is silent or contradicts itself, the file is trusted and that is
+noted. Commissioning and `hil check` make the same comparisons.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from fractions import Fraction
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers import objects
+from drivers.comparison import Agreement, compared, unsettled
 from drivers.drive_bus import DriveRefused
-from drivers.drives_file import VelocityUnit
+from drivers.position_units import PositionFactors, position_readings, same, shown
+from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_unit
+from drivers.ratings import compare_ratings
+from drivers.unit_codes import acceleration_of, velocity_of
 
 if TYPE_CHECKING:
-    from drivers.drives_file import AxisDrive
-    from drivers.sdo import SdoServer
+    from collections.abc import Callable, Iterator
 
-VELOCITY_UNITS = {
-    0x00B44700: VelocityUnit.RPM,
-    0xFFB44700: VelocityUnit.TENTH_RPM,
-    0x00B50300: VelocityUnit.INCREMENTS,
-}
-"""SI unit velocity (60A9) as CiA 303-2 codes it: prefix, numerator, denominator."""
+    from drivers.comparison import Comparison
+    from drivers.drives_file import AxisDrive
+    from drivers.rate_units import RateUnit
+    from drivers.sdo import Entry, SdoServer
+
+POSITION = "position unit (6064)"
+_COUNTS = "increments_per_revolution"
+_SAME = Fraction(1, 10**6)
+"""Units that differ by less than this share are one."""
+_SPINDLE = Fraction(1, 1000)
+"""So too where the gear ratio of a prismatic axis [rad/m] turns lengths into revolutions."""
 
 
 def compare_statements(server: SdoServer, axis: AxisDrive) -> None:
-    """Compare ratings (6075, 6076), encoder (608F) and velocity unit (60A9).
+    """Refuse a drive that contradicts the drives file, and note what stays on trust.
 
     Raises
     ------
     DriveRefused
         The drive says something else than the drives file.
     """
-    _compare_ratings(server, axis)
-    _compare_encoder(server, axis)
-    _compare_velocity_unit(server, axis)
-
-
-def _compare_ratings(server: SdoServer, axis: AxisDrive) -> None:
-    for entry, value, key, unit in (
-        (objects.RATED_CURRENT, axis.rated_current, "rated_current", "A"),
-        (objects.RATED_TORQUE, axis.rated_torque, "rated_torque", "N m"),
-    ):
-        present = server.find(entry)
-        if present is None:
-            server.notes.append(f"{server.label}: no object {entry}: {key} is taken on trust")
-        elif abs(present - 1000 * value) > 1:
+    for comparison in comparisons(server, axis):
+        if comparison.agreement is Agreement.CONTRADICTED:
             raise DriveRefused(
-                f"{server.label}: {entry} is {present / 1000:g} {unit}, the drives file states "
-                f"{key}: {value:g}; correct whichever is wrong, torques scale with it"
+                f"{server.label}: {comparison.check} is {comparison.found}, the drives "
+                f"file states {comparison.key}: {comparison.stated}; {comparison.remedy}"
             )
+        if comparison.agreement is Agreement.UNSETTLED:
+            server.notes.append(f"{server.label}: {comparison.found}: {comparison.remedy}")
 
 
-def _compare_encoder(server: SdoServer, axis: AxisDrive) -> None:
-    increments = server.find(objects.ENCODER_INCREMENTS)
-    revolutions = server.find(objects.ENCODER_REVOLUTIONS)
-    if increments is None or not revolutions:
-        server.notes.append(
-            f"{server.label}: no encoder resolution (608F): increments_per_revolution on trust"
-        )
-    elif increments != axis.increments_per_revolution * revolutions:
-        raise DriveRefused(
-            f"{server.label}: encoder resolution (608F) is {increments}/{revolutions}, the drives "
-            f"file states increments_per_revolution: {axis.increments_per_revolution}; "
-            "correct whichever is wrong"
-        )
+def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
+    """Compare ratings (6075, 6076), position unit (608F to 60A8), velocity and acceleration units.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
+    yield from compare_ratings(server.find, axis)
+    factors = PositionFactors.read(partial(_said, server))
+    yield compare_positions(factors, axis)
+    gear = factors.gear or Fraction(1)
+    word = _said(server, objects.VELOCITY_UNIT)
+    if word:
+        stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
+        said = velocity_of(word, factors.unit)
+        yield _compare_rate(objects.VELOCITY_UNIT, word, said, stated, gear, axis)
+    word = _said(server, objects.ACCELERATION_UNIT)
+    if word:
+        stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
+        said = acceleration_of(word, factors.unit)
+        yield _compare_rate(objects.ACCELERATION_UNIT, word, said, stated, gear, axis)
 
 
-def _compare_velocity_unit(server: SdoServer, axis: AxisDrive) -> None:
-    said = VELOCITY_UNITS.get(server.find(objects.VELOCITY_UNIT) or 0)
-    if said is not None and said is not axis.velocity_unit:
-        raise DriveRefused(
-            f"{server.label}: {objects.VELOCITY_UNIT} says {said.value}, the drives file states "
-            f"velocity_unit: {axis.velocity_unit.value}; correct whichever is wrong, every "
-            "velocity scales with it"
-        )
+def _said(server: SdoServer, entry: Entry) -> int | None:
+    """Read an object that is only compared; one of another type than the standard's is noted."""
+    try:
+        return server.find(entry)
+    except DriveRefused as error:
+        server.notes.append(f"{error}; it is left out of the comparison")
+        return None
+
+
+def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
+    """Compare the counts of a motor revolution with what the drive's own objects lead to."""
+    stated, readings = axis.increments_per_revolution, position_readings(factors)
+    if not readings:
+        silent = "no encoder resolution (608F) nor feed (6092)"
+        if factors.unit:
+            silent += f", and 60A8 says {factors.unit_in_words}"
+        return unsettled(POSITION, silent, _COUNTS, str(stated), f"{_COUNTS} is taken on trust")
+    found = " or ".join(map(str, readings))
+    agrees = any(same(reading.per_revolution, stated) for reading in readings)
+    if agrees and len(readings) > 1:
+        remedy = f"the drive leaves it open, {_COUNTS}: {shown(stated)} is taken on trust"
+        return unsettled(POSITION, found, _COUNTS, shown(stated), remedy)
+    return compared(
+        agrees,
+        POSITION,
+        found,
+        _COUNTS,
+        shown(stated),
+        f"correct {_COUNTS} or the drive's parameters: every angle scales with it",
+    )
+
+
+class _Rate(NamedTuple):
+    """A unit of velocities or accelerations in the drives file, and how its text is understood."""
+
+    key: str
+    text: str
+    unit: Callable[[str], RateUnit]
+
+
+def _compare_rate(
+    entry: Entry, word: int, said: str | None, stated: _Rate, gear: Fraction, axis: AxisDrive
+) -> Comparison:
+    """Compare with what 60A9 or 60AA codes; behind a gear it may be that of the gear's output."""
+    check, (key, text, unit) = f"{entry.name} ({entry.index:04X})", stated
+    if said is None:
+        unknown = f"{entry} is {word:08X}h, an unknown unit"
+        return unsettled(check, unknown, key, text, f"{key}: {text} is taken on trust")
+    wanted, found = (_turns(unit(name), axis) for name in (text, said))
+    lengths = {unit(text).of, unit(said).of} & {Per.METRE}
+    slack = wanted * (_SPINDLE if lengths else _SAME)
+    turning = unit(said).of in {Per.TURN, Per.RADIAN} and gear != 1
+    if turning and min(abs(found - wanted), abs(found * gear - wanted)) <= slack:
+        either = f"{entry} says {said} and the gear (6091) is {gear}"
+        remedy = f"{key}: {text} is taken on trust, that of the motor or of the gear's output"
+        return unsettled(check, either, key, text, remedy)
+    return compared(
+        abs(found - wanted) <= slack,
+        check,
+        f"{said} ({word:08X}h)",
+        key,
+        text,
+        "correct whichever is wrong: velocities and accelerations scale with it",
+    )
+
+
+def _turns(unit: RateUnit, axis: AxisDrive) -> Fraction:
+    return motor_turns(unit, axis.increments_per_revolution, axis.gear_ratio)

@@ -7,6 +7,7 @@ the drive's own, as the objects state them; joint side and SI end before this po
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 from sim_plant.personality import PLAIN, Personality
 
@@ -30,16 +31,15 @@ class DriveSettings:
     max_torque : int
         6072h and 6073h; the highest value that they accept [per mille of rated].
     increments_per_revolution : int
-        Encoder increments per motor revolution (608Fh); one increment is the position unit.
+        Encoder increments per motor revolution (608Fh).
     gear : tuple of int
-        6091h: motor revolutions to shaft revolutions. Stated, never applied: positions are
-        motor increments whatever the gear.
+        6091h: motor revolutions to shaft revolutions.
     software_limits : tuple of int
-        607Dh: lowest and highest target [increments]; off unless the first is the smaller one.
+        607Dh: lowest and highest target [counts]; off unless the first is the smaller one.
     max_motor_speed : int
         6080h [rev/min].
     max_acceleration : int
-        60C5h and 60C6h [increments/s^2].
+        60C5h and 60C6h [counts/s^2].
     personality : Personality
         In what the drive deviates from its kind.
     """
@@ -59,6 +59,18 @@ class DriveSettings:
     max_motor_speed: int
     max_acceleration: int
     personality: Personality = PLAIN
+
+    @property
+    def feed(self) -> tuple[int, int]:
+        """6092h: counts of positions per so many revolutions of the shaft."""
+        own = self.personality.counts_per_turn
+        motor, shaft = self.gear
+        return (self.increments_per_revolution * motor, shaft) if own is None else (own, 1)
+
+    @property
+    def counts_per_revolution(self) -> Fraction:
+        """Counts of positions per revolution of the motor."""
+        return Fraction(*self.feed) / Fraction(*self.gear)
 
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 127:

@@ -6,6 +6,7 @@ same seed gives the same motion and the same noise whatever the drives are like.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,8 +17,9 @@ from sim_plant.physics import state as st
 from sim_plant.plant import load_plant
 
 if TYPE_CHECKING:
+    from sim_plant.drive_settings import DriveSettings
     from sim_plant.personality import Personality
-    from sim_plant.plant import Plant
+    from sim_plant.plant import Plant, Servo
 
 
 def load_machine(
@@ -63,7 +65,22 @@ def give_personality(plant: Plant, axis: int, personality: Personality) -> None:
     """
     drive_entries(personality)
     drives = list(plant.drives)
-    drives[axis] = replace(drives[axis], personality=personality)
+    own = replace(drives[axis], personality=personality)
+    if personality.counts_per_turn is not None:
+        own = _recounted(own, plant.axes[axis])
+    drives[axis] = own
     plant.drives = tuple(drives)
     if personality.current is not None and personality.current.unit == "mA":
         plant.const[axis, st.CURRENT_PER_MILLE] *= 1000 / drives[axis].rated_current
+
+
+def _recounted(drive: DriveSettings, servo: Servo) -> DriveSettings:
+    """Let a servo count positions in the unit of its drive, and the drive's limits with it."""
+    factor = float(drive.counts_per_revolution / drive.increments_per_revolution)
+    servo.recount(factor)
+    low, high = (round(factor * limit) for limit in drive.software_limits)
+    return replace(
+        drive,
+        software_limits=(low, high),
+        max_acceleration=math.ceil(factor * drive.max_acceleration),
+    )

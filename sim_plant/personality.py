@@ -68,8 +68,11 @@ class Personality(FileModel):
         Entries declared in another way.
     current : CurrentReadback or None
         None: the drive does not show its current (it may still show its torque, 6077h).
+    counts_per_turn : int or None
+        Counts of 6064h per revolution of the gear's output (6092h over 6091h), in which all
+        positions are then; None: one count is one increment of the motor's encoder.
     velocity_unit, acceleration_unit : str
-        Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h.
+        Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h. There "inc" is one count.
     sdo_states_size : bool
         Expedited uploads say how many of their four bytes count; otherwise they begin with 42h.
     mapping_arrays : bool
@@ -96,6 +99,7 @@ class Personality(FileModel):
     missing: tuple[Index, ...] = ()
     objects: tuple[ObjectChange, ...] = ()
     current: CurrentReadback | None = CurrentReadback()
+    counts_per_turn: Annotated[int, Field(gt=0, lt=2**31)] | None = None
     velocity_unit: Literal["inc/s", "rpm", "0.1 rpm"] = "inc/s"
     acceleration_unit: Literal["inc/s^2", "rpm/s", "0.1 rpm/s"] = "inc/s^2"
     sdo_states_size: bool = True

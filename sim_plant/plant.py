@@ -130,6 +130,12 @@ class Servo:
         self._const[st.ZERO] += shift
         self._zero = self._const[st.ZERO]
 
+    def recount(self, factor: float) -> None:
+        """Count positions in another unit, so many for one now."""
+        self._const[st.COUNTS_PER_RAD] *= factor
+        self._const[st.ZERO] = round(self._const[st.ZERO] * factor)
+        self._scale, self._zero = self._const[st.COUNTS_PER_RAD], self._const[st.ZERO]
+
     def _moving(self) -> None:
         self._plant.events[self._index] &= ~int(AxisEvent.DONE)
         self._state[st.EVENTS] = self._plant.events[self._index]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,10 @@ def drives_for(name: str, **changes: Any) -> DrivesFile:
     data = yaml.safe_load(DRIVES.read_text())
     for axis in data["axes"]:
         axis["current"] = _current(personality)
+        if personality.counts_per_turn is not None:
+            counts = personality.counts_per_turn / Fraction(str(axis["gear_ratio"]))
+            axis["zero"] = round(axis["zero"] * counts / axis["increments_per_revolution"])
+            axis["increments_per_revolution"] = str(counts)
         axis["velocity_unit"] = personality.velocity_unit
         axis["acceleration_unit"] = personality.acceleration_unit
         if personality.acknowledge_until_reached:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import io
+import re
 from typing import TYPE_CHECKING
 
 import pytest
 from probing_bench import DRIVES
 from rich.console import Console
+from small_run import write_run
 
 from hil import cli
 from hil.cli import drive_commands
+from hil.results.model_file import identify
 from hil.terminal import check_view
 from hil.terminal.keys import Keys
 from hil.terminal.operator import TerminalOperator
@@ -18,6 +21,8 @@ from hil.terminal.operator import TerminalOperator
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from hil.model.robot import Robot
 
     Hil = Callable[..., tuple[int, str, str]]
 
@@ -50,6 +55,20 @@ def file_with(tmp_path: Path) -> Callable[[str, str], Path]:
         return path
 
     return write
+
+
+def test_an_identified_run_of_the_robot_shows_which_way_its_joints_turn(
+    hil: Hil, manutec: Robot, tmp_path: Path
+) -> None:
+    write_run(tmp_path / "run", manutec)
+    identify(tmp_path / "run")
+    model = ("--model", tmp_path / "run")
+    status, out, _ = hil("check", "manutec-r15", *model, "--angle", 2, "--yes")
+    assert status == 0
+    assert re.search(r"ok +direction of the joint +confirmed, gravity", out)
+    status, _, err = hil("check", "manutec-r15", "--axis", 2, *model, "--yes")
+    assert status == 2
+    assert "of its robot together" in err
 
 
 def test_a_sound_axis_passes_and_every_line_has_its_grade(hil: Hil) -> None:

@@ -130,6 +130,18 @@ def test_a_unit_is_a_fact_where_the_maker_fixed_it_and_a_hint_where_he_did_not()
     assert "by default rpm/s (60AA)" in asked["acceleration_unit"]
 
 
+def test_a_default_that_may_hold_in_the_drive_keeps_a_reading_from_being_a_fact() -> None:
+    encoder: Changes = {
+        (0x608F, 1): {"ParameterValue": 2000},
+        (0x608F, 2): {"ParameterValue": 1},
+        (0x6092, 1): {"DefaultValue": 3600},
+        (0x6092, 2): {"DefaultValue": 1},
+    }
+    asked = marked(draft_drives([axis(encoder)]))["increments_per_revolution"]
+    assert "2000 counts per motor revolution (608F = 2000, in increments)" in asked
+    assert "3600 counts per motor revolution (feed 6092 = 3600" in asked
+
+
 def test_positions_in_other_units_than_increments_are_told() -> None:
     asked = marked(draft_drives([axis({(0x60A8, 0): {"ParameterValue": "0xFD010000"}})]))
     assert "60A8 = FD010000h says that positions are no" in asked["increments_per_revolution"]
@@ -150,6 +162,56 @@ def test_where_ratings_may_be_found_is_told() -> None:
     asked = marked(draft_drives([axis(makers)]))
     assert "3001:01 (Object 3001: Nominal current) may hold it" in asked["rated_current"]
     assert "3001:05" in asked["torque_constant"]
+
+
+def test_a_hint_quotes_what_is_configured_and_a_default_only_where_nothing_is() -> None:
+    makers: Changes = {
+        (0x3001, 1): {
+            "ParameterName": "Nominal current",
+            "DefaultValue": 5000,
+            "ParameterValue": 4760,
+        },
+        (0x3001, 2): {"ParameterName": "Encoder resolution", "ParameterValue": 2048},
+        (0x6075, 0): None,
+    }
+    asked = marked(draft_drives([axis(makers)]))
+    assert "(Object 3001: Nominal current) may hold it, it is 4760" in asked["rated_current"]
+    assert "5000" not in asked["rated_current"]
+    assert "Encoder resolution) may hold it, it is 2048" in asked["increments_per_revolution"]
+
+
+@pytest.mark.parametrize(
+    ("vendor", "ratings", "reason"),
+    [
+        # a torque constant of 108 N m/A, if it were in mN m
+        (0x4D2, {(0x6075, 0): 4760, (0x6076, 0): 512_871}, "512.9 N m if it is in mN m, 0.5129"),
+        # a maker whose drives state it in uN m, and nothing configured that would prove it
+        (0xFB, {(0x6076, 0): 512_871}, "0.5129 N m if it is in uN m"),
+        # neither unit leads anywhere near 0.513 N m
+        (
+            0xFB,
+            {(0x3001, 1): 4760, (0x3001, 5): 107_746, (0x6076, 0): 51_000_000},
+            "5.1e+04 N m if it is in mN m, 51 N m if it is in uN m",
+        ),
+    ],
+)
+def test_a_rated_torque_whose_unit_nothing_proves_is_left_to_be_stated(
+    vendor: int, ratings: dict[Place, int], reason: str
+) -> None:
+    configured: Changes = {place: {"ParameterValue": value} for place, value in ratings.items()}
+    configured[0x1018, 1] = {"DefaultValue": vendor}
+    asked = marked(draft_drives([axis(configured)]))
+    assert reason in asked["rated_torque"]
+    assert "mN m or uN m" in asked["rated_torque_unit"]
+
+
+def test_the_time_that_a_brake_takes_is_quoted_where_the_maker_has_an_object_for_it() -> None:
+    configured: Changes = {
+        (0x1018, 1): {"DefaultValue": 0xFB},
+        (0x3158, 2): {"DataType": 6, "ParameterValue": 50},
+    }
+    text = draft_drives([axis(configured)])
+    assert "    brake_delay: 0.05 # s, 3158:02 of the drive (holding brake fall time)" in text
 
 
 def test_a_drive_that_cannot_watch_our_heartbeat_needs_a_reason() -> None:

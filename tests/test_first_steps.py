@@ -120,7 +120,7 @@ def test_a_drives_file_can_be_drafted_from_the_drives_themselves(
     assert "joint 1, 2: current from 6078:00 (i16)" in out
     text = output.read_text()
     assert "rated_current: 5 # A, 6075" in text
-    assert "increments_per_revolution: 4096 # 608F" in text
+    assert "increments_per_revolution: 4096 # feed 6092 = " in text
     assert "      revision: 0x7" in text
 
 

@@ -62,8 +62,11 @@ def test_a_missing_drive_is_named_and_nothing_is_powered_on() -> None:
         ({"rated_current": 2.0}, "motor rated current (6075)", "2.583 A (file: 2 A); correct"),
         ({"rated_torque": 2.0}, "motor rated torque (6076)", "3 N m (file: 2 N m)"),
         ({"gear_ratio": 100}, "gear (6091)", "105 (file: 100); correct gear_ratio"),
-        ({"increments_per_revolution": 2000}, "encoder (608F)", "4096 increments/rev (file: 2000)"),
-        ({"increments_per_revolution": 2000}, "position unit (6092/6091)", "file: 2000"),
+        (
+            {"increments_per_revolution": 2000},
+            "position unit (6064)",
+            "counts per motor revolution (feed 6092 = 430080 over gear 6091 = 105) (file: 2000)",
+        ),
     ],
 )
 def test_what_drive_and_file_state_differently_is_refused_without_power(
@@ -277,7 +280,7 @@ def test_a_drive_in_rpm_that_the_file_takes_for_increments_is_refused_before_it_
     verdicts = on_personality("tenth-rpm")
     assert "max profile velocity (607F)" in of_grade(Grade.WARNING, verdicts)
     found = refusals(verdicts)
-    assert "60A9:00 (SI unit velocity) says 0.1 rpm" in found["configuration"]
+    assert "0.1 rpm (FFB44700h) (file: inc/s)" in found["SI unit velocity (60A9)"]
     assert "nothing was powered on" in found["motion"]
 
 

@@ -202,7 +202,9 @@ def test_a_velocity_unit_that_the_drive_contradicts_is_refused(tmp_path: Path) -
     drives = drives_for("tenth-rpm", velocity_unit="rpm")
     with (
         bus_of(tmp_path, "tenth-rpm") as bus,
-        pytest.raises(DriveRefused, match=r"60A9:00 .* says 0.1 rpm, the drives file states .*rpm"),
+        pytest.raises(
+            DriveRefused, match=r"\(60A9\) is 0.1 rpm \(FFB44700h\), the drives file states .*rpm"
+        ),
     ):
         CanopenDriveBus(bus, drives).__enter__()
 

@@ -116,6 +116,10 @@ CASES = (
         "3220 (DC link under-voltage)", signs.trouble,
     ),
     Case(
+        "safe torque off of a drive", _STOPS, (fault(What.STO_ACTIVE),), DriveFault,
+        "joint 2 (node 2): left OPERATION ENABLED", signs.trouble,
+    ),
+    Case(
         "supply of a drive lost", f"after 10 SYNCs without it {_STOPS}; its brake is closed",
         (fault(What.SUPPLY_LOST),), NodeSilent, "no TPDO for 10 SYNCs", signs.blindness,
         flags=True,

@@ -1,74 +1,86 @@
 """What a dictionary says of units and ratings: a fact where it is certain, else a hint.
 
-CiA 402 has objects for units (60A8 and on): a byte for the power of ten, then the codes of
-numerator and denominator (CiA 303-2). Few drives have them, and only a configured or fixed value
-counts.
+Only a configured or fixed value counts, and only where all that the drive says leads to one
+reading; what is a default, unknown or contradictory becomes part of the hint.
 """
 
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers import objects
-from drivers.drives_file import AccelerationUnit, Basis, VelocityUnit
-from drivers.probing.needs import UNITS
+from drivers import objects, unit_codes
+from drivers.drives_file import Basis
+from drivers.position_units import PositionFactors, position_readings, shown
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from drivers.probing.current_candidates import CurrentCandidate
     from drivers.probing.dictionary import Declared, Dictionary
     from drivers.sdo import Entry
 
-POSITION_UNIT, VELOCITY_UNIT, ACCELERATION_UNIT = UNITS
-INCREMENTS = 0x00B50000
-
-VELOCITIES = {
-    0x00B50300: VelocityUnit.INCREMENTS,
-    0x00B44700: VelocityUnit.RPM,
-    0xFFB44700: VelocityUnit.TENTH_RPM,
-}
-ACCELERATIONS = {
-    0x00B55700: AccelerationUnit.INCREMENTS,
-    0x00C00300: AccelerationUnit.RPM,
-    0xFFC00300: AccelerationUnit.TENTH_RPM,
-}
-
 _NAMES = {
     "rated_current": re.compile(r"(rated|nominal|nenn).*(current|strom)", re.I),
     "rated_torque": re.compile(r"(rated|nominal|nenn).*(torque|moment)", re.I),
+    "increments": re.compile(
+        r"(encoder|sensor).*(resolution|pulses)|pulse number|increments per|encoder lines", re.I
+    ),
     "torque_constant": re.compile(r"torque const|drehmomentkonst", re.I),
 }
 
 
 def velocity_unit(dictionary: Dictionary) -> tuple[str | None, str]:
     """Return the unit of velocities if it is certain, and what to state otherwise."""
-    found = VELOCITIES.get(dictionary.value(VELOCITY_UNIT) or 0)
-    choice = "unit of velocities in the drive (6081): inc/s, rpm or 0.1 rpm"
-    default = VELOCITIES.get(_default(dictionary, VELOCITY_UNIT) or 0)
-    hint = f"{choice}; by default {default.value} (60A9)" if default else choice
-    return (found.value if found else None), hint
+    choice = "unit of velocities in the drive (6081): inc/s, rpm, 0.1 rpm, mrpm, rps, deg/s or so"
+    return _unit(dictionary, objects.VELOCITY_UNIT, unit_codes.velocity_of, choice)
 
 
 def acceleration_unit(dictionary: Dictionary) -> tuple[str | None, str]:
     """Return the unit of accelerations if it is certain, and what to state otherwise."""
-    found = ACCELERATIONS.get(dictionary.value(ACCELERATION_UNIT) or 0)
-    choice = "unit of accelerations in the drive (6083): inc/s^2, rpm/s or 0.1 rpm/s"
-    default = ACCELERATIONS.get(_default(dictionary, ACCELERATION_UNIT) or 0)
-    hint = f"{choice}; by default {default.value} (60AA)" if default else choice
-    return (found.value if found else None), hint
+    choice = "unit of accelerations in the drive (6083): inc/s^2, rpm/s, 0.1 rpm/s, rps/s or so"
+    return _unit(dictionary, objects.ACCELERATION_UNIT, unit_codes.acceleration_of, choice)
 
 
-def increments(dictionary: Dictionary) -> tuple[int | None, str]:
-    """Return the encoder's increments per motor revolution if certain, and what to state."""
-    hint = "counts of 6064 per revolution of the motor (encoder lines times 4)"
-    unit = dictionary.value(POSITION_UNIT)
-    if unit not in {None, 0, INCREMENTS}:
-        return None, f"{hint}; 60A8 = {unit:08X}h says that positions are no increments"
-    number = dictionary.value(objects.ENCODER_INCREMENTS)
-    revolutions = dictionary.value(objects.ENCODER_REVOLUTIONS)
-    if number and revolutions and number > revolutions and not number % revolutions:
-        return number // revolutions, hint
-    return None, hint + default_of(dictionary, objects.ENCODER_INCREMENTS)
+def _unit(
+    dictionary: Dictionary,
+    entry: Entry,
+    decode: Callable[[int, int | None], str | None],
+    choice: str,
+) -> tuple[str | None, str]:
+    word, default = dictionary.value(entry), _default(dictionary, entry)
+    factors = PositionFactors.read(dictionary.value)
+    gear, said = factors.gear, decode(word, factors.unit) if word else None
+    if said and gear not in {None, 1} and not said.endswith(("inc/s", "inc/s^2")):
+        place = f"{entry.index:04X} says {said}"
+        return None, f"{choice}; {place}, of the motor or of the output of gear 6091 = {gear}"
+    if word and said is None:
+        return None, f"{choice}; {entry.index:04X} is {word:08X}h, an unknown unit"
+    by_default = decode(default, None) if default else None
+    return said, f"{choice}; by default {by_default} ({entry.index:04X})" if by_default else choice
+
+
+def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
+    """Return the counts per motor revolution if certain, their reason, and what to state.
+
+    What is left at a default may hold in the drive, so a reading must hold with it too.
+    """
+    hint = "counts of 6064 per revolution of the motor (encoder lines times 4), or a ratio"
+    factors = PositionFactors.read(dictionary.value)
+    readings = position_readings(factors)
+    by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
+    counts = {reading.per_revolution for reading in (*readings, *by_default)}
+    if readings and len(counts) == 1:
+        return shown(readings[0].per_revolution), readings[0].reason, hint
+    if readings:
+        either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
+        return None, "", f"{hint}; the drive leaves it open: {either}"
+    if factors.unit and factors.unit_in_words != "inc":
+        hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
+    if by_default:
+        hint += f"; by its defaults {' or '.join(map(str, by_default))}"
+    return None, "", hint + also_named(dictionary, "increments")
 
 
 def default_of(dictionary: Dictionary, entry: Entry) -> str:
@@ -100,10 +112,17 @@ def meaning_of(chosen: CurrentCandidate | None, dictionary: Dictionary) -> str:
     )
 
 
+def _value_or_default(dictionary: Dictionary, entry: Entry) -> int | None:
+    value = dictionary.value(entry)
+    return _default(dictionary, entry) if value is None else value
+
+
 def _default(dictionary: Dictionary, entry: Entry) -> int | None:
     declared = dictionary.entry(entry)
     return None if declared is None or declared.value is not None else declared.default
 
 
 def _shown(declared: Declared) -> str:
+    if declared.value is not None:
+        return f", it is {declared.value}"
     return f", {declared.default} by default" if declared.default else ""

@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING
 
 from drivers import objects
 from drivers.drive_bus import DriveRefused
+from drivers.drives_file import TorqueUnit
+from drivers.makers import MAKERS
 from drivers.probing.draft_hints import (
     acceleration_unit,
-    also_named,
-    default_of,
     increments,
     meaning_of,
     velocity_unit,
 )
+from drivers.probing.draft_ratings import Ratings
 from drivers.probing.needs import GUARDING
 from drivers.yaml_file import UNSTATED
 
@@ -144,6 +145,7 @@ def _axis(number: int, axis: DraftedAxis) -> Iterator[str]:
         "limits:",
         *("  " + _line(key, None, "", hint) for key, hint in _LIMITS),
         *(_line(key, None, "", hint) for key, hint in _WINDOWS),
+        *_brake(dictionary),
         *_watch(dictionary),
     ]
     yield f"  - {body[0]}"
@@ -170,9 +172,9 @@ def _drive_train(dictionary: Dictionary) -> Iterator[str]:
     ratio = "motor angle over joint coordinate, positive [-, or rad/m if prismatic]"
     yield _line("gear_ratio", None, "", ratio)
     yield _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it")
-    yield _line("zero", None, "", "position of the drive (6064) at q = 0 [increments]")
-    count, hint = increments(dictionary)
-    yield _line("increments_per_revolution", count, "608F", hint)
+    yield _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]")
+    count, reason, hint = increments(dictionary)
+    yield _line("increments_per_revolution", count, reason, hint)
     unit, hint = velocity_unit(dictionary)
     yield _line("velocity_unit", unit, "60A9", hint)
     unit, hint = acceleration_unit(dictionary)
@@ -204,22 +206,28 @@ def _chosen(chosen: CurrentCandidate) -> Iterator[str]:
 
 
 def _ratings(dictionary: Dictionary) -> Iterator[str]:
-    for key, entry, unit in (
-        ("rated_current", objects.RATED_CURRENT, "A"),
-        ("rated_torque", objects.RATED_TORQUE, "N m"),
-    ):
-        known = dictionary.value(entry)
-        name = key.replace("_", " ")
-        hint = f"{name} of the motor [{unit}], which the drive's per mille refer to"
-        hint += default_of(dictionary, entry) + also_named(dictionary, key)
-        told = f"{unit}, {entry.index:04X}"
-        yield _line(key, f"{known / 1000:g}" if known else None, told, hint)
+    ratings = Ratings.of(dictionary)
+    current, torque = ratings.current, ratings.torque
+    yield _line("rated_current", current.value, current.reason, current.hint)
+    yield _line("rated_torque", torque.value, torque.reason, torque.hint)
+    if ratings.torque_unit.value != TorqueUnit.MILLI.value:
+        unit = ratings.torque_unit
+        yield _line("rated_torque_unit", unit.value, unit.reason, unit.hint)
     unless = "; remove this line if the basis is per mille of rated torque"
-    hint = "motor torque over current [N m/A], from the motor's data sheet"
-    hint += also_named(dictionary, "torque_constant") + unless
-    yield _line("torque_constant", None, "", hint)
+    constant = ratings.constant
+    yield _line("torque_constant", constant.value, constant.reason, constant.hint + unless)
     hint = f"rms or peak: the current that the torque constant refers to{unless}"
     yield _line("torque_constant_amplitude", None, "", hint)
+
+
+def _brake(dictionary: Dictionary) -> Iterator[str]:
+    """Quote the drive's own delay of its brake."""
+    maker = MAKERS.get(dictionary.vendor or 0)
+    counts = dictionary.value(maker.brake_delay.entry) if maker else None
+    if maker and counts:
+        delay = maker.brake_delay
+        said = f"s, {delay.place} of the drive ({delay.entry.name})"
+        yield _line("brake_delay", f"{delay.value(counts):g}", said, "")
 
 
 def _watch(dictionary: Dictionary) -> Iterator[str]:

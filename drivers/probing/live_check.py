@@ -21,6 +21,7 @@ from drivers.probing.limits_check import check_limits
 from drivers.probing.live_dictionary import read_dictionary
 from drivers.probing.operator import StoppedByOperator
 from drivers.probing.powered_check import REST_TIME, check_powered, shown_way
+from drivers.probing.reactions_check import check_reactions
 from drivers.probing.scaling_check import check_scaling
 from drivers.probing.standing import StandingDrives
 from drivers.probing.verdict import Grade, Verdict, graded, refused
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from drivers.network import PumpedNetwork
     from drivers.pacing import PacingName
     from drivers.probing.dictionary import Dictionary
+    from drivers.probing.gravity_judgement import Gravity
     from drivers.probing.operator import Operator
     from drivers.probing.powered_check import SmallMoves
     from drivers.sdo import SdoServer
@@ -49,6 +51,7 @@ def check(
     operator: Operator,
     pacing: PacingName = "auto",
     keeper: SettingsKeeper | None = None,
+    gravity: Gravity | None = None,
 ) -> Generator[Verdict, None, None]:
     """Check every axis of a drives file on a live bus.
 
@@ -66,6 +69,8 @@ def check(
         See `drivers.pacing.choose_pacing`.
     keeper : SettingsKeeper, optional
         See `drivers.canopen_bus.CanopenDriveBus`.
+    gravity : callable, optional
+        Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
 
     Yields
     ------
@@ -87,7 +92,7 @@ def check(
         return
     if not operator.agrees(_intent(drives, moves)):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
-    yield from check_powered(bus, drives, moves, operator, pacing, keeper)
+    yield from check_powered(bus, drives, moves, operator, pacing, keeper, gravity)
     yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
 
 
@@ -122,6 +127,7 @@ def _ask(network: PumpedNetwork, server: SdoServer, axis: AxisDrive) -> Iterator
         yield from _offer(read_dictionary(network, axis.node, SDO_TIMEOUT), server.label, axis)
         yield from check_scaling(server, axis)
         yield from check_limits(server, axis)
+        yield from check_reactions(server, axis)
     except DriveError as error:
         yield refused(server.label, "answers", error)
 

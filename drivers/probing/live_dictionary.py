@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 from drivers import objects
+from drivers.makers import MAKERS
 from drivers.network import PumpedSdoClient
 from drivers.probing.dictionary import Declared, Dictionary, Key
 from drivers.probing.mapping_review import mapped_objects
-from drivers.probing.needs import GUARDING, IDENTITY, NEEDS, UNITS
+from drivers.probing.needs import DRIVE_TRAIN, GUARDING, IDENTITY, NEEDS, UNITS
 from drivers.sdo import Entry
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def asked() -> Iterator[Entry]:
     yield from (need.entry for need in NEEDS if need.entry != objects.DEVICE_TYPE)
     yield from GUARDING
     yield from _CURRENTS
-    yield objects.ENCODER_REVOLUTIONS
+    yield from DRIVE_TRAIN
     yield from UNITS
     for record in (0x1400, 0x1800, 0x1801):
         yield Entry(record, 1, "u32", "COB-ID")
@@ -70,6 +71,9 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
     """
     reading = _Reading(_BriefClient(network, node, timeout))
     for entry in asked():
+        reading.ask(entry)
+    maker = MAKERS.get(reading.value(objects.VENDOR) or 0)
+    for entry in maker.entries if maker else ():
         reading.ask(entry)
     for mapping in (0x1600, 0x1A00, 0x1A01):
         count = reading.entries.get((mapping, 0))

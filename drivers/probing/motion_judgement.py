@@ -121,7 +121,7 @@ def _velocity(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdic
 
 
 def _current_sign(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
-    friction, error = _friction(strokes)
+    friction, error = friction_of(strokes)
     force = _units(drive)[1]
     found = f"friction {friction:+.3g} ± {error:.2g} {force}"
     bound = "along the motion: positive"
@@ -156,15 +156,35 @@ def _following(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdi
     )
 
 
-def _friction(strokes: Sequence[Stroke]) -> tuple[float, float]:
-    """Friction and its standard error; torque varies along the way, which counts as noise."""
+def friction_of(strokes: Sequence[Stroke]) -> tuple[float, float]:
+    """Return friction and its standard error; torque varies along the way, which counts as noise.
+
+    Parameters
+    ----------
+    strokes : sequence of Stroke
+        There and back.
+
+    Returns
+    -------
+    tuple of float
+        [N m], positive where it takes power; 0 and infinity if the strokes were too short.
+    """
+    return _half_sum(strokes, [math.copysign(1.0, _slope(stroke)) for stroke in strokes])
+
+
+def gravity_of(strokes: Sequence[Stroke]) -> tuple[float, float]:
+    """Return the torque that both directions have in common, and its standard error [N m]."""
+    return _half_sum(strokes, [1.0 for _ in strokes])
+
+
+def _half_sum(strokes: Sequence[Stroke], signs: Sequence[float]) -> tuple[float, float]:
     means, variances = [], []
-    for stroke in strokes:
+    for stroke, sign in zip(strokes, signs, strict=True):
         tau = stroke.tau[stroke.cruising]
         tau = tau[np.isfinite(tau)]
         if tau.size < 2:
             return 0.0, math.inf
-        means.append(math.copysign(1.0, _slope(stroke)) * float(np.mean(tau)))
+        means.append(sign * float(np.mean(tau)))
         variances.append(float(np.var(tau)) / tau.size)
     return sum(means) / 2, math.sqrt(sum(variances)) / 2
 
@@ -175,6 +195,11 @@ def _slope(stroke: Stroke) -> float:
     if np.count_nonzero(use) < 2:
         return math.nan
     return float(np.polyfit(stroke.time[use], stroke.q[use], 1)[0])
+
+
+def force_unit(drive: AxisDrive) -> str:
+    """Return the unit of an axis's torque or force."""
+    return _units(drive)[1]
 
 
 def _units(drive: AxisDrive) -> tuple[str, str]:

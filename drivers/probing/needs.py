@@ -7,10 +7,12 @@ required are what `drivers.commissioning` refuses a drive for; the others it can
 from __future__ import annotations
 
 from enum import Flag, auto
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers import objects
-from drivers.sdo import Entry
+
+if TYPE_CHECKING:
+    from drivers.sdo import Entry
 
 
 class Use(Flag):
@@ -159,9 +161,16 @@ NEEDS = (
 
 IDENTITY = (objects.VENDOR, objects.PRODUCT, objects.REVISION, objects.SERIAL)
 
-UNITS = (
-    Entry(0x60A8, 0, "u32", "SI unit position"),
-    Entry(0x60A9, 0, "u32", "SI unit velocity"),
-    Entry(0x60AA, 0, "u32", "SI unit acceleration"),
-)
+UNITS = (objects.POSITION_UNIT, objects.VELOCITY_UNIT, objects.ACCELERATION_UNIT)
 """In what positions, velocities and accelerations are, where a drive says so."""
+
+DRIVE_TRAIN = (
+    objects.ENCODER_REVOLUTIONS,
+    objects.GEAR_MOTOR,
+    objects.GEAR_SHAFT,
+    objects.FEED,
+    objects.FEED_SHAFT,
+    objects.POSITION_FACTOR,
+    objects.POSITION_DIVISOR,
+)
+"""What else decides on the unit of positions (`drivers.position_units`)."""

@@ -11,17 +11,21 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers import objects
+from drivers.comparison import Agreement
 from drivers.drives_file import Basis
 from drivers.pdo_mapping import current_entry
+from drivers.position_units import PositionFactors
 from drivers.probing import probed_objects as probed
 from drivers.probing.verdict import Grade, Verdict, graded, unknown
+from drivers.ratings import expected_torque
+from drivers.statements import comparisons
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from drivers.comparison import Comparison
     from drivers.drives_file import AxisDrive
-    from drivers.sdo import Entry, SdoServer
+    from drivers.sdo import SdoServer
 
 SAME = 1e-3
 """Ratios may differ by this share, which is what rounding in a drive comes to."""
@@ -44,42 +48,35 @@ def check_scaling(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
     DriveRefused, NodeSilent
         An object that cannot be read.
     """
-    yield from _ratings(server, axis)
+    for comparison in comparisons(server, axis):
+        yield _verdict(server.label, comparison)
     if axis.current.basis is not Basis.RATED_TORQUE:
         yield _torque_constant(server.label, axis)
-    yield _encoder(server, axis)
-    yield _position_unit(server, axis)
     yield _gear(server, axis)
     yield _polarity(server)
     yield _current(server, axis)
 
 
-def _ratings(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
-    for entry, stated, key, unit in (
-        (objects.RATED_CURRENT, axis.rated_current, "rated_current", "A"),
-        (objects.RATED_TORQUE, axis.rated_torque, "rated_torque", "N m"),
-    ):
-        check, present = f"{entry.name} ({entry.index:04X})", server.find(entry)
-        if present is None:
-            yield unknown(server.label, check, f"{key} {stated:g} {unit} is taken on trust")
-            continue
-        yield graded(
-            abs(present - 1000 * stated) <= 1,
-            Grade.REFUSED,
-            server.label,
-            check,
-            f"{present / 1000:g} {unit}",
-            f"file: {stated:g} {unit}",
-            f"correct {key} or the drive's parameter: torques scale with it",
-        )
+def _verdict(place: str, comparison: Comparison) -> Verdict:
+    bound = f"file: {comparison.stated}"
+    if comparison.agreement is Agreement.UNSETTLED:
+        found, remedy = comparison.found, comparison.remedy
+        return Verdict(Grade.WARNING, place, comparison.check, found, bound, remedy)
+    return graded(
+        comparison.agreement is Agreement.CONFIRMED,
+        Grade.REFUSED,
+        place,
+        comparison.check,
+        comparison.found,
+        bound,
+        comparison.remedy,
+    )
 
 
 def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
     """Rated torque and rated current must lead to the torque constant: sqrt(2) is rms or peak."""
-    assert axis.torque_constant is not None  # noqa: S101 - the file's validator saw to it
-    product = axis.torque_constant * axis.rated_current
-    if axis.current.amplitude != axis.torque_constant_amplitude:
-        product *= math.sqrt(2 if axis.current.amplitude == "rms" else 0.5)
+    product = expected_torque(axis)
+    assert product is not None  # noqa: S101 - the file's validator saw to it
     ratio = product / axis.rated_torque
     confused = (
         min(abs(ratio * root - 1) for root in (math.sqrt(2), math.sqrt(0.5))) < CONSISTENT / 3
@@ -97,53 +94,23 @@ def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
     )
 
 
-def _encoder(server: SdoServer, axis: AxisDrive) -> Verdict:
-    check, stated = "encoder (608F)", axis.increments_per_revolution
-    increments = server.find(objects.ENCODER_INCREMENTS)
-    revolutions = server.find(objects.ENCODER_REVOLUTIONS)
-    if increments is None or not revolutions:
-        return unknown(server.label, check, f"{stated} increments/rev are taken on trust")
-    return graded(
-        increments == stated * revolutions,
-        Grade.REFUSED,
-        server.label,
-        check,
-        f"{increments / revolutions:g} increments/rev",
-        f"file: {stated}",
-        "correct increments_per_revolution or the drive's parameter",
-    )
-
-
-def _position_unit(server: SdoServer, axis: AxisDrive) -> Verdict:
-    """One motor revolution in the drive's position unit: feed over gear (6092, 6091)."""
-    check, stated = "position unit (6092/6091)", axis.increments_per_revolution
-    feed, gear = _ratio(server, probed.FEED, probed.FEED_SHAFT), _stated_gear(server)
-    if feed is None or gear is None:
-        return unknown(server.label, check, "one motor increment is taken on trust")
-    per_revolution = feed / gear
-    return graded(
-        math.isclose(per_revolution, stated, rel_tol=SAME),
-        Grade.REFUSED,
-        server.label,
-        check,
-        f"{per_revolution:.8g} units per motor revolution",
-        f"file: {stated}",
-        "set 6091 and 6092 so that positions count motor increments, or state the drive's count",
-    )
-
-
 def _gear(server: SdoServer, axis: AxisDrive) -> Verdict:
-    check, stated, gear = "gear (6091)", axis.gear_ratio, _stated_gear(server)
+    """Compare the gear; one that stands without a feed may be the drive's electronic gear."""
+    factors = PositionFactors.read(server.find)
+    check, stated, gear = "gear (6091)", axis.gear_ratio, factors.gear
     if gear is None or gear == 1:
         return unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
+    alone = factors.feed in {None, 1} and not factors.unit
     return graded(
-        math.isclose(gear, stated, rel_tol=SAME),
-        Grade.REFUSED,
+        math.isclose(float(gear), stated, rel_tol=SAME),
+        Grade.WARNING if alone else Grade.REFUSED,
         server.label,
         check,
-        f"{gear:g}",
+        f"{float(gear):g}",
         f"file: {stated:g}",
-        "correct gear_ratio or the drive's parameter: angles and torques scale with it",
+        "an electronic gear of the drive, or correct gear_ratio: it shows by eye, in a move"
+        if alone
+        else "correct gear_ratio or the drive's parameter: angles and torques scale with it",
     )
 
 
@@ -168,12 +135,3 @@ def _current(server: SdoServer, axis: AxisDrive) -> Verdict:
         f"current object ({entry.index:04X}:{entry.subindex:02X})",
         f"{server.get(entry)} ({axis.current.basis.value})",
     )
-
-
-def _stated_gear(server: SdoServer) -> float | None:
-    return _ratio(server, probed.GEAR_MOTOR, probed.GEAR_SHAFT)
-
-
-def _ratio(server: SdoServer, over: Entry, under: Entry) -> float | None:
-    numerator, denominator = server.find(over), server.find(under)
-    return numerator / denominator if numerator and denominator else None

@@ -20,6 +20,8 @@ from drivers.probing.operator import supervised_sample
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from drivers.canopen_bus import CanopenDriveBus
@@ -91,7 +93,12 @@ def small_move(axis: AxisDrive, target: float, velocity: float) -> Move:
 
 
 def travel(
-    bus: CanopenDriveBus, number: int, drive: AxisDrive, move: Move, operator: Operator
+    bus: CanopenDriveBus,
+    number: int,
+    drive: AxisDrive,
+    move: Move,
+    operator: Operator,
+    poll: Callable[[float], None] = lambda _time: None,
 ) -> Stroke:
     """Move one axis under supervision and return what was seen.
 
@@ -107,6 +114,8 @@ def travel(
         What to do.
     operator : Operator
         Who may stop it.
+    poll : callable
+        Called on the way, with the time [s].
 
     Raises
     ------
@@ -128,6 +137,7 @@ def travel(
             break
         watch.look(sample.time - begin.time, sample.q[number])
         following.poll(sample.time)
+        poll(sample.time)
     time, q, tau = np.array(rows).T
     return Stroke(move, time, q, tau, following.largest)
 

@@ -2,7 +2,8 @@
 
 `BusPicture` takes frames and sends none, so it works beside a running master, on a bus object of
 its own. TPDOs are understood as our driver maps them (`pdo_mapping.transmitted`); one of another
-length is counted as foreign, not guessed at.
+length is counted as foreign, not guessed at. Digital inputs, which tell of safe torque off, are in
+none of them: they are taken from the answers to whoever asks, and `questions` are frames to ask.
 """
 
 from __future__ import annotations
@@ -12,20 +13,23 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import can
+
 from drivers import objects
 from drivers.cia402 import State, decode_state
 from drivers.error_codes import Emergency, decode_emergency
+from drivers.interlocks import interlock
 from drivers.pdo_mapping import transmitted
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.drives_file import DrivesFile
     from drivers.sdo import Entry
 
 NMT_STATES = {0x00: "booting", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
-_SYNC = 0x80
+_SYNC, _SDO_ANSWER, _SDO_REQUEST = 0x80, 0x580, 0x600
+_UPLOAD = b"\x40" + objects.DIGITAL_INPUTS.index.to_bytes(2, "little") + b"\x00"
+_EXPEDITED = 0x43
 RATE_OVER = 50
 """SYNCs over which their rate is taken."""
 STOPPED = 2.0
@@ -48,6 +52,8 @@ class AxisPicture:
         From the statusword; None while unknown.
     q, tau : float
         [rad or m], [N m or N]; NaN while unknown.
+    interlock : str
+        What its digital inputs (60FD) say of an interlock, if anybody asks for them.
     emergency : Emergency or None
         The last one, until it is told to have gone.
     emergencies, foreign : int
@@ -61,6 +67,7 @@ class AxisPicture:
     state: State | None = None
     q: float = math.nan
     tau: float = math.nan
+    interlock: str = ""
     emergency: Emergency | None = None
     emergencies: int = 0
     foreign: int = 0
@@ -113,6 +120,8 @@ class BusPicture:
             self._last_sync = now
         elif number in self._tpdos:
             self._take_tpdo(number, data, now)
+        elif number & 0x780 == _SDO_ANSWER and number & 0x7F in self._of_node:
+            _take_inputs(self.axes[self._of_node[number & 0x7F]], data)
         elif number & 0x780 in {0x080, 0x700} and number & 0x7F in self._of_node and data:
             axis = self.axes[self._of_node[number & 0x7F]]
             axis.heard = now
@@ -140,6 +149,22 @@ class BusPicture:
             axis.q = scale.position_from_counts(float(value))
         else:
             axis.tau = scale.torque_from_counts(float(value))
+
+
+def questions(drives: DrivesFile) -> tuple[can.Message, ...]:
+    """Return the requests that ask each drive for its digital inputs (60FD)."""
+    return tuple(
+        can.Message(
+            arbitration_id=_SDO_REQUEST + axis.node, data=_UPLOAD + bytes(4), is_extended_id=False
+        )
+        for axis in drives.axes
+    )
+
+
+def _take_inputs(axis: AxisPicture, data: bytes) -> None:
+    """Take the answer to an upload of 60FD in four bytes, whoever asked for it."""
+    if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == _UPLOAD[1:]:
+        axis.interlock = interlock(int.from_bytes(data[4:], "little")) or ""
 
 
 def _take_emergency(axis: AxisPicture, data: bytes) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from contextlib import closing
+from functools import partial
+from pathlib import Path  # noqa: TC003 - typer reads the annotation
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,8 +23,15 @@ from hil.measuring.run_journal import SIMULATED
 from hil.terminal import check_view
 
 if TYPE_CHECKING:
-    from drivers.drives_file import AxisDrive
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.probing.verdict import Verdict
+
+    Array = NDArray[np.float64]
 
 commands = typer.Typer()
 
@@ -38,6 +47,10 @@ def check(
     ] = None,
     angle: Annotated[float, typer.Option(min=0.5, max=20, help="Of the small moves [deg].")] = 3.0,
     speed: Annotated[float, typer.Option(min=0.1, max=20, help="Of the small moves [deg/s].")] = 5,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="Run folder whose identified model predicts gravity, for the direction."),
+    ] = None,
     yes: shared.Yes = False,
 ) -> None:
     """Check every drive against the drives file, at last by a small move of each axis."""
@@ -45,12 +58,15 @@ def check(
     from drivers.probing.powered_check import SmallMoves  # noqa: PLC0415 - slow to import
 
     drives = shared.selected(drives_file, axis)
+    gravity = None if model is None else _gravity(model, drives)
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         shared.operator_at_terminal(agreed=yes) as operator,
         keeper_of_bus(interface, channel) as keeper,
-        closing(check_drives(bus, drives, moves, operator, keeper=keeper)) as verdicts,
+        closing(
+            check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
+        ) as verdicts,
     ):
         serves = check_view.show(map(_line, verdicts), shared.out)
     if not serves:
@@ -124,6 +140,21 @@ def home(
         highlight=False,
         soft_wrap=True,
     )
+
+
+def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
+    """Return the torques that hold the robot of an identified run at rest."""
+    from hil.measuring.run_folder import RunFolder  # noqa: PLC0415 - slow to import
+    from hil.model.dynamics import gravity_torque  # noqa: PLC0415 - slow to import
+    from hil.results.model_file import load_model  # noqa: PLC0415 - slow to import
+
+    robot, p = RunFolder.open(run).robot, load_model(run).p
+    if robot.n_joints != len(drives.axes):
+        raise typer.BadParameter(
+            f"--model: {run} has {robot.n_joints} joints and {len(drives.axes)} axes are checked; "
+            "check all axes of its robot together"
+        )
+    return partial(gravity_torque, robot, p)
 
 
 def _si(drive: AxisDrive, value: float) -> float:

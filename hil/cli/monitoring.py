@@ -15,6 +15,8 @@ from hil.terminal import monitor_view
 from hil.terminal.keys import Keys
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import can
 
     from drivers.drives_file import AxisDrive, DrivesFile
@@ -32,19 +34,26 @@ def monitor(
     duration: Annotated[
         float | None, typer.Option("--for", min=0.1, help="End by itself after so long [s].")
     ] = None,
+    inputs: Annotated[
+        bool,
+        typer.Option(
+            help="Ask the drives for their inputs (60FD), which show safe torque off;"
+            " only where no other master is on the bus."
+        ),
+    ] = False,
 ) -> None:
-    """Show states, positions, torques and emergencies live; sends nothing at all."""
-    from drivers.probing.watch import BusPicture  # noqa: PLC0415 - slow to import
+    """Show states, positions, torques and emergencies live; sends nothing unless asked to."""
+    from drivers.probing.watch import BusPicture, questions  # noqa: PLC0415 - slow to import
 
     drives = load_drives(shared.drives_path(drives_file))
-    picture = BusPicture(drives)
+    picture, asked = BusPicture(drives), questions(drives) if inputs else ()
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         shared.interruptible("stopped watching"),
         Keys() as keys,
     ):
         monitor_view.follow(
-            lambda time: _listen(bus, picture, time),
+            lambda time: _listen(bus, picture, time, asked),
             lambda: _snapshot(picture, drives),
             keys,
             shared.out,
@@ -52,7 +61,11 @@ def monitor(
         )
 
 
-def _listen(bus: can.BusABC, picture: BusPicture, duration: float) -> None:
+def _listen(
+    bus: can.BusABC, picture: BusPicture, duration: float, asked: Sequence[can.Message]
+) -> None:
+    for question in asked:
+        bus.send(question)
     ends = monotonic() + duration
     while (left := ends - monotonic()) > 0:
         frame = bus.recv(left)
@@ -72,7 +85,7 @@ def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.Row:
         axis.name,
         str(axis.node),
         axis.nmt,
-        axis.state.value if axis.state else "",
+        ", ".join(filter(None, (axis.state and axis.state.value, axis.interlock))),
         "" if math.isnan(axis.q) else _position(drive, axis.q),
         "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {unit}",
         "never" if math.isinf(silent) else f"{silent:.1f} s",

@@ -44,7 +44,7 @@ def variant(base: str, personality: Personality) -> str:
     eds.read_string(base)
     eds["FileInfo"]["FileName"] = f"{personality.name}.eds"
     eds["Comments"]["Line1"] = (
-        f"Position unit: one increment of the motor encoder; velocity: "
+        f"Position unit: {_position_unit(personality)}; velocity: "
         f"{personality.velocity_unit}; acceleration: {personality.acceleration_unit}."
     )
     _convert_units(eds, personality)
@@ -58,6 +58,12 @@ def variant(base: str, personality: Personality) -> str:
     text = io.StringIO()
     eds.write(text, space_around_delimiters=False)
     return text.getvalue()
+
+
+def _position_unit(personality: Personality) -> str:
+    if personality.counts_per_turn is None:
+        return "one increment of the motor encoder"
+    return f"1/{personality.counts_per_turn} revolution of the gear's output"
 
 
 def _convert_units(eds: configparser.RawConfigParser, personality: Personality) -> None:

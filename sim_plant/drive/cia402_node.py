@@ -19,6 +19,7 @@ from sim_plant.drive.cia402_states import (
     TRANSITIONS,
     Command,
     Control,
+    Input,
     State,
     Status,
     command_of,
@@ -84,6 +85,7 @@ class Cia402Node(CanopenNode):
         self._controlword = 0
         self._next_state: State | None = None
         self._voltage: int = Status.VOLTAGE_ENABLED
+        self._locked = False
         self._motion = Motion(self.dictionary, axis, settings, image)
         self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
         self._position = ProfilePosition(
@@ -149,6 +151,18 @@ class Cia402Node(CanopenNode):
         self._voltage = Status.VOLTAGE_ENABLED
         self._refresh()
 
+    def lock(self) -> None:
+        """Have safe torque off active: no torque, no voltage, and no way to switch on."""
+        self._locked, self._voltage = True, 0
+        if self.state not in (State.FAULT, State.NOT_READY):
+            self._enter(State.SWITCH_ON_DISABLED)
+        self._refresh()
+
+    def unlock(self) -> None:
+        """Have safe torque off released; the drive waits to be switched on."""
+        self._locked, self._voltage = False, Status.VOLTAGE_ENABLED
+        self._refresh()
+
     # Commands
 
     def _control(self, _subindex: int, controlword: int) -> None:
@@ -170,7 +184,7 @@ class Cia402Node(CanopenNode):
         self._refresh()
 
     def _command(self, command: Command) -> None:
-        target = TRANSITIONS.get((self.state, command))
+        target = None if self._locked else TRANSITIONS.get((self.state, command))
         if self._next_state is not None and command is Command.ENABLE_OPERATION:
             self._resume()
         elif target is State.QUICK_STOP_ACTIVE:
@@ -309,6 +323,7 @@ class Cia402Node(CanopenNode):
         dictionary, motion = self.dictionary, self._motion
         dictionary.react(0x6040, self._control)
         dictionary.react(0x607A, self._take_target)
+        dictionary.source(0x60FD, 0, lambda: Input.INTERLOCK if self._locked else 0)
         for index in (0x6065, 0x6066):
             dictionary.react(index, lambda _subindex, _value: motion.apply_following_window())
         for index in (0x6072, 0x6073):

@@ -77,6 +77,12 @@ class Status:
     FOLLOWING_ERROR = 1 << 13
 
 
+class Input:
+    """Bits of the digital inputs 60FDh."""
+
+    INTERLOCK = 1 << 3
+
+
 def command_of(controlword: int) -> Command:
     """Command in bits 0 to 3 of a controlword."""
     if not controlword & 0x02:

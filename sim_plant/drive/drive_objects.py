@@ -64,7 +64,8 @@ def present(dictionary: ObjectDictionary, image: AxisImage, settings: DriveSetti
 
 
 def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
-    counts, units = settings.increments_per_revolution, Units.of(settings)
+    units = Units.of(settings)
+    counts = float(settings.counts_per_revolution)
     speed = int(settings.max_motor_speed * counts / 60 / units.velocity)
     acceleration = min(_U32_MAX, int(settings.max_acceleration / units.acceleration))
     motor, shaft = settings.gear
@@ -83,13 +84,12 @@ def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
         (0x607D, 2): high,
         (0x607F, 0): min(_U32_MAX, speed),
         (0x6080, 0): settings.max_motor_speed,
-        (0x608F, 1): counts,
+        (0x608F, 1): settings.increments_per_revolution,
         (0x608F, 2): 1,
         (0x6091, 1): motor,
         (0x6091, 2): shaft,
-        # position unit = motor increment: feed per shaft revolution in increments
-        (0x6092, 1): counts * motor,
-        (0x6092, 2): shaft,
+        (0x6092, 1): settings.feed[0],
+        (0x6092, 2): settings.feed[1],
         (0x6085, 0): acceleration,
         (0x60C5, 0): acceleration,
         (0x60C6, 0): acceleration,

@@ -42,7 +42,7 @@ class Motion:
     ) -> None:
         self._dictionary = dictionary
         self._axis = axis
-        self._counts_per_rev = settings.increments_per_revolution
+        self._counts_per_rev = settings.counts_per_revolution
         self._units = Units.of(settings)
         self._image = image
 
@@ -102,7 +102,7 @@ class Motion:
     @property
     def profile_velocity(self) -> float:
         """6081h as far as 607Fh and the motor (6080h, rev/min) allow it [increments/s]."""
-        motor = max(1, self._dictionary.get(0x6080) * self._counts_per_rev // 60)
+        motor = max(1, int(self._dictionary.get(0x6080) * self._counts_per_rev / 60))
         return min(self._limited(0x6081, 0x607F) * self._units.velocity, motor)
 
     def homing_pace(self, subindex: int) -> tuple[float, float]:

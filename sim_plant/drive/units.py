@@ -1,4 +1,4 @@
-"""Units of a drive's profile objects, turned into the increments that its axis understands."""
+"""Units of a drive's profile objects, turned into the counts that its axis understands."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from sim_plant.canopen.eds_variant import PER_RPM
 
 if TYPE_CHECKING:
+    from fractions import Fraction
+
     from sim_plant.drive_settings import DriveSettings
 
 
@@ -18,7 +20,7 @@ class Units:
     Attributes
     ----------
     velocity, acceleration : float
-        [increments/s, increments/s^2].
+        [counts/s, counts/s^2].
     """
 
     velocity: float
@@ -27,13 +29,13 @@ class Units:
     @classmethod
     def of(cls, settings: DriveSettings) -> Units:
         """Units of a drive's personality."""
-        personality, counts = settings.personality, settings.increments_per_revolution
+        personality, counts = settings.personality, settings.counts_per_revolution
         return cls(
             _increments(personality.velocity_unit, counts),
             _increments(personality.acceleration_unit, counts),
         )
 
 
-def _increments(unit: str, per_revolution: int) -> float:
+def _increments(unit: str, per_revolution: Fraction) -> float:
     per_rpm = PER_RPM[unit]
-    return per_revolution / 60 / per_rpm if per_rpm else 1
+    return float(per_revolution) / 60 / per_rpm if per_rpm else 1

@@ -60,6 +60,8 @@ class What(StrEnum):
     """No frame passes between us and any drive."""
     VOLTAGE_LOST = "voltage-lost"
     """The DC link: EMCY 3220, FAULT, brake, while the drive's controller lives."""
+    STO_ACTIVE = "sto-active"
+    """Safe torque off: no torque, brake, and the drive does not leave SWITCH ON DISABLED."""
     SUPPLY_LOST = "supply-lost"
     """All of the drive is dead, its brake closed; it boots when the supply returns."""
     ENCODER_JUMP = "encoder-jump"

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sim_plant.drive.cia402_states import Control
-from sim_plant.faults import drive_faults, frame_faults
+from sim_plant.faults import drive_faults, frame_faults, interlock_faults
 from sim_plant.faults.fault_plan import What
 from sim_plant.faults.frame_faults import NotSent
 from sim_plant.faults.machine_faults import FaultyMachine
@@ -42,6 +42,7 @@ _INJECTIONS: dict[What, type[Injection]] = {
     What.NODE_RESET: drive_faults.Reset,
     What.BUS_OFF: drive_faults.NodeBusOff,
     What.VOLTAGE_LOST: drive_faults.VoltageLost,
+    What.STO_ACTIVE: interlock_faults.TorqueOff,
     What.SUPPLY_LOST: drive_faults.SupplyLost,
     What.ENCODER_JUMP: drive_faults.EncoderJump,
     What.CURRENT_OFFSET: drive_faults.CurrentOffset,

@@ -1,0 +1,163 @@
+"""What one count of 6064 is, by what a drive itself says of its encoder, gear, feed and units.
+
+CiA 402 turns encoder increments into positions by three ratios::
+
+    position = increments * feed / (encoder resolution * gear ratio)        6092, 608F, 6091
+
+so that a revolution of the motor, which is as many increments as the encoder resolution says, is
+feed / gear ratio counts, whatever the encoder. A drive may state the unit itself besides (60A8), as
+a power of ten of a degree or a revolution at the gear's output. Feed and gear of 1, as drives leave
+the factory, say that nothing was configured: then a count is an increment.
+
+From all these follow the readings that are admissible, each with its reason; a unit coarser than a
+motor revolution is none. One reading is a fact. Several that differ leave the choice among them to
+the drives file: the drive contradicts itself, or states a gear and no feed, which may be counted
+before or behind that gear. None leaves the file on trust. Draft, check and commissioning all ask
+here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from drivers import objects, unit_codes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from drivers.sdo import Entry
+
+ROUNDED = Fraction(1, 10**9)
+"""Readings that differ by less are one: a radian is no ratio."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A number of counts per motor revolution that a drive's objects lead to.
+
+    Attributes
+    ----------
+    per_revolution : Fraction
+        Counts of 6064 per motor revolution.
+    reason : str
+        From which objects it follows.
+    """
+
+    per_revolution: Fraction
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{shown(self.per_revolution)} counts per motor revolution ({self.reason})"
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFactors:
+    """What a drive says of its positions; None where it says nothing.
+
+    Attributes
+    ----------
+    encoder, gear, feed, factor : Fraction or None
+        608F, 6091, 6092, and 6093 of the profile's older edition.
+    unit : int or None
+        60A8.
+    """
+
+    encoder: Fraction | None = None
+    gear: Fraction | None = None
+    feed: Fraction | None = None
+    factor: Fraction | None = None
+    unit: int | None = None
+
+    @classmethod
+    def read(cls, read: Callable[[Entry], int | None]) -> PositionFactors:
+        """Ask a live drive (`SdoServer.find`) or a dictionary (`Dictionary.value`)."""
+
+        def ratio(over: Entry, under: Entry) -> Fraction | None:
+            numerator, denominator = read(over), read(under)
+            return Fraction(numerator, denominator) if numerator and denominator else None
+
+        return cls(
+            ratio(objects.ENCODER_INCREMENTS, objects.ENCODER_REVOLUTIONS),
+            ratio(objects.GEAR_MOTOR, objects.GEAR_SHAFT),
+            ratio(objects.FEED, objects.FEED_SHAFT),
+            ratio(objects.POSITION_FACTOR, objects.POSITION_DIVISOR),
+            read(objects.POSITION_UNIT),
+        )
+
+    @property
+    def resolution(self) -> Fraction | None:
+        """Increments per motor revolution; an encoder of 1 is one that was not configured."""
+        return None if self.encoder is None or self.encoder <= 1 else self.encoder
+
+    @property
+    def unit_in_words(self) -> str:
+        """What 60A8 says; 0 is the default of a drive that says nothing."""
+        if not self.unit:
+            return "nothing"
+        return unit_codes.position_of(self.unit) or f"{self.unit:08X}h, an unknown unit"
+
+
+def position_readings(factors: PositionFactors) -> tuple[Reading, ...]:
+    """Return the admissible readings, each value once, the strongest first."""
+    distinct: list[Reading] = []
+    for reading in _readings(factors):
+        for place, other in enumerate(distinct):
+            if same(other.per_revolution, reading.per_revolution):
+                merged = f"{other.reason}; {reading.reason}"
+                distinct[place] = Reading(other.per_revolution, merged)
+                break
+        else:
+            distinct.append(reading)
+    return tuple(distinct)
+
+
+def same(one: Fraction, other: Fraction) -> bool:
+    """Whether two numbers of counts are one."""
+    return abs(one - other) <= ROUNDED * one
+
+
+def shown(counts: Fraction) -> str:
+    """Put a number of counts into words, exactly where it is a ratio of short numbers."""
+    return str(counts) if counts.denominator < 10**6 else f"{float(counts):.10g}"
+
+
+def _readings(factors: PositionFactors) -> Iterator[Reading]:
+    gear, feed = factors.gear or Fraction(1), factors.feed
+    angle = _per_output_revolution(factors.unit)
+    if feed is not None and feed != 1 and feed > gear:
+        yield Reading(feed / gear, f"feed 6092 = {feed} over gear 6091 = {gear}")
+    if angle is not None and angle > gear:
+        behind = f" at the output of gear 6091 = {gear}" if gear != 1 else ""
+        yield Reading(angle / gear, f"60A8 says {factors.unit_in_words}{behind}")
+    if factors.resolution is not None:
+        yield from _increments(factors, factors.resolution, gear)
+
+
+def _increments(
+    factors: PositionFactors, resolution: Fraction, gear: Fraction
+) -> Iterator[Reading]:
+    encoder = f"608F = {factors.encoder}"
+    if factors.factor is not None and factors.factor != 1:
+        by_factor = f"{encoder} over position factor 6093 = {factors.factor}"
+        yield Reading(resolution / factors.factor, by_factor)
+    elif _says_increments(factors):
+        yield Reading(resolution, f"{encoder}, in increments")
+        if gear != 1 and factors.feed in {None, 1}:  # some take 6091 for an electronic gear
+            yield Reading(resolution / gear, f"{encoder} over gear 6091 = {gear}")
+
+
+def _says_increments(factors: PositionFactors) -> bool:
+    """Whether 60A8 says so, or nothing else is configured."""
+    if factors.unit:
+        return factors.unit_in_words == "inc"
+    return factors.feed in {None, 1}
+
+
+def _per_output_revolution(unit: int | None) -> Fraction | None:
+    """Counts per revolution of the gear's output, where the unit is an angle."""
+    if not unit or unit_codes.position_of(unit) is None:
+        return None
+    turn = unit_codes.ANGLES.get(unit_codes.codes_of(unit)[0])
+    return None if turn is None else turn / Fraction(10) ** unit_codes.power_of(unit)

@@ -1,0 +1,154 @@
+"""Units of velocities and accelerations in a drive, as the drives file names them.
+
+A unit is a symbol with a factor before it where there is one: ``rpm``, ``0.1 rpm``, ``1/101 rpm``,
+``inc/s``. One ``inc/s`` is one unit of position (a count of 6064) per second, whatever that unit
+is. Revolutions, degrees and radians are those of the motor shaft, metres those of a prismatic axis.
+Sizes are exact fractions.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import AfterValidator
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class Per(enum.Enum):
+    """What moves by so much per second (or per second squared)."""
+
+    COUNT = "position unit"
+    TURN = "motor revolution"
+    RADIAN = "motor radian"
+    METRE = "metre of a prismatic axis"
+
+
+@dataclass(frozen=True, slots=True)
+class RateUnit:
+    """A unit of velocity or acceleration.
+
+    Attributes
+    ----------
+    of : Per
+        What it counts.
+    size : Fraction
+        How many of these per second (or per second squared) one unit is.
+    """
+
+    of: Per
+    size: Fraction
+
+
+VELOCITIES = {
+    "inc/s": RateUnit(Per.COUNT, Fraction(1)),
+    "rpm": RateUnit(Per.TURN, Fraction(1, 60)),
+    "mrpm": RateUnit(Per.TURN, Fraction(1, 60_000)),
+    "rps": RateUnit(Per.TURN, Fraction(1)),
+    "deg/s": RateUnit(Per.TURN, Fraction(1, 360)),
+    "rad/s": RateUnit(Per.RADIAN, Fraction(1)),
+    "m/s": RateUnit(Per.METRE, Fraction(1)),
+    "mm/s": RateUnit(Per.METRE, Fraction(1, 1000)),
+}
+ACCELERATIONS = {
+    "inc/s^2": RateUnit(Per.COUNT, Fraction(1)),
+    "rpm/s": RateUnit(Per.TURN, Fraction(1, 60)),
+    "mrpm/s": RateUnit(Per.TURN, Fraction(1, 60_000)),
+    "rps/s": RateUnit(Per.TURN, Fraction(1)),
+    "deg/s^2": RateUnit(Per.TURN, Fraction(1, 360)),
+    "rad/s^2": RateUnit(Per.RADIAN, Fraction(1)),
+    "m/s^2": RateUnit(Per.METRE, Fraction(1)),
+    "mm/s^2": RateUnit(Per.METRE, Fraction(1, 1000)),
+}
+
+_RATIO = r"[0-9]{1,12}(?:\.[0-9]{1,12})?(?:\s*/\s*[0-9]{1,12})?"
+_UNIT = re.compile(rf"(?:(?P<factor>{_RATIO})\s+)?(?P<symbol>\S+)")
+_WHOLE = re.compile(_RATIO)
+
+
+def velocity_unit(text: str) -> RateUnit:
+    """Return what a unit of velocity of the drives file means.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    return _unit(text, VELOCITIES, "velocities", "0.1 rpm")
+
+
+def acceleration_unit(text: str) -> RateUnit:
+    """Return what a unit of acceleration of the drives file means (errors as `velocity_unit`)."""
+    return _unit(text, ACCELERATIONS, "accelerations", "0.1 rpm/s")
+
+
+def ratio(text: str) -> Fraction:
+    """Return a positive number or ratio such as 4096, 0.1 or 360000/101, exactly.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    compact = re.sub(r"\s", "", text) if _WHOLE.fullmatch(text.strip()) else ""
+    over, _, under = compact.partition("/")
+    if not over or (under and not int(under)) or not Fraction(over):
+        raise ValueError(f"{text[:40]!r} must be a positive number or ratio, such as 360000/101")
+    return Fraction(over) / int(under or 1)
+
+
+def motor_turns(unit: RateUnit, counts: Fraction, gear_ratio: float) -> Fraction:
+    """Return one unit in revolutions of the motor per second, or per second squared.
+
+    Parameters
+    ----------
+    unit : RateUnit
+        Which.
+    counts : Fraction
+        Counts of 6064 per motor revolution.
+    gear_ratio : float
+        Motor angle over joint coordinate [-, or rad/m if prismatic].
+    """
+    match unit.of:
+        case Per.COUNT:
+            return unit.size / counts
+        case Per.TURN:
+            return unit.size
+        case Per.RADIAN:
+            return unit.size / Fraction(math.tau)
+        case Per.METRE:
+            return unit.size * Fraction(gear_ratio) / Fraction(math.tau)
+
+
+def _unit(text: str, units: Mapping[str, RateUnit], what: str, example: str) -> RateUnit:
+    found = _UNIT.fullmatch(text.strip())
+    unit = units.get(found["symbol"]) if found else None
+    if found is None or unit is None:
+        raise ValueError(
+            f"{text[:40]!r} is no unit of {what}; state one of {', '.join(units)}, with a factor "
+            f"before it where the drive has one, such as {example} or 1/101 {example.split()[1]}"
+        )
+    return RateUnit(unit.of, unit.size * ratio(found["factor"] or "1"))
+
+
+def _checked_velocity(text: str) -> str:
+    velocity_unit(text)
+    return text
+
+
+def _checked_acceleration(text: str) -> str:
+    acceleration_unit(text)
+    return text
+
+
+VelocityUnit = Annotated[str, AfterValidator(_checked_velocity)]
+"""Unit of velocities in the drive (6081, 607F), by its name in the drives file."""
+
+AccelerationUnit = Annotated[str, AfterValidator(_checked_acceleration)]
+"""Unit of accelerations in the drive (6083, 6084, 6085), by its name in the drives file."""

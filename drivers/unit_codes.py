@@ -1,0 +1,117 @@
+"""Units as the objects 60A8 to 60AA code them (CiA 303-2), in words and as numbers.
+
+A word holds a power of ten, then a byte each for numerator and denominator::
+
+    FFB44700h    10^-1 revolutions per minute
+    FD410000h    10^-3 degrees
+    00B55700h    increments per second squared
+
+Some makers write revolutions per minute as one unit of its own (C0h), and a second unit of time
+into the last byte. A code that is not listed here is unknown, and nothing is concluded from it.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+Code = TypeVar("Code", int, tuple[int, int, int])
+
+INCREMENT, REVOLUTION, DEGREE, RADIAN, METRE = 0xB5, 0xB4, 0x41, 0x10, 0x01
+MINUTE_OF_ARC, SECOND_OF_ARC = 0x42, 0x43
+POWERS = range(-12, 7)
+"""Powers of ten that a unit may have; others are taken for unknown codes."""
+
+_SECOND, _MINUTE, _SECOND_SQUARED, _RPM = 0x03, 0x47, 0x57, 0xC0
+
+POSITIONS = {
+    INCREMENT: "inc",
+    REVOLUTION: "rev",
+    DEGREE: "deg",
+    MINUTE_OF_ARC: "arcmin",
+    SECOND_OF_ARC: "arcsec",
+    RADIAN: "rad",
+    METRE: "m",
+}
+ANGLES = {
+    REVOLUTION: Fraction(1),
+    DEGREE: Fraction(360),
+    MINUTE_OF_ARC: Fraction(360 * 60),
+    SECOND_OF_ARC: Fraction(360 * 3600),
+    RADIAN: Fraction(math.tau),
+}
+"""Units in one revolution; that of the radian is rounded to a double."""
+
+VELOCITIES = {
+    (INCREMENT, _SECOND, 0): "inc/s",
+    (REVOLUTION, _SECOND, 0): "rps",
+    (REVOLUTION, _MINUTE, 0): "rpm",
+    (DEGREE, _SECOND, 0): "deg/s",
+    (RADIAN, _SECOND, 0): "rad/s",
+    (METRE, _SECOND, 0): "m/s",
+}
+ACCELERATIONS = {
+    (INCREMENT, _SECOND_SQUARED, 0): "inc/s^2",
+    (REVOLUTION, _SECOND_SQUARED, 0): "rps/s",
+    (DEGREE, _SECOND_SQUARED, 0): "deg/s^2",
+    (RADIAN, _SECOND_SQUARED, 0): "rad/s^2",
+    (METRE, _SECOND_SQUARED, 0): "m/s^2",
+    (_RPM, _SECOND, 0): "rpm/s",
+    (REVOLUTION, _MINUTE, _SECOND): "rpm/s",
+    (REVOLUTION, _SECOND, _SECOND): "rps/s",
+    (INCREMENT, _SECOND, _SECOND): "inc/s^2",
+}
+
+
+def power_of(word: int) -> int:
+    """Return the power of ten of a code."""
+    prefix = word >> 24 & 0xFF
+    return prefix - 256 if prefix > 127 else prefix
+
+
+def codes_of(word: int) -> tuple[int, int, int]:
+    """Return numerator, denominator and last byte of a code."""
+    return word >> 16 & 0xFF, word >> 8 & 0xFF, word & 0xFF
+
+
+def velocity_of(word: int, position: int | None = None) -> str | None:
+    """Return a unit of velocity (60A9) as the drives file names it; None where it is unknown.
+
+    One that is made of the unit of positions (60A8, `position`) is named after counts, since both
+    are of the same shaft: 0.1 deg/s beside 0.1 deg is ``inc/s``.
+    """
+    return _named(*_in_counts(word, position), VELOCITIES)
+
+
+def acceleration_of(word: int, position: int | None = None) -> str | None:
+    """Return a unit of acceleration (60AA) as `velocity_of` does one of velocity."""
+    return _named(*_in_counts(word, position), ACCELERATIONS)
+
+
+def position_of(word: int) -> str | None:
+    """Return a unit of position (60A8) in words; None where it is unknown."""
+    numerator, *rest = codes_of(word)
+    return None if any(rest) else _named(power_of(word), numerator, POSITIONS)
+
+
+def _in_counts(word: int, position: int | None) -> tuple[int, tuple[int, int, int]]:
+    """Return power of ten and codes, of counts where the unit is made of that of positions."""
+    power, codes = power_of(word), codes_of(word)
+    if position and codes_of(position) == (codes[0], 0, 0) and codes[0] in POSITIONS:
+        return power - power_of(position), (INCREMENT, *codes[1:])
+    return power, codes
+
+
+def _named(power: int, codes: Code, names: Mapping[Code, str]) -> str | None:
+    symbol = names.get(codes)
+    if symbol is None or power not in POWERS:
+        return None
+    return symbol if power == 0 else f"{10**power if power > 0 else _decimal(power)} {symbol}"
+
+
+def _decimal(power: int) -> str:
+    return f"{10.0**power:.{-power}f}"
