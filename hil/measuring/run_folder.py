@@ -19,7 +19,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers.yaml_file import FileError
-from hil.measuring.atomic_file import PART, operator_told, write_file
+from hil.measuring.atomic_file import (
+    PART,
+    operator_told,
+    own_folder,
+    refuse_link,
+    whole_name,
+    write_file,
+)
 from hil.measuring.recording_file import Measured, read_measured, write_measured
 from hil.measuring.run_journal import (
     Journal,
@@ -82,7 +89,8 @@ class RunFolder:
                 f"{path}: is there already; go on with --resume, or choose another folder with -o"
             )
         with operator_told(path, "made"):
-            (path / "recordings").mkdir(parents=True, exist_ok=True)
+            path.mkdir(parents=True, exist_ok=True)
+        own_folder(path / "recordings")
         write_file(path / "plan.yaml", dump_plan(plan).encode())
         write_file(path / "robot.yaml", robot.text.encode())
         if drives is not None:
@@ -119,9 +127,9 @@ class RunFolder:
         """Tell whether a run folder was killed while it was made: there is nothing to resume."""
         recordings = path / "recordings"
         with operator_told(path, "read"):
-            if (path / "run.json").exists() or not recordings.is_dir() or any(recordings.iterdir()):
+            if (path / "run.json").exists() or recordings.is_symlink() or not _is_empty(recordings):
                 return False
-            return all(entry.name.removesuffix(PART) in _STUB for entry in path.iterdir())
+            return all(whole_name(entry.name) in _STUB for entry in path.iterdir())
 
     def refuse_changes(self, plan: Plan, robot: Robot, drives: str | None = None) -> None:
         """Refuse to resume with another plan, robot or drives than the run was started with.
@@ -165,6 +173,7 @@ class RunFolder:
 
     def write(self, measured: Measured) -> None:
         """Keep a recording, whole or not at all."""
+        refuse_link(self.path / "recordings")
         write_measured(self.recording_path(measured.measurement), measured)
 
     def read(self, measurement: Measurement) -> Measured:
@@ -211,8 +220,14 @@ class RunFolder:
         -------
         list of str
             What is wrong with each file set aside, and its new name.
+
+        Raises
+        ------
+        FileError
+            The recordings lie behind a symbolic link, or cannot be renamed.
         """
         told = []
+        refuse_link(self.path / "recordings")
         with operator_told(self.path / "recordings", "cleaned up"):
             for part in (*self.path.glob(f"*{PART}"), *self.path.glob(f"recordings/*{PART}")):
                 part.unlink()
