@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +12,7 @@ from rich.console import Console
 from drivers.drives_file import AxisDrive, DrivesFile, load_drives
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS
+from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 from hil.terminal.operator import TerminalOperator
 from hil.terminal.run_command import bus_options
@@ -84,18 +84,5 @@ def opened_bus(
 @contextmanager
 def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
     """Ask and listen at the terminal."""
-    with interruptible("stopped; the axes are off"), Keys() as keys:
+    with interruptible(lambda: "stopped; the axes are off"), Keys() as keys:
         yield TerminalOperator(out, keys, agreed=agreed)
-
-
-@contextmanager
-def interruptible(told: str) -> Iterator[None]:
-    """Have Ctrl-C and SIGTERM end a command in order, with status 130."""
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    except KeyboardInterrupt:
-        typer.echo(told, err=True)
-        raise typer.Exit(130) from None
-    finally:
-        signal.signal(signal.SIGTERM, previous)

@@ -244,7 +244,9 @@ class RunFolder:
         return told
 
     def discard_if_empty(self) -> bool:
-        """Remove the folder if nothing was rehearsed or measured; tell whether it was removed."""
+        """Remove the folder if nothing was rehearsed or measured; tell whether it is gone."""
+        if not self.path.exists():
+            return True
         if self.journal.rehearsed or any((self.path / "recordings").iterdir()):
             return False
         with operator_told(self.path, "removed"):

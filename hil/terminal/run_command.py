@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import sys
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -18,6 +16,7 @@ from hil.measuring.run_journal import SIMULATED
 from hil.measuring.run_lock import locked
 from hil.planning.workspace import load_workspace
 from hil.results.rounding import clock
+from hil.terminal.interruption import interruptible, say
 from hil.terminal.keyboard_stop import HINT, KeyboardStop
 from hil.terminal.progress import shown
 
@@ -94,7 +93,7 @@ def carry_out(
     out: Console,
     rehearsal: float | None = None,
 ) -> None:
-    """Run the campaign; Ctrl-C, s, space and SIGTERM stop the axes and keep what was measured.
+    """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
 
     Where nothing is missing no bus is opened.
 
@@ -130,35 +129,42 @@ def _carry_out(
     out: Console,
     rehearsal: float | None,
 ) -> None:
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with KeyboardStop() as keyboard, shown(out) as show:
-            if keyboard.listening:
-                out.print(HINT, highlight=False)
-            bus, pause = open_bus(), keyboard.pause
-            if rehearsal is None:
-                events = run_campaign(folder, bus, bus_name, pause)
-            else:
-                events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause)
-            with closing(events):
-                for event in events:
-                    show(event)
-                    last = event
-    except KeyboardInterrupt:
-        sys.stderr.write(f"stopped, the axes are off; {_what_remains(folder)}\n")
-        raise typer.Exit(130) from None
-    except (BrokenPipeError, SystemExit):  # rich turns the one into the other
-        sys.stderr.write(f"nobody reads the output, the axes are off; {_what_remains(folder)}\n")
-        raise typer.Exit(1) from None
-    except (DriveError, FileError) as error:
-        sys.stderr.write(f"{error}\n{_what_remains(folder)}\n")
-        raise typer.Exit(1) from None
-    except Exception:
-        folder.discard_if_empty()
-        raise
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    with interruptible(lambda: f"stopped, the axes are off; {_what_remains(folder)}"):
+        try:
+            last = _move(folder, open_bus, bus_name, out, rehearsal)
+        except (BrokenPipeError, SystemExit):  # rich turns the one into the other
+            say(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
+            raise typer.Exit(1) from None
+        except (DriveError, FileError) as error:
+            say(f"{error}\n{_what_remains(folder)}")
+            raise typer.Exit(1) from None
+        except Exception:
+            folder.discard_if_empty()
+            raise
     out.print(_conclusion(folder, last, rehearsal), highlight=False, soft_wrap=True)
+
+
+def _move(
+    folder: RunFolder,
+    open_bus: Callable[[], DriveBus],
+    bus_name: str,
+    out: Console,
+    rehearsal: float | None,
+) -> Event:
+    """Pass the campaign's events to the terminal; return the last one."""
+    with KeyboardStop() as keyboard, shown(out) as show:
+        if keyboard.listening:
+            out.print(HINT, highlight=False)
+        bus, pause = open_bus(), keyboard.pause
+        if rehearsal is None:
+            events = run_campaign(folder, bus, bus_name, pause)
+        else:
+            events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause)
+        with closing(events):
+            for event in events:
+                show(event)
+                last = event
+    return last
 
 
 def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
