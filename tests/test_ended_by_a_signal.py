@@ -208,7 +208,7 @@ def test_an_interrupt_at_any_moment_of_the_start_leaves_one_line_at_most(
 
 def test_an_interrupt_of_generated_code_ends_with_the_same_status(tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(INTERRUPTED_IN_GENERATED_CODE)
-    run = subprocess.run((sys.executable, "-m", "program"), cwd=tmp_path, check=False)  # noqa: S603
+    run = subprocess.run((sys.executable, "-m", "program"), cwd=tmp_path, check=False)
     assert run.returncode == 130
 
 
