@@ -38,7 +38,13 @@ from hil.planning.dry_run import BITRATE, dry_run
 from hil.planning.plan import load_plan, refuse_other_robot
 from hil.terminal import dry_run_view, robot_view
 from hil.terminal.drives_check import StatedAxis, refuse_contradictions
-from hil.terminal.run_command import bus_options, carry_out, prepare_folder, with_workspace
+from hil.terminal.run_command import (
+    bus_options,
+    carry_out,
+    prepare_folder,
+    show_remarks,
+    with_workspace,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -248,7 +254,9 @@ def _load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tu
     the_plan = load_plan(plan_file)
     the_robot = load_robot(robot_file or the_plan.robot.name)
     refuse_other_robot(the_plan, the_robot, str(plan_file))
-    return with_workspace(the_plan, the_robot, workspace), the_robot
+    the_plan = with_workspace(the_plan, the_robot, workspace)
+    show_remarks(the_plan.workspace, the_robot, out)
+    return the_plan, the_robot
 
 
 def _dry_run(

@@ -15,6 +15,7 @@ from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import SIMULATED
 from hil.measuring.run_lock import locked
 from hil.planning.workspace import load_workspace
+from hil.planning.workspace_fit import remarks
 from hil.results.rounding import clock
 from hil.terminal.interruption import interruptible, say
 from hil.terminal.keyboard_stop import HINT, KeyboardStop
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
 
 
 NOT_REHEARSED = (
@@ -64,6 +66,12 @@ def with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
     if path is None:
         return the_plan
     return the_plan.model_copy(update={"workspace": load_workspace(path, the_robot)})
+
+
+def show_remarks(workspace: Workspace | None, robot: Robot, out: Console) -> None:
+    """Print what is strange about a workspace, though it is accepted."""
+    for line in remarks(workspace, robot):
+        out.print(line, style="yellow", highlight=False, markup=False, soft_wrap=True)
 
 
 def prepare_folder(
