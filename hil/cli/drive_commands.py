@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from drivers.drives_file import AxisDrive, DrivesFile, load_drives
+from drivers.yaml_file import FileError
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS
 from hil.terminal.interruption import interruptible
@@ -60,9 +61,44 @@ def find_axis(drives: DrivesFile, name: str) -> AxisDrive:
 
 
 def drives_path(name: str) -> Path:
-    """Return the path of a drives file, that of a robot that comes along by its name."""
-    packaged = ROBOTS / f"{name}{SUFFIX}"
-    return packaged if packaged.is_file() else Path(name)
+    """Return the path of a drives file, that of a robot that comes along by its name.
+
+    Raises
+    ------
+    FileError
+        It is neither.
+    """
+    packaged, path = ROBOTS / f"{name}{SUFFIX}", Path(name)
+    if packaged.is_file():
+        return packaged
+    if not path.suffix and not path.exists():
+        along = ", ".join(_robots())
+        raise FileError(f"{name}: is neither a robot that comes along ({along}) nor a drives file")
+    return path
+
+
+def _robots() -> list[str]:
+    """Names of the robots with a drives file and a plant that come along."""
+    return sorted(path.name.removesuffix(SUFFIX) for path in ROBOTS.glob(f"*{SUFFIX}"))
+
+
+def _plant_of(drives: DrivesFile, name: str) -> str:
+    """Name the plant with these drives: node for node the same products.
+
+    What else a drives file states may be wrong; finding that is what a plant is for.
+    """
+    asked, robots = {_product(axis) for axis in drives.axes}, _robots()
+    for robot in robots:
+        if asked <= {_product(axis) for axis in load_drives(ROBOTS / f"{robot}{SUFFIX}").axes}:
+            return robot
+    raise FileError(
+        f"{drives_path(name)}: these are the drives of no plant that comes along; name one with"
+        f" --channel ({', '.join(robots)}), or a bus with --interface and --channel"
+    )
+
+
+def _product(axis: AxisDrive) -> tuple[int, int, int]:
+    return axis.node, axis.identity.vendor, axis.identity.product
 
 
 @contextmanager
@@ -75,7 +111,7 @@ def opened_bus(
     if channel is None:
         if interface != SIMULATED:
             raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
-        channel = drives_path(name).name.removesuffix(SUFFIX)
+        channel = _plant_of(drives, name)
     options = {"bitrate": drives.bitrate, **bus_options(pairs or [])}
     with open_can_bus(interface, channel, options) as bus:
         yield bus
