@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING
 
 import can
 import pytest
+import typer
 from two_processes import open_bus, plant_process, wake
 
 from hil.measuring.run_folder import RunFolder
 from hil.planning.plan import Plan, dump_plan
+from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 
 if TYPE_CHECKING:
@@ -166,7 +168,7 @@ def test_output_into_a_pipe_that_nobody_reads_does_not_keep_axes_on(
 
 @pytest.mark.usefixtures("plant")
 def test_a_closed_terminal_ends_a_check_with_the_axes_switched_off_by_us() -> None:
-    terminal = Terminal(*HIL, "check", "manutec-r15", "--yes", *ON_PLANT)
+    terminal = Terminal(*HIL, "check", "manutec-r15", "--jitter-time", "0", "--yes", *ON_PLANT)
     terminal.await_text(b"TPDOs at each SYNC")
     status = terminal.close()
     assert OPERATION_ENABLED not in states()
@@ -210,6 +212,41 @@ def test_an_interrupt_of_generated_code_ends_with_the_same_status(tmp_path: Path
     (tmp_path / "program.py").write_text(INTERRUPTED_IN_GENERATED_CODE)
     run = subprocess.run((sys.executable, "-m", "program"), cwd=tmp_path, check=False)
     assert run.returncode == 130
+
+
+class Finalised:
+    """An object during whose end an interrupt comes."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interrupt_that_python_drops_ends_the_block_all_the_same(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    passed = []
+
+    def work() -> None:
+        with interruptible(lambda: "stopped") as refuse_lost:
+            Finalised()
+            passed.append("the exception was dropped")
+            refuse_lost()
+            passed.append("never")
+
+    with pytest.raises(typer.Exit) as left:
+        work()
+    assert passed == ["the exception was dropped"]
+    assert left.value.exit_code == 130
+    assert capsys.readouterr().err.endswith("stopped\n")
+
+
+def test_handlers_are_as_before_afterwards() -> None:
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.getsignal(number) for number in numbers]
+    with interruptible(lambda: ""):
+        assert [signal.getsignal(number) for number in numbers] != before
+    assert [signal.getsignal(number) for number in numbers] == before
 
 
 def test_keys_of_a_closed_terminal_are_listened_to_no_more() -> None:

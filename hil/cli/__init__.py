@@ -21,6 +21,7 @@ from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
 from hil.cli import (
     commissioning,
+    drive_commands,
     findings,
     first_steps,
     friction,
@@ -171,6 +172,7 @@ def run(
         Path | None,
         typer.Option(help="Run whose friction must have been found symmetric, or nothing moves."),
     ] = None,
+    realtime: drive_commands.RealTime = False,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     the_plan, the_robot = _load(plan_file, robot_file, workspace)
@@ -189,6 +191,7 @@ def run(
         f"{interface} {channel}",
         out,
         speed if rehearse else None,
+        lambda: drive_commands.real_time_if(realtime, lock_step=_in_lock_step(interface, pacing)),
     )
 
 
@@ -284,6 +287,10 @@ def _default_channel(interface: str, the_robot: Robot) -> str:
             f"interface {interface} needs a channel too, such as can0", param_hint="--channel"
         )
     return the_robot.name
+
+
+def _in_lock_step(interface: str, pacing: Pacing) -> bool:
+    return pacing is Pacing.LOCK_STEP or (pacing is Pacing.AUTO and interface == SIMULATED)
 
 
 def _packaged_drives(the_robot: Robot) -> Path:

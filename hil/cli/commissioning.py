@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import math
 from contextlib import closing
+from itertools import chain
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from drivers.drives_file import load_drives
 from drivers.yaml_file import FileError
 from hil.cli import drive_commands as shared
 from hil.measuring.run_journal import SIMULATED
-from hil.terminal import check_view
+from hil.terminal import check_view, jitter_view
 
 if TYPE_CHECKING:
+    import can
+
     from drivers.drives_file import AxisDrive
     from drivers.probing.verdict import Verdict
 
@@ -37,6 +41,11 @@ def check(
     ] = None,
     angle: Annotated[float, typer.Option(min=0.5, max=20, help="Of the small moves [deg].")] = 3.0,
     speed: Annotated[float, typer.Option(min=0.1, max=20, help="Of the small moves [deg/s].")] = 5,
+    realtime: shared.RealTime = False,
+    jitter_time: Annotated[
+        float,
+        typer.Option(min=0, max=600, help="How long to measure this computer's wake-ups [s]."),
+    ] = 10.0,
     yes: shared.Yes = False,
 ) -> None:
     """Check every drive against the drives file, at last by a small move of each axis."""
@@ -48,9 +57,13 @@ def check(
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         shared.operator_at_terminal(agreed=yes) as operator,
+        shared.real_time_if(realtime, lock_step=getattr(bus, "lock_step", False)) as granted,
         closing(check_drives(bus, drives, moves, operator)) as verdicts,
     ):
-        serves = check_view.show(map(_line, verdicts), shared.out)
+        for line in granted:
+            shared.out.print(line, highlight=False, markup=False, soft_wrap=True)
+        computer = _wake_ups(bus, drives.sync_period, jitter_time, realtime=realtime)
+        serves = check_view.show(map(_line, chain(computer, verdicts)), shared.out)
     if not serves:
         raise typer.Exit(1)
 
@@ -120,6 +133,27 @@ def home(
         highlight=False,
         soft_wrap=True,
     )
+
+
+def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
+    """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
+    from drivers.kernel_sync import can_send_sync  # noqa: PLC0415 - slow to import
+    from drivers.probing import wake_ups  # noqa: PLC0415 - slow to import
+
+    found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
+    if found is None:
+        return []
+    classes, _ = np.histogram(found.late, [*jitter_view.EDGES, math.inf])
+    jitter = jitter_view.Jitter(
+        len(found.late),
+        1 / period,
+        [(100 * share, found.quantile(share)) for share in (0.5, 0.99, wake_ups.IN_TIME)],
+        found.longest,
+        classes.tolist(),
+    )
+    jitter_view.render(jitter, shared.out)
+    by_kernel = can_send_sync(bus)
+    return [wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=by_kernel)]
 
 
 def _si(drive: AxisDrive, value: float) -> float:

@@ -39,6 +39,9 @@ BusOptions = Annotated[
     list[str] | None,
     typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
 ]
+RealTime = Annotated[
+    bool, typer.Option("--realtime", help="Use what this system grants of real time.")
+]
 Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; ask nothing.")]
 
 
@@ -115,6 +118,20 @@ def opened_bus(
     options = {"bitrate": drives.bitrate, **bus_options(pairs or [])}
     with open_can_bus(interface, channel, options) as bus:
         yield bus
+
+
+@contextmanager
+def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
+    """Run in real time where that is wanted and SYNC has deadlines; yields what was granted."""
+    from drivers.realtime import real_time  # noqa: PLC0415 - only where a bus is used
+
+    if not wanted:
+        yield ()
+    elif lock_step:
+        yield ("real time: left out, SYNC is in lock-step and has no deadlines",)
+    else:
+        with real_time() as measures:
+            yield tuple(map(str, measures))
 
 
 @contextmanager

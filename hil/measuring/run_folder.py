@@ -258,10 +258,10 @@ class RunFolder:
         return True
 
     @contextmanager
-    def session(self, bus_name: str) -> Iterator[int]:
+    def session(self, bus_name: str, real_time: Sequence[str] = ()) -> Iterator[int]:
         """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
         number = len(self.journal.sessions)
-        started = Session(started=now(), bus=bus_name)
+        started = Session(started=now(), bus=bus_name, real_time=tuple(real_time))
         self._note(self.journal.with_session(started))
         try:
             yield number

@@ -31,8 +31,12 @@ _OUTPUTS = (1, 2)
 
 
 @contextmanager
-def interruptible(ended: Callable[[], str]) -> Iterator[None]:
+def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
     """End the block in order on Ctrl-C, SIGTERM and SIGHUP.
+
+    Python drops an exception that is raised while an object is finalised, and with it an interrupt
+    that comes at such a moment. So what is yielded is to be called now and then: it raises
+    `KeyboardInterrupt` where one has been dropped.
 
     Parameters
     ----------
@@ -45,8 +49,8 @@ def interruptible(ended: Callable[[], str]) -> Iterator[None]:
         With status 130 when interrupted.
     """
     try:
-        with _interrupts():
-            yield
+        with _interrupts() as refuse_lost:
+            yield refuse_lost
     except KeyboardInterrupt:
         # python-can says of a bus that was just being opened that nobody has closed it.
         logging.getLogger("can").setLevel(logging.ERROR)
@@ -62,21 +66,28 @@ def say(text: str) -> None:
 
 
 @contextmanager
-def _interrupts() -> Iterator[None]:
+def _interrupts() -> Iterator[Callable[[], None]]:
     """Have the three signals, and output to a terminal that has gone, raise KeyboardInterrupt."""
     terminals = [descriptor for descriptor in _OUTPUTS if os.isatty(descriptor)]
+    interrupted = False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
         del number, frame
+        interrupted = True
         _exchange_gone(terminals)
         raise KeyboardInterrupt
+
+    def refuse_lost() -> None:
+        if interrupted:
+            raise KeyboardInterrupt
 
     before = {number: signal.getsignal(number) for number in _NUMBERS}
     for number in _NUMBERS:
         if number == signal.SIGTERM or before[number] is not signal.SIG_IGN:
             signal.signal(number, interrupt)
     try:
-        yield
+        yield refuse_lost
     except OSError as error:
         if not _exchange_gone(terminals):
             raise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from contextlib import closing, nullcontext
 from typing import TYPE_CHECKING
 
 import typer
@@ -23,6 +23,7 @@ from hil.terminal.progress import shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from rich.console import Console
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
 
+    RealTime = Callable[[], AbstractContextManager[Sequence[str]]]
 
 NOT_REHEARSED = (
     "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
@@ -100,6 +102,7 @@ def carry_out(
     bus_name: str,
     out: Console,
     rehearsal: float | None = None,
+    real_time: RealTime | None = None,
 ) -> None:
     """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
 
@@ -109,6 +112,8 @@ def carry_out(
     ----------
     rehearsal : float, optional
         Share of the speed limits, to pass all ways at it instead of measuring.
+    real_time : callable, optional
+        Makes the context in which the axes are moved; yields what the system granted.
 
     Raises
     ------
@@ -127,7 +132,7 @@ def carry_out(
     ):
         out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
     with locked(folder.path):
-        _carry_out(folder, open_bus, bus_name, out, rehearsal)
+        _carry_out(folder, open_bus, bus_name, out, rehearsal, real_time)
 
 
 def _carry_out(
@@ -136,10 +141,14 @@ def _carry_out(
     bus_name: str,
     out: Console,
     rehearsal: float | None,
+    real_time: RealTime | None,
 ) -> None:
-    with interruptible(lambda: f"stopped, the axes are off; {_what_remains(folder)}"):
+    def ended() -> str:
+        return f"stopped, the axes are off; {_what_remains(folder)}"
+
+    with interruptible(ended) as refuse_lost:
         try:
-            last = _move(folder, open_bus, bus_name, out, rehearsal)
+            last = _move(folder, open_bus, bus_name, out, rehearsal, real_time, refuse_lost)
         except (BrokenPipeError, SystemExit):  # rich turns the one into the other
             say(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
             raise typer.Exit(1) from None
@@ -158,18 +167,27 @@ def _move(
     bus_name: str,
     out: Console,
     rehearsal: float | None,
+    real_time: RealTime | None,
+    refuse_lost: Callable[[], None],
 ) -> Event:
     """Pass the campaign's events to the terminal; return the last one."""
-    with KeyboardStop() as keyboard, shown(out) as show:
+    with (
+        KeyboardStop() as keyboard,
+        shown(out) as show,
+        nullcontext(()) if real_time is None else real_time() as granted,
+    ):
+        for line in granted:
+            out.print(line, highlight=False, markup=False, soft_wrap=True)
         if keyboard.listening:
             out.print(HINT, highlight=False)
         bus, pause = open_bus(), keyboard.pause
         if rehearsal is None:
-            events = run_campaign(folder, bus, bus_name, pause)
+            events = run_campaign(folder, bus, bus_name, pause, granted)
         else:
-            events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause)
+            events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause, granted)
         with closing(events):
             for event in events:
+                refuse_lost()
                 show(event)
                 last = event
     return last
