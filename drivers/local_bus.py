@@ -32,6 +32,9 @@ PATIENCE = 0.25
 SLICE = 0.001
 """How often a waiting sender looks for frames that it must take out of others' way [s]."""
 
+FD_SETSIZE = 1024
+"""File descriptors from here on are more than `select` takes."""
+
 _FRAME = struct.Struct("=IB3x8s")
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 _numbers = count()
@@ -129,12 +132,19 @@ class LocalBus(can.BusABC):
         if not self._inbox:
             self._collect()
         if not self._inbox and timeout != 0 and self._socket.fileno() >= 0:
-            self._arrivals.poll(None if timeout is None else max(0.0, timeout * 1e3))
+            self._await(timeout)
             self._collect(1)
         if not self._inbox:
             return None, False
         instant, frame = self._inbox.popleft()
         return self._message(instant, frame), False
+
+    def _await(self, timeout: float | None) -> None:
+        """Wait for a frame; `select` keeps a timeout to the microsecond, `poll` to whole ms."""
+        if self._socket.fileno() < FD_SETSIZE:
+            select.select([self._socket], [], [], None if timeout is None else max(0.0, timeout))
+        else:
+            self._arrivals.poll(None if timeout is None else max(0.0, timeout * 1e3))
 
     def _collect(self, most: int = 1000) -> None:
         """Take frames out of the socket's queue, which is short."""

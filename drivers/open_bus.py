@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -11,6 +12,9 @@ from drivers.drive_bus import BusUnavailable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+LINES = 5
+"""Of an error's message that are shown."""
 
 
 def open_can_bus(interface: str, channel: str, options: Mapping[str, Any]) -> can.BusABC:
@@ -30,13 +34,22 @@ def open_can_bus(interface: str, channel: str, options: Mapping[str, Any]) -> ca
         return can.Bus(channel, interface, ignore_config=True, **options)
     except Exception as error:  # back ends without their vendor's library raise what they like
         raise BusUnavailable(
-            f"{interface} channel {channel!r} cannot be opened: {error}; "
-            f"{_remedy(interface, channel, options)}"
+            f"{interface} channel {channel!r} cannot be opened: {_shortened(str(error))}; "
+            f"{_remedy(interface, channel, options, error)}"
         ) from error
 
 
-def _remedy(interface: str, channel: str, options: Mapping[str, object]) -> str:
+def _shortened(text: str) -> str:
+    """Leave out what a file of a wholly different kind has wrong in each of its lines."""
+    lines = text.splitlines()
+    more = len(lines) - LINES
+    return "\n".join([*lines[:LINES], f"... and {more} lines more"] if more > 1 else lines)
+
+
+def _remedy(interface: str, channel: str, options: Mapping[str, object], error: Exception) -> str:
     if interface == "socketcan":
+        if getattr(error, "errno", None) == errno.EAFNOSUPPORT:
+            return "this kernel has no SocketCAN: load can_raw, or use a host that has it"
         bitrate = options.get("bitrate", 1_000_000)
         return (
             f"list interfaces with `ip link`, bring it up with "

@@ -1,6 +1,7 @@
 """Identification of robot dynamics and friction on the machine itself.
 
-What needs a compiler or a fit is imported when it is first used, so that ``import hil`` is quick.
+Everything is imported when it is first used, so that ``import hil`` is quick and the program `hil`
+has its signals in hand before anything heavy is loaded.
 """
 
 from __future__ import annotations
@@ -8,11 +9,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot
-
 if TYPE_CHECKING:
+    from hil.model.base_parameters import base_parameters
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
+    from hil.model.robot import load_robot
     from hil.results.model_file import identify
 
 __all__ = [
@@ -26,9 +26,11 @@ __all__ = [
 ]
 
 _LATER = {
+    "base_parameters": "hil.model.base_parameters",
     "gravity_torque": "hil.model.dynamics",
     "identify": "hil.results.model_file",
     "inverse_dynamics": "hil.model.dynamics",
+    "load_robot": "hil.model.robot",
     "mass_matrix": "hil.model.dynamics",
     "regressor": "hil.model.dynamics",
 }

@@ -129,6 +129,62 @@ def test_the_monitor_ends_when_its_time_is_over(hil: Hil) -> None:
     assert "joint 6" in out
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("check", "--axis", 6, "--angle", 1, "--yes"),
+        ("jog", 6, "--by", 1, "--yes"),
+        ("home", 6, "--yes"),
+        ("monitor", "--for", 0.1),
+    ],
+)
+def test_a_drives_file_by_another_name_finds_the_plant_of_its_robot(
+    hil: Hil, tmp_path: Path, command: tuple[object, ...]
+) -> None:
+    path = tmp_path / "cell 7" / "my-drives.yaml"
+    path.parent.mkdir()
+    path.write_text(DRIVES.read_text().replace("gear_ratio: 105", "gear_ratio: 106", 1))
+    status, out, err = hil(command[0], path, *command[1:])
+    assert (status, err) == (0, "")
+    assert "joint 6" in out
+
+
+def test_a_drives_file_of_no_plant_needs_a_channel_and_says_so_in_one_line(
+    hil: Hil, file_with: Callable[[str, str], Path]
+) -> None:
+    path = file_with("vendor: 0x4D2", "vendor: 0x2A")
+    path = path.rename(path.with_name("cell7.yaml"))
+    status, _, err = hil("check", path, "--yes")
+    assert status == 1
+    assert err == (
+        f"{path}: these are the drives of no plant that comes along; name one with --channel"
+        " (manutec-r15), or a bus with --interface and --channel\n"
+    )
+
+
+def test_a_plant_may_be_named_for_any_drives_file(
+    hil: Hil, file_with: Callable[[str, str], Path]
+) -> None:
+    path = file_with("vendor: 0x4D2", "vendor: 0x2A")
+    status, out, _ = hil("check", path, "--axis", 1, "--channel", "manutec-r15", "--yes")
+    assert status == 1
+    assert "refused" in out
+    assert "identity" in out
+
+
+def test_a_channel_that_is_a_file_of_another_kind_is_refused_in_a_few_lines(hil: Hil) -> None:
+    status, _, err = hil("monitor", "manutec-r15", "--channel", DRIVES)
+    assert status == 1
+    assert len(err.splitlines()) <= 7
+    assert "more" in err
+
+
+def test_a_name_of_nothing_is_refused_with_the_robots_that_come_along(hil: Hil) -> None:
+    status, _, err = hil("check", "manutec")
+    assert status == 1
+    assert err == "manutec: is neither a robot that comes along (manutec-r15) nor a drives file\n"
+
+
 def test_a_bus_that_is_not_the_plant_needs_a_channel(hil: Hil) -> None:
     status, _, err = hil("monitor", "manutec-r15", "--interface", "socketcan")
     assert status == 2

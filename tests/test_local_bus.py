@@ -168,6 +168,15 @@ def test_a_process_that_was_killed_is_dropped(
     assert len(list(tmp_path.glob("can-local-*/bench/*"))) == 1
 
 
+def test_a_timeout_is_not_rounded_to_milliseconds(join: Callable[..., can.BusABC]) -> None:
+    bus, took = join("a"), []
+    for _ in range(50):
+        begun = time.perf_counter()
+        assert bus.recv(0.0012) is None
+        took.append(time.perf_counter() - begun)
+    assert 0.0012 <= min(took) < 0.0019
+
+
 def test_who_leaves_is_no_longer_sent_to(join: Callable[..., can.BusABC]) -> None:
     bus, gone = join(), join()
     gone.shutdown()

@@ -4,18 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drivers.drive_bus import LimitExceeded
 from drivers.drives_file import load_drives
 from drivers.yaml_file import FileError, parse_yaml
 from hil import cli
 from hil.measuring.sequencer import measure
+from hil.model.capsules import capsules, reaches, segments
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.dry_run import dry_run
 from hil.planning.experiment_design import design
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, WarmUp, dump_plan, load_plan
 from hil.planning.workspace import Box, Workspace, load_workspace
+from hil.planning.workspace_fit import remarks
 from hil.terminal.dry_run_view import describe_problems
 
 FLOOR = Box(name="floor", low=(-3, -3, -1.5), high=(3, 3, -0.8), ignore_links=(1,))
@@ -179,6 +183,34 @@ def test_the_drives_get_the_narrowed_ranges_as_their_limits() -> None:
             "boxes: [{name: a, low: [0, 0, 0], high: [1, 1, 1], ignore_links: [9]}]",
             "boxes.0.ignore_links: manutec-r15 has links 1 to 6",
         ),
+        ("ranges: {2: [-60, 45]}", "in degrees? then write [-1.0472, 0.7854]"),
+        (
+            "boxes: [{name: a, low: [600, 600, -800], high: [1200, 1200, 200]}]",
+            "cell.yaml:1: boxes.0.low: -800 m of a must be within +-",
+        ),
+        (
+            "boxes: [{name: a, low: [600, 600, -800], high: [1200, 1200, 200]}]",
+            "it looks like millimetres; then write 1.2",
+        ),
+        (
+            "margin: 0.05\nboxes:\n- {name: b, low: [1, 1, 1], high: [2, 2, 2]}\n"
+            "- {name: a, low: [60, 60, -80],\n   high: [61, 61, -79]}",
+            "cell.yaml:5: boxes.1.high: -79 m of a must be within",
+        ),
+        (
+            "boxes: [{name: a, low: [0.0006, 0, 0], high: [0.0012, 0.0006, 0.001]}]",
+            "a is nowhere wider than 0.001 m, at least 0.0",
+        ),
+        (
+            "boxes: [{name: floor, low: [-3, -3, -1.5], high: [3, 3, -0.4]}]",
+            "floor holds link 1 of manutec-r15 at every configuration, so nothing could be"
+            " measured; correct its corners, or where the arm is fixed to it state"
+            " ignore_links: [1]",
+        ),
+        (
+            "boxes: [{name: cube, low: [-10, -10, -10], high: [10, 10, 10]}]",
+            "cube holds links 1, 2, 3, 4, 5, 6 of manutec-r15 at every configuration",
+        ),
         ("margin: -0.1", "margin"),
         ("boxen: []", "boxen: unknown key"),
     ],
@@ -194,10 +226,75 @@ def test_a_wrong_workspace_is_refused(
     assert str(path) in str(refused.value)
 
 
+def test_a_floor_far_larger_than_the_arm_is_accepted_without_a_remark(
+    manutec: Robot, tmp_path: Path
+) -> None:
+    path = tmp_path / "cell.yaml"
+    path.write_text("boxes: [{name: floor, low: [-9, -9, -1.5], high: [9, 9, -0.8]}]")
+    assert not remarks(load_workspace(path, manutec), manutec)
+
+
+@pytest.mark.parametrize(
+    ("box", "guards"),
+    [
+        (Box(name="pit", low=(-9, -9, -6), high=(9, 9, -4)), False),
+        (Box(name="far", low=(10, 20, -15), high=(30, 25, 5)), False),
+        (Box(name="column", low=(-0.3, -0.3, -2), high=(0.3, 0.3, -0.9), ignore_links=(1,)), True),
+        (
+            Box(name="shelf", low=(0.6, 0.6, -1), high=(1, 1, 1), ignore_links=(2, 3, 4, 5, 6)),
+            False,
+        ),
+    ],
+)
+def test_a_box_that_no_link_can_reach_is_stated_with_both_distances(
+    manutec: Robot, box: Box, guards: bool
+) -> None:
+    found = remarks(Workspace(boxes=(box,)), manutec)
+    assert len(found) == (0 if guards else 1)
+    if not guards:
+        assert f"box {box.name} guards nothing: it begins" in found[0]
+
+
+@settings(max_examples=50)
+@given(st.integers(0, 2**32 - 1))
+def test_no_link_is_ever_farther_from_the_base_than_its_reach(chains, seed: int) -> None:
+    robot, rng = chains.random(seed), np.random.default_rng(seed)
+    q = rng.uniform(robot.q_min, robot.q_max, size=(100, robot.n_joints))
+    farthest = np.linalg.norm(segments(robot, q), axis=-1).max(axis=(0, 2)) + capsules(robot).radii
+    assert np.all(farthest <= reaches(robot) + 1e-9)
+
+
+def test_commands_state_a_box_that_guards_nothing(
+    small_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cell.yaml").write_text("boxes: [{name: pit, low: [-9, -9, -6], high: [9, 9, -4]}]")
+    (tmp_path / "plan.yaml").write_text(dump_plan(small_plan))
+    cell = ["--workspace", str(tmp_path / "cell.yaml")]
+    for command in (
+        ["dry-run", str(tmp_path / "plan.yaml")],
+        ["run", str(tmp_path / "plan.yaml"), "-o", str(tmp_path / "run")],
+        ["plan", "manutec-r15", "-o", str(tmp_path / "new.yaml"), "--gravity", "9"],
+    ):
+        with pytest.raises(SystemExit):
+            cli.main([*command, *cell])
+        assert "box pit guards nothing" in " ".join(capsys.readouterr().out.split())
+
+
+def test_an_arm_that_stands_in_a_box_is_not_moved(
+    small_plan: Plan, manutec: Robot, ideal_bus
+) -> None:
+    with ideal_bus:
+        list(measure(reaching(small_plan, AT_POST), manutec, ideal_bus))
+        moves = len(ideal_bus.moves)
+        with pytest.raises(LimitExceeded, match=r"the arm stands in post or .* hil jog"):
+            list(measure(guarded(reaching(small_plan, UP), POST), manutec, ideal_bus))
+        assert len(ideal_bus.moves) == moves
+
+
 def test_a_plan_with_the_workspace_of_another_robot_is_refused(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
     path = tmp_path / "plan.yaml"
     path.write_text(dump_plan(guarded(small_plan, ranges={9: (-1.0, 1.0)})))
-    with pytest.raises(FileError, match=r"workspace: ranges.9: manutec-r15 has joints 1 to 6"):
+    with pytest.raises(FileError, match=r"workspace\.ranges\.9: manutec-r15 has joints 1 to 6"):
         load_plan(path, manutec)

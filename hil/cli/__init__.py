@@ -21,6 +21,7 @@ from drivers.drive_bus import DriveError
 from drivers.yaml_file import FileError
 from hil.cli import (
     commissioning,
+    drive_commands,
     drive_settings,
     findings,
     first_steps,
@@ -39,7 +40,13 @@ from hil.planning.dry_run import BITRATE, dry_run
 from hil.planning.plan import load_plan, refuse_other_robot
 from hil.terminal import dry_run_view, robot_view
 from hil.terminal.drives_check import StatedAxis, refuse_contradictions
-from hil.terminal.run_command import bus_options, carry_out, prepare_folder, with_workspace
+from hil.terminal.run_command import (
+    bus_options,
+    carry_out,
+    prepare_folder,
+    show_remarks,
+    with_workspace,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -174,6 +181,7 @@ def run(
             "--what-changes", help="List what would be written to the drives; write nothing."
         ),
     ] = False,
+    realtime: drive_commands.RealTime = False,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     the_plan, the_robot = _load(plan_file, robot_file, workspace)
@@ -197,6 +205,9 @@ def run(
             f"{interface} {channel}",
             out,
             speed if rehearse else None,
+            lambda: drive_commands.real_time_if(
+                realtime, lock_step=_in_lock_step(interface, pacing)
+            ),
         )
     finally:
         drive_settings.tell_unrestored(keeper)
@@ -264,7 +275,9 @@ def _load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tu
     the_plan = load_plan(plan_file)
     the_robot = load_robot(robot_file or the_plan.robot.name)
     refuse_other_robot(the_plan, the_robot, str(plan_file))
-    return with_workspace(the_plan, the_robot, workspace), the_robot
+    the_plan = with_workspace(the_plan, the_robot, workspace)
+    show_remarks(the_plan.workspace, the_robot, out)
+    return the_plan, the_robot
 
 
 def _dry_run(
@@ -292,6 +305,10 @@ def _default_channel(interface: str, the_robot: Robot) -> str:
             f"interface {interface} needs a channel too, such as can0", param_hint="--channel"
         )
     return the_robot.name
+
+
+def _in_lock_step(interface: str, pacing: Pacing) -> bool:
+    return pacing is Pacing.LOCK_STEP or (pacing is Pacing.AUTO and interface == SIMULATED)
 
 
 def _packaged_drives(the_robot: Robot) -> Path:

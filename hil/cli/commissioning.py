@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from contextlib import closing
 from functools import partial
+from itertools import chain
 from pathlib import Path  # noqa: TC003 - typer reads the annotation
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from drivers.drives_file import load_drives
@@ -20,12 +22,12 @@ from drivers.yaml_file import FileError
 from hil.cli import drive_commands as shared
 from hil.cli.drive_settings import keeper_of_bus
 from hil.measuring.run_journal import SIMULATED
-from hil.terminal import check_view
+from hil.terminal import check_view, jitter_view
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
+    import can
     from numpy.typing import NDArray
 
     from drivers.drives_file import AxisDrive, DrivesFile
@@ -51,6 +53,11 @@ def check(
         Path | None,
         typer.Option(help="Run folder whose identified model predicts gravity, for the direction."),
     ] = None,
+    realtime: shared.RealTime = False,
+    jitter_time: Annotated[
+        float,
+        typer.Option(min=0, max=600, help="How long to measure this computer's wake-ups [s]."),
+    ] = 10.0,
     yes: shared.Yes = False,
 ) -> None:
     """Check every drive against the drives file, at last by a small move of each axis."""
@@ -63,12 +70,16 @@ def check(
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         shared.operator_at_terminal(agreed=yes) as operator,
+        shared.real_time_if(realtime, lock_step=getattr(bus, "lock_step", False)) as granted,
         keeper_of_bus(interface, channel) as keeper,
         closing(
             check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
         ) as verdicts,
     ):
-        serves = check_view.show(map(_line, verdicts), shared.out)
+        for line in granted:
+            shared.out.print(line, highlight=False, markup=False, soft_wrap=True)
+        computer = _wake_ups(bus, drives.sync_period, jitter_time, realtime=realtime)
+        serves = check_view.show(map(_line, chain(computer, verdicts)), shared.out)
     if not serves:
         raise typer.Exit(1)
 
@@ -155,6 +166,27 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
             "check all axes of its robot together"
         )
     return partial(gravity_torque, robot, p)
+
+
+def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
+    """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
+    from drivers.kernel_sync import can_send_sync  # noqa: PLC0415 - slow to import
+    from drivers.probing import wake_ups  # noqa: PLC0415 - slow to import
+
+    found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
+    if found is None:
+        return []
+    classes, _ = np.histogram(found.late, [*jitter_view.EDGES, math.inf])
+    jitter = jitter_view.Jitter(
+        len(found.late),
+        1 / period,
+        [(100 * share, found.quantile(share)) for share in (0.5, 0.99, wake_ups.IN_TIME)],
+        found.longest,
+        classes.tolist(),
+    )
+    jitter_view.render(jitter, shared.out)
+    by_kernel = can_send_sync(bus)
+    return [wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=by_kernel)]
 
 
 def _si(drive: AxisDrive, value: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,8 +10,10 @@ import typer
 from rich.console import Console
 
 from drivers.drives_file import AxisDrive, DrivesFile, load_drives
+from drivers.yaml_file import FileError
 from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS
+from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 from hil.terminal.operator import TerminalOperator
 from hil.terminal.run_command import bus_options
@@ -38,6 +39,9 @@ BusOptions = Annotated[
     list[str] | None,
     typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
 ]
+RealTime = Annotated[
+    bool, typer.Option("--realtime", help="Use what this system grants of real time.")
+]
 Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; ask nothing.")]
 
 
@@ -60,9 +64,44 @@ def find_axis(drives: DrivesFile, name: str) -> AxisDrive:
 
 
 def drives_path(name: str) -> Path:
-    """Return the path of a drives file, that of a robot that comes along by its name."""
-    packaged = ROBOTS / f"{name}{SUFFIX}"
-    return packaged if packaged.is_file() else Path(name)
+    """Return the path of a drives file, that of a robot that comes along by its name.
+
+    Raises
+    ------
+    FileError
+        It is neither.
+    """
+    packaged, path = ROBOTS / f"{name}{SUFFIX}", Path(name)
+    if packaged.is_file():
+        return packaged
+    if not path.suffix and not path.exists():
+        along = ", ".join(_robots())
+        raise FileError(f"{name}: is neither a robot that comes along ({along}) nor a drives file")
+    return path
+
+
+def _robots() -> list[str]:
+    """Names of the robots with a drives file and a plant that come along."""
+    return sorted(path.name.removesuffix(SUFFIX) for path in ROBOTS.glob(f"*{SUFFIX}"))
+
+
+def _plant_of(drives: DrivesFile, name: str) -> str:
+    """Name the plant with these drives: node for node the same products.
+
+    What else a drives file states may be wrong; finding that is what a plant is for.
+    """
+    asked, robots = {_product(axis) for axis in drives.axes}, _robots()
+    for robot in robots:
+        if asked <= {_product(axis) for axis in load_drives(ROBOTS / f"{robot}{SUFFIX}").axes}:
+            return robot
+    raise FileError(
+        f"{drives_path(name)}: these are the drives of no plant that comes along; name one with"
+        f" --channel ({', '.join(robots)}), or a bus with --interface and --channel"
+    )
+
+
+def _product(axis: AxisDrive) -> tuple[int, int, int]:
+    return axis.node, axis.identity.vendor, axis.identity.product
 
 
 @contextmanager
@@ -75,27 +114,28 @@ def opened_bus(
     if channel is None:
         if interface != SIMULATED:
             raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
-        channel = drives_path(name).name.removesuffix(SUFFIX)
+        channel = _plant_of(drives, name)
     options = {"bitrate": drives.bitrate, **bus_options(pairs or [])}
     with open_can_bus(interface, channel, options) as bus:
         yield bus
 
 
 @contextmanager
-def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
-    """Ask and listen at the terminal."""
-    with interruptible("stopped; the axes are off"), Keys() as keys:
-        yield TerminalOperator(out, keys, agreed=agreed)
+def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
+    """Run in real time where that is wanted and SYNC has deadlines; yields what was granted."""
+    from drivers.realtime import real_time  # noqa: PLC0415 - only where a bus is used
+
+    if not wanted:
+        yield ()
+    elif lock_step:
+        yield ("real time: left out, SYNC is in lock-step and has no deadlines",)
+    else:
+        with real_time() as measures:
+            yield tuple(map(str, measures))
 
 
 @contextmanager
-def interruptible(told: str) -> Iterator[None]:
-    """Have Ctrl-C and SIGTERM end a command in order, with status 130."""
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    except KeyboardInterrupt:
-        typer.echo(told, err=True)
-        raise typer.Exit(130) from None
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
+    """Ask and listen at the terminal."""
+    with interruptible(lambda: "stopped; the axes are off"), Keys() as keys:
+        yield TerminalOperator(out, keys, agreed=agreed)

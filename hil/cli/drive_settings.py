@@ -24,6 +24,7 @@ from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_journal import SIMULATED
 from hil.measuring.run_lock import locked
 from hil.terminal import changes_view
+from hil.terminal.interruption import interruptible
 from hil.terminal.run_command import bus_options
 
 if TYPE_CHECKING:
@@ -95,7 +96,8 @@ def restore(
     with ExitStack() as stack:
         stack.enter_context(locked(file.parent))
         bus = stack.enter_context(_opened(settings, interface, channel, bus_option))
-        stack.enter_context(shared.interruptible("stopped; run the same command again to go on"))
+        ended = "stopped; run the same command again to go on"
+        stack.enter_context(interruptible(lambda: ended))
         for each in put_back(bus, settings):
             rows = [_row(entry, present, value) for entry, present, value in each.written]
             changes_view.render(each.label, rows, shared.out, "put back")

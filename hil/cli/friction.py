@@ -14,6 +14,7 @@ from hil.measuring.atomic_file import write_file
 from hil.model.robot import load_robot
 from hil.planning.plan import dump_plan
 from hil.planning.workspace import load_workspace
+from hil.terminal.run_command import show_remarks
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -55,6 +56,7 @@ def plan(
     if output.exists():
         raise FileError(f"{output}: is there already; remove it or choose another name with -o")
     guard = None if workspace is None else load_workspace(workspace, robot)
+    show_remarks(guard, robot, out)
     axes = [_index(number, robot) for number in axis or ()]
     try:
         planned = _planned(experiment, robot, axes, guard)

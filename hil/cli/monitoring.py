@@ -12,6 +12,7 @@ from drivers.drives_file import load_drives
 from hil.cli import drive_commands as shared
 from hil.measuring.run_journal import SIMULATED
 from hil.terminal import monitor_view
+from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def monitor(
     picture, asked = BusPicture(drives), questions(drives) if inputs else ()
     with (
         shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
-        shared.interruptible("stopped watching"),
+        interruptible(lambda: "stopped watching"),
         Keys() as keys,
     ):
         monitor_view.follow(

@@ -13,6 +13,7 @@ from hil.measuring.atomic_file import write_file
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.plan import dump_plan
 from hil.planning.workspace import load_workspace
+from hil.terminal.run_command import show_remarks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,6 +74,7 @@ def plan(
     the_robot = load_robot(str(name))
     try:
         guard = None if workspace is None else load_workspace(workspace, the_robot)
+        show_remarks(guard, the_robot, out)
         if minutes is None:
             from hil.planning.experiment_design import COUNTS, design  # noqa: PLC0415 - slow to import
 

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from drivers.yaml_file import FileError
-from hil.cli.drive_commands import interruptible
+from hil.terminal.interruption import interruptible
 
 commands = typer.Typer(help="Methods against one another on plants whose truth is known.")
 out = Console()
@@ -60,7 +60,8 @@ def drift(
     numbers = range(first_seed, first_seed + seeds)
     workers = workers or os.cpu_count() or 1
     failed = 0
-    with interruptible(f"stopped; what is done stays in {output}, the same command goes on"):
+    left = f"stopped; what is done stays in {output}, the same command goes on"
+    with interruptible(lambda: left):
         try:
             cells = study.prepare(
                 output, robot, plant or robot, numbers, scenarios, kinds, share, drives_file

@@ -21,7 +21,7 @@ from hil.measuring.sequencer import measure, never
 from hil.measuring.sync_timing import SyncTiming
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterator
+    from collections.abc import Callable, Generator, Iterator, Sequence
 
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 
 
 def run_campaign(
-    folder: RunFolder, bus: DriveBus, bus_name: str = "", pause: Callable[[], bool] = never
+    folder: RunFolder,
+    bus: DriveBus,
+    bus_name: str = "",
+    pause: Callable[[], bool] = never,
+    real_time: Sequence[str] = (),
 ) -> Generator[Event]:
     """Measure what `folder` has no recording of.
 
@@ -44,6 +48,8 @@ def run_campaign(
         What the bus is, for the journal: python-can's interface and channel.
     pause : callable
         See `hil.measuring.sequencer.measure`.
+    real_time : sequence of str
+        What the system granted of real time, for the journal.
 
     Yields
     ------
@@ -59,7 +65,7 @@ def run_campaign(
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
     with (
-        folder.session(bus_name) as session,
+        folder.session(bus_name, real_time) as session,
         _notes_kept(folder, bus),
         _collector_spared(),
         Background() as background,
@@ -85,13 +91,14 @@ def rehearse_campaign(
     bus_name: str,
     speed: float,
     pause: Callable[[], bool] = never,
+    real_time: Sequence[str] = (),
 ) -> Generator[Event]:
     """Pass all ways of the folder's plan at `speed`, and note in the folder that it was done.
 
     Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
     """
     with (
-        folder.session(bus_name),
+        folder.session(bus_name, real_time),
         _notes_kept(folder, bus),
         _collector_spared(),
         Background() as background,

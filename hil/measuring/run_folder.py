@@ -20,7 +20,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers.yaml_file import FileError, FileModel, load_yaml
-from hil.measuring.atomic_file import PART, operator_told, write_file
+from hil.measuring.atomic_file import (
+    PART,
+    operator_told,
+    own_folder,
+    refuse_link,
+    whole_name,
+    write_file,
+)
 from hil.measuring.recording_file import Measured, read_measured, write_measured
 from hil.measuring.run_journal import (
     Journal,
@@ -90,7 +97,8 @@ class RunFolder:
                 f"{path}: is there already; go on with --resume, or choose another folder with -o"
             )
         with operator_told(path, "made"):
-            (path / "recordings").mkdir(parents=True, exist_ok=True)
+            path.mkdir(parents=True, exist_ok=True)
+        own_folder(path / "recordings")
         write_file(path / "plan.yaml", dump_plan(plan).encode())
         write_file(path / "robot.yaml", robot.text.encode())
         if drives is not None:
@@ -127,9 +135,9 @@ class RunFolder:
         """Tell whether a run folder was killed while it was made: there is nothing to resume."""
         recordings = path / "recordings"
         with operator_told(path, "read"):
-            if (path / "run.json").exists() or not recordings.is_dir() or any(recordings.iterdir()):
+            if (path / "run.json").exists() or recordings.is_symlink() or not _is_empty(recordings):
                 return False
-            return all(entry.name.removesuffix(PART) in _STUB for entry in path.iterdir())
+            return all(whole_name(entry.name) in _STUB for entry in path.iterdir())
 
     def refuse_changes(self, plan: Plan, robot: Robot, drives: str | None = None) -> None:
         """Refuse to resume with another plan, robot or drives than the run was started with.
@@ -173,6 +181,7 @@ class RunFolder:
 
     def write(self, measured: Measured) -> None:
         """Keep a recording, whole or not at all."""
+        refuse_link(self.path / "recordings")
         write_measured(self.recording_path(measured.measurement), measured)
 
     def read(self, measurement: Measurement) -> Measured:
@@ -219,8 +228,14 @@ class RunFolder:
         -------
         list of str
             What is wrong with each file set aside, and its new name.
+
+        Raises
+        ------
+        FileError
+            The recordings lie behind a symbolic link, or cannot be renamed.
         """
         told = []
+        refuse_link(self.path / "recordings")
         with operator_told(self.path / "recordings", "cleaned up"):
             for part in (*self.path.glob(f"*{PART}"), *self.path.glob(f"recordings/*{PART}")):
                 part.unlink()
@@ -237,7 +252,9 @@ class RunFolder:
         return told
 
     def discard_if_empty(self) -> bool:
-        """Remove the folder if nothing was rehearsed or measured; tell whether it was removed."""
+        """Remove the folder if nothing was rehearsed or measured; tell whether it is gone."""
+        if not self.path.exists():
+            return True
         if self.journal.rehearsed or any((self.path / "recordings").iterdir()):
             return False
         if not self._settings_restored:
@@ -257,10 +274,10 @@ class RunFolder:
         return not path.exists() or load_yaml(path, _FoundSettings).restored
 
     @contextmanager
-    def session(self, bus_name: str) -> Iterator[int]:
+    def session(self, bus_name: str, real_time: Sequence[str] = ()) -> Iterator[int]:
         """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
         number = len(self.journal.sessions)
-        started = Session(started=now(), bus=bus_name)
+        started = Session(started=now(), bus=bus_name, real_time=tuple(real_time))
         self._note(self.journal.with_session(started))
         try:
             yield number

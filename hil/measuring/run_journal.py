@@ -58,6 +58,8 @@ class Session(FileModel):
     bus: str
     axes: tuple[Axis, ...] = ()
     sync: SyncTiming = SyncTiming()
+    real_time: tuple[str, ...] = ()
+    """What the system granted of real time; empty where it was not asked."""
     notes: tuple[str, ...] = ()
     host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
     versions: dict[str, str] = Field(default_factory=versions)

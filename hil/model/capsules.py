@@ -68,6 +68,14 @@ def capsules(robot: Robot) -> Capsules:
     )
 
 
+def reaches(robot: Robot) -> Array:
+    """Radius about the base frame's origin that each link's capsule never leaves (n_links,) [m]."""
+    shapes = capsules(robot)
+    joints = np.cumsum([np.hypot(*_offset(robot, joint)) for joint in range(robot.n_joints)])
+    ends: Array = np.linalg.norm(shapes.ends, axis=-1).max(axis=-1)
+    return joints + ends + shapes.radii
+
+
 def segments(robot: Robot, q: Array) -> Array:
     """Ends of all links' segments in the base frame, shape (n, n_links, 2, 3) [m].
 

@@ -149,7 +149,7 @@ def _judge(
     reach = capsules(robot).reach
     bound = half @ reach.T
     small = (_spans(sweep.at(owner, low), sweep.at(owner, high))[1] @ reach.T).max(1) < RESOLUTION
-    depth = _depths(robot, workspace, middle)
+    depth = intrusions(robot, workspace, middle)
     sure = depth + np.where(small[:, None], bound, 0.0)[..., None]
     flat = sure.reshape(len(owner), -1)
     deepest = flat.argmax(axis=1)
@@ -168,8 +168,18 @@ def _spans(first: Array, last: Array) -> tuple[Array, Array]:
     return (first + last) / 2, np.abs(last - first) / 2
 
 
-def _depths(robot: Robot, workspace: Workspace, q: Array) -> Array:
-    """How far links and margin reach into boxes, shape (n, n_links, n_boxes) [m]."""
+def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
+    """How far links and margin reach into boxes at configurations, shape (n, n_links, n_boxes) [m].
+
+    Negative where they are clear, minus infinity for links that a box ignores.
+
+    Parameters
+    ----------
+    robot : Robot
+    workspace : Workspace
+    q : array (n, n_joints)
+        Configurations [rad or m].
+    """
     placed = segments(robot, q)
     keep = capsules(robot).radii + workspace.margin
     depths = np.empty((len(q), robot.n_joints, len(workspace.boxes)))

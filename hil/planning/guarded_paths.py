@@ -36,6 +36,11 @@ if TYPE_CHECKING:
 SKEW = 0.02
 """Axes that are sent at once may be this far apart in time [s]."""
 
+_IN_A_PLAN = (
+    "plan again with --workspace, choose another configuration or order, or correct box or capsule"
+)
+_AT_THE_START = "correct box or capsule, or bring the arm out of there with hil jog"
+
 
 class Strokes:
     """Boxes in joint space, each spanned by two configurations (n, n_joints) [rad or m]."""
@@ -130,7 +135,7 @@ def refuse_travel(
     end: Sequence[float],
     fraction: float,
 ) -> None:
-    """Refuse a travel from where the robot stands that comes too near to a box.
+    """Refuse a travel that comes too near to a box, or begins there.
 
     Raises
     ------
@@ -139,7 +144,13 @@ def refuse_travel(
     """
     if workspace is None:
         return
-    sweep = travels(np.array([start]), np.array([end]), fraction, robot)
+    here = np.array([start])
+    for hit in find_hits(robot, workspace, Strokes(here, here)).values():
+        raise LimitExceeded(
+            f"the arm stands in {workspace.boxes[hit.box].name} or too near to it:"
+            f" {_described(hit, robot, workspace, _AT_THE_START)}"
+        )
+    sweep = travels(here, np.array([end]), fraction, robot)
     for hit in find_hits(robot, workspace, sweep).values():
         where = ", ".join(f"{q:.3g}" for q in start)
         raise LimitExceeded(
@@ -184,7 +195,7 @@ def _on_travels(
         yield Obstacle(number, f"{place}: {_described(hit, robot, plan.workspace)}")
 
 
-def _described(hit: Hit, robot: Robot, workspace: Workspace) -> str:
+def _described(hit: Hit, robot: Robot, workspace: Workspace, remedy: str = _IN_A_PLAN) -> str:
     shapes, box = capsules(robot), workspace.boxes[hit.box]
     into = hit.depth - workspace.margin
     if into >= shapes.radii[hit.link]:
@@ -195,7 +206,4 @@ def _described(hit: Hit, robot: Robot, workspace: Workspace) -> str:
         far = f"comes within {-into:.3f} m of {box.name}, margin {workspace.margin:g} m,"
     assumed = "" if shapes.stated[hit.link] else " (its capsule is assumed, none is stated)"
     where = ", ".join(f"{q:.3g}" for q in hit.q)
-    return (
-        f"link {hit.link + 1} {far} at q = ({where}){assumed}; plan again with --workspace, choose"
-        " another configuration or order, or correct box or capsule"
-    )
+    return f"link {hit.link + 1} {far} at q = ({where}){assumed}; {remedy}"

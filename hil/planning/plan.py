@@ -145,7 +145,7 @@ def refuse_other_robot(plan: Plan, robot: Robot, source: str) -> None:
                 f" {robot.n_joints}, one for each joint of {robot.name}"
             )
     if plan.workspace is not None:
-        refuse_unfit(plan.workspace, robot, f"{source}: workspace")
+        refuse_unfit(plan.workspace, robot, source, within=("workspace",))
 
 
 def dump_plan(plan: Plan) -> str:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator, model_validator
 
-from drivers.yaml_file import FileError, FileModel, load_yaml
+from drivers.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.model.robot_file import Point
+from hil.planning.workspace_fit import misfits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
     from typing import Self
 
@@ -94,22 +94,42 @@ def load_workspace(path: Path | str, robot: Robot) -> Workspace:
     FileError
         It is no workspace, or not one for this robot.
     """
-    workspace = load_yaml(path, Workspace)
-    refuse_unfit(workspace, robot, str(path))
+    text = read_text(path)
+    workspace = parse_yaml(text, Workspace, str(path))
+    refuse_unfit(workspace, robot, str(path), text)
     return workspace
 
 
-def refuse_unfit(workspace: Workspace, robot: Robot, source: str) -> None:
-    """Refuse a workspace that speaks of joints or ranges that `robot` does not have.
+def refuse_unfit(
+    workspace: Workspace,
+    robot: Robot,
+    source: str,
+    text: str | None = None,
+    within: tuple[str, ...] = (),
+) -> None:
+    """Refuse a workspace with joints, ranges or boxes that `robot` cannot have.
+
+    Parameters
+    ----------
+    source, text : str
+        The file's name, and its text to find lines in.
+    within : tuple of str
+        Keys under which the workspace stands in that file.
 
     Raises
     ------
     FileError
         One line for each problem.
     """
-    problems = list(_unfit(workspace, robot))
+    problems = [((*within, *place), reason) for place, reason in misfits(workspace, robot)]
     if problems:
-        raise FileError("\n".join(f"{source}: {problem}" for problem in problems))
+        raise FileError(
+            "\n".join(
+                f"{source}{'' if text is None else f':{line_of(text, place)}'}:"
+                f" {'.'.join(map(str, place))}: {reason}"
+                for place, reason in problems
+            )
+        )
 
 
 def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:
@@ -121,20 +141,3 @@ def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:
         update = {"q_min": low, "q_max": high}
         joints[joint - 1] = joints[joint - 1].model_copy(update=update)
     return replace(robot, file=robot.file.model_copy(update={"joints": tuple(joints)}))
-
-
-def _unfit(workspace: Workspace, robot: Robot) -> Iterator[str]:
-    for joint, (low, high) in workspace.ranges.items():
-        if not 1 <= joint <= robot.n_joints:
-            yield f"ranges.{joint}: {robot.name} has joints 1 to {robot.n_joints}"
-            continue
-        least, most = float(robot.q_min[joint - 1]), float(robot.q_max[joint - 1])
-        if low < least or high > most:
-            yield (
-                f"ranges.{joint}: {low:g} ... {high:g} must lie within the range of the robot"
-                f" file, {least:g} ... {most:g}; a workspace narrows, it never widens"
-            )
-    for number, box in enumerate(workspace.boxes):
-        for link in box.ignore_links:
-            if link > robot.n_joints:
-                yield f"boxes.{number}.ignore_links: {robot.name} has links 1 to {robot.n_joints}"

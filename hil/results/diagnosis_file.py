@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from drivers.yaml_file import FileModel, load_yaml
-from hil.measuring.atomic_file import operator_told, write_file
+from hil.measuring.atomic_file import own_folder, write_file
 from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import now
 from hil.model.base_parameters import base_parameters
@@ -134,8 +134,7 @@ def write_diagnosis(run_folder: Path, found: Diagnosis) -> Path:
 def write_plots(run_folder: Path, found: Diagnosis) -> Path:
     """Draw residuals over angles and, where there is one, Fig. 7; return their folder."""
     place = run_folder / "diagnosis"
-    with operator_told(place, "made"):
-        place.mkdir(exist_ok=True)
+    own_folder(place)
     with drawn():
         for name, figure in _figures(found).items():
             write_file(place / f"{name}.svg", image(figure, "svg"))

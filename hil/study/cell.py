@@ -23,7 +23,7 @@ from hil.estimation.conventional.variants import (
     trajectories,
 )
 from hil.estimation.identification import METHODS, estimates
-from hil.measuring.atomic_file import write_file
+from hil.measuring.atomic_file import own_folder, write_file
 from hil.measuring.run_folder import RunFolder
 from hil.results.compare import comparison
 from hil.results.friction_result import evaluate
@@ -133,7 +133,7 @@ def measure(cell: Cell) -> None:
     begun = (cell.run / "run.json").exists()
     if begun and not RunFolder.open(cell.run).missing:
         return
-    cell.run.parent.mkdir(parents=True, exist_ok=True)
+    own_folder(cell.run.parent)
     robot = cell.study / "robot.yaml"
     command = [
         *(sys.executable, "-m", "hil", "run", cell.plan, "-o", cell.run, "--robot", robot),

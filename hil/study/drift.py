@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from drivers.yaml_file import FileError
-from hil.measuring.atomic_file import operator_told, write_file
+from hil.measuring.atomic_file import operator_told, own_folder, write_file
 from hil.model.robot import ROBOTS, load_robot
 from hil.results.truth import true_parameters
 from hil.study.campaigns import KINDS, campaigns
@@ -98,10 +98,10 @@ def prepare(
     with operator_told(drives, "read"):
         text = drives.read_bytes()
     write_file(folder / "drives.yaml", text)
-    campaigns(the_robot, share, folder)
     for name in scenarios:
-        (folder / name).mkdir(exist_ok=True)
+        own_folder(folder / name)
         write_plant(SCENARIOS[name], plant, folder / name / "plant.yaml")
+    campaigns(the_robot, share, folder)
     return [
         Cell(folder.resolve(), scenario, kind, seed, seeds[k - 1 if k else 1])
         for k, seed in enumerate(seeds)

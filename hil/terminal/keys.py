@@ -78,7 +78,8 @@ class Keys:
         try:
             while self.listening and _in_foreground(self._descriptor) and self._waiting():
                 chunk = os.read(self._descriptor, CHUNK)
-                if not chunk:
+                if not chunk:  # the terminal has gone
+                    self.listening = False
                     break
                 typed += chunk
         except OSError:  # the terminal has gone

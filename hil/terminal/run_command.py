@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import signal
-import sys
-from contextlib import closing
+from contextlib import closing, nullcontext
 from typing import TYPE_CHECKING
 
 import typer
@@ -17,12 +15,15 @@ from hil.measuring.run_folder import RunFolder
 from hil.measuring.run_journal import SIMULATED
 from hil.measuring.run_lock import locked
 from hil.planning.workspace import load_workspace
+from hil.planning.workspace_fit import remarks
 from hil.results.rounding import clock
+from hil.terminal.interruption import interruptible, say
 from hil.terminal.keyboard_stop import HINT, KeyboardStop
 from hil.terminal.progress import shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from rich.console import Console
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
 
+    RealTime = Callable[[], AbstractContextManager[Sequence[str]]]
 
 NOT_REHEARSED = (
     "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
@@ -67,6 +70,12 @@ def with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
     return the_plan.model_copy(update={"workspace": load_workspace(path, the_robot)})
 
 
+def show_remarks(workspace: Workspace | None, robot: Robot, out: Console) -> None:
+    """Print what is strange about a workspace, though it is accepted."""
+    for line in remarks(workspace, robot):
+        out.print(line, style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
 def prepare_folder(
     path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool, out: Console
 ) -> RunFolder:
@@ -93,8 +102,9 @@ def carry_out(
     bus_name: str,
     out: Console,
     rehearsal: float | None = None,
+    real_time: RealTime | None = None,
 ) -> None:
-    """Run the campaign; Ctrl-C, s, space and SIGTERM stop the axes and keep what was measured.
+    """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
 
     Where nothing is missing no bus is opened.
 
@@ -102,6 +112,8 @@ def carry_out(
     ----------
     rehearsal : float, optional
         Share of the speed limits, to pass all ways at it instead of measuring.
+    real_time : callable, optional
+        Makes the context in which the axes are moved; yields what the system granted.
 
     Raises
     ------
@@ -120,7 +132,7 @@ def carry_out(
     ):
         out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
     with locked(folder.path):
-        _carry_out(folder, open_bus, bus_name, out, rehearsal)
+        _carry_out(folder, open_bus, bus_name, out, rehearsal, real_time)
 
 
 def _carry_out(
@@ -129,36 +141,56 @@ def _carry_out(
     bus_name: str,
     out: Console,
     rehearsal: float | None,
+    real_time: RealTime | None,
 ) -> None:
-    previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with KeyboardStop() as keyboard, shown(out) as show:
-            if keyboard.listening:
-                out.print(HINT, highlight=False)
-            bus, pause = open_bus(), keyboard.pause
-            if rehearsal is None:
-                events = run_campaign(folder, bus, bus_name, pause)
-            else:
-                events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause)
-            with closing(events):
-                for event in events:
-                    show(event)
-                    last = event
-    except KeyboardInterrupt:
-        sys.stderr.write(f"stopped, the axes are off; {_what_remains(folder)}\n")
-        raise typer.Exit(130) from None
-    except (BrokenPipeError, SystemExit):  # rich turns the one into the other
-        sys.stderr.write(f"nobody reads the output, the axes are off; {_what_remains(folder)}\n")
-        raise typer.Exit(1) from None
-    except (DriveError, FileError) as error:
-        sys.stderr.write(f"{error}\n{_what_remains(folder)}\n")
-        raise typer.Exit(1) from None
-    except Exception:
-        folder.discard_if_empty()
-        raise
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    def ended() -> str:
+        return f"stopped, the axes are off; {_what_remains(folder)}"
+
+    with interruptible(ended) as refuse_lost:
+        try:
+            last = _move(folder, open_bus, bus_name, out, rehearsal, real_time, refuse_lost)
+        except (BrokenPipeError, SystemExit):  # rich turns the one into the other
+            say(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
+            raise typer.Exit(1) from None
+        except (DriveError, FileError) as error:
+            say(f"{error}\n{_what_remains(folder)}")
+            raise typer.Exit(1) from None
+        except Exception:
+            folder.discard_if_empty()
+            raise
     out.print(_conclusion(folder, last, rehearsal), highlight=False, soft_wrap=True)
+
+
+def _move(
+    folder: RunFolder,
+    open_bus: Callable[[], DriveBus],
+    bus_name: str,
+    out: Console,
+    rehearsal: float | None,
+    real_time: RealTime | None,
+    refuse_lost: Callable[[], None],
+) -> Event:
+    """Pass the campaign's events to the terminal; return the last one."""
+    with (
+        KeyboardStop() as keyboard,
+        shown(out) as show,
+        nullcontext(()) if real_time is None else real_time() as granted,
+    ):
+        for line in granted:
+            out.print(line, highlight=False, markup=False, soft_wrap=True)
+        if keyboard.listening:
+            out.print(HINT, highlight=False)
+        bus, pause = open_bus(), keyboard.pause
+        if rehearsal is None:
+            events = run_campaign(folder, bus, bus_name, pause, granted)
+        else:
+            events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause, granted)
+        with closing(events):
+            for event in events:
+                refuse_lost()
+                show(event)
+                last = event
+    return last
 
 
 def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:

@@ -1,0 +1,193 @@
+"""Real time as far as this system grants it: scheduling class, memory, a core, awake processors.
+
+SYNC on the wall clock is as regular as this process is woken up. A normal process shares its core
+with all others, may be moved between cores, has its memory paged out and its core sent to sleep,
+each of which costs some milliseconds now and then. Inside `real_time` the calling thread has what
+the system grants of four measures, and says for the others what would have to be granted. On
+leaving everything is as before. Threads that are started meanwhile, such as the one that writes
+files, keep the normal scheduling class.
+
+The priority is below that of the kernel's own threads, among them those of interrupts: frames come
+in and go out before whoever waits for them runs.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+PRIORITY = 40
+"""Of SCHED_FIFO, 1 to 99; threaded interrupts have 50."""
+
+_CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
+"""Flags of mlockall: what is mapped, what will be; each page once it is used."""
+_ISOLATED = Path("/sys/devices/system/cpu/isolated")
+_AWAKE = Path("/dev/cpu_dma_latency")
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One measure of real time, granted or not.
+
+    Attributes
+    ----------
+    name : str
+    granted : bool
+    found : str
+        What was granted, or why it was not.
+    remedy : str
+        What would have to be granted; empty where nothing is missing.
+    """
+
+    name: str
+    granted: bool
+    found: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.found}{f'; {self.remedy}' if self.remedy else ''}"
+
+
+class System(Protocol):
+    """What is asked of the operating system; each raises `OSError` where it is refused.
+
+    The first four return what undoes them.
+    """
+
+    def schedule(self, priority: int) -> Callable[[], None]:
+        """Give the calling thread SCHED_FIFO."""
+
+    def lock_memory(self) -> Callable[[], None]:
+        """Keep this process's memory from being paged out."""
+
+    def pin(self, core: int) -> Callable[[], None]:
+        """Keep the calling thread on a core."""
+
+    def stay_awake(self) -> Callable[[], None]:
+        """Keep the processors out of idle states that take long to leave."""
+
+    def cores(self) -> set[int]:
+        """Cores on which the calling thread may run."""
+
+    def isolated(self) -> set[int]:
+        """Cores that the kernel gives to nobody who does not ask for them."""
+
+
+class Linux:
+    """Linux's own calls; other systems refuse all of them."""
+
+    def schedule(self, priority: int) -> Callable[[], None]:
+        """Give the calling thread SCHED_FIFO, and none that it starts."""
+        before, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+        return lambda: os.sched_setscheduler(0, before, parameters)
+
+    def lock_memory(self) -> Callable[[], None]:
+        """Keep every page that is used from being paged out."""
+        library = ctypes.CDLL(None, use_errno=True)
+        if library.mlockall(_CURRENT | _FUTURE | _ON_FAULT):
+            number = ctypes.get_errno()
+            raise OSError(number, os.strerror(number))
+        unlock: Callable[[], None] = library.munlockall
+        return unlock
+
+    def pin(self, core: int) -> Callable[[], None]:
+        """Keep the calling thread on a core."""
+        before = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, {core})
+        return lambda: os.sched_setaffinity(0, before)
+
+    def stay_awake(self) -> Callable[[], None]:
+        """Ask for a wake-up latency of 0 us, for as long as the file is open."""
+        descriptor = os.open(_AWAKE, os.O_WRONLY | os.O_CLOEXEC)
+        try:
+            os.write(descriptor, b"\0\0\0\0")
+        except OSError:
+            os.close(descriptor)
+            raise
+        return lambda: os.close(descriptor)
+
+    def cores(self) -> set[int]:
+        """Cores on which the calling thread may run; isolated ones only if it was put there."""
+        return os.sched_getaffinity(0)
+
+    def isolated(self) -> set[int]:
+        """Cores of ``isolcpus``, from a list such as 2-3,5."""
+        text = _ISOLATED.read_text(encoding="ascii").strip()
+        ranges = [part.partition("-") for part in text.split(",") if part]
+        return {
+            core for first, _, last in ranges for core in range(int(first), int(last or first) + 1)
+        }
+
+
+@contextmanager
+def real_time(system: System | None = None) -> Iterator[tuple[Measure, ...]]:
+    """Run the block in real time, as far as it is granted; yields what was.
+
+    Parameters
+    ----------
+    system : System, optional
+        This machine's unless given.
+
+    Yields
+    ------
+    tuple of Measure
+        Scheduling, memory, core, idle states.
+    """
+    system = Linux() if system is None else system
+    with ExitStack() as undo:
+        memory = _asked(undo, system.lock_memory, "memory", "locked", _MEMORY)
+        idle = _asked(undo, system.stay_awake, "idle states", "shallow only", _IDLE)
+        core = _pinned(undo, system)
+        scheduling = _asked(
+            undo,
+            lambda: system.schedule(PRIORITY),
+            "scheduling",
+            f"SCHED_FIFO, priority {PRIORITY}",
+            _SCHEDULING,
+        )
+        yield scheduling, memory, core, idle
+
+
+_SCHEDULING = (
+    "raise rtprio in /etc/security/limits.conf to at least"
+    f" {PRIORITY} and log in anew, or grant CAP_SYS_NICE"
+)
+_MEMORY = "set memlock to unlimited in /etc/security/limits.conf and log in anew"
+_CORE = "set one aside with isolcpus=N among the kernel's parameters"
+_IDLE = "let this user write /dev/cpu_dma_latency, or limit idle states in the firmware"
+
+
+def _asked(
+    undo: ExitStack, ask: Callable[[], Callable[[], None]], name: str, granted: str, remedy: str
+) -> Measure:
+    try:
+        undo.callback(ask())
+    except (OSError, AttributeError) as error:  # the latter on systems without such a call
+        return Measure(name, granted=False, found=f"not granted ({_reason(error)})", remedy=remedy)
+    return Measure(name, granted=True, found=granted)
+
+
+def _pinned(undo: ExitStack, system: System) -> Measure:
+    """Keep the thread on an isolated core; on a shared one it could not step aside for others."""
+    try:
+        isolated = sorted(system.isolated())
+        if not isolated:
+            shared = f"{len(system.cores())} shared with everything else"
+            return Measure("core", granted=False, found=shared, remedy=_CORE)
+        undo.callback(system.pin(isolated[-1]))
+    except (OSError, ValueError, AttributeError) as error:
+        return Measure("core", granted=False, found=f"not granted ({_reason(error)})", remedy=_CORE)
+    return Measure("core", granted=True, found=f"{isolated[-1]}, isolated, for this thread alone")
+
+
+def _reason(error: Exception) -> str:
+    return str((isinstance(error, OSError) and error.strerror) or error)

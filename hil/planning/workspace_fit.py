@@ -1,0 +1,137 @@
+"""Whether a workspace can be meant for a robot: its joints, its units, boxes against the reach.
+
+A box in millimetres would lie far beyond the arm and guard nothing, without a word. No point of a
+link is farther from the base frame's origin than the lengths of the chain in between, so the arm
+itself tells what numbers a box can have: a coordinate beyond `FARTHEST` times that reach is refused
+as one in another unit, and so is a box smaller than a screw. What lies nearer, yet where no link
+comes, is accepted with a remark (`remarks`). A box that a link stands in wherever the joints are
+is refused with the remedy for that, rather than through every measurement of a plan.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.capsules import capsules, reaches
+from hil.planning.clearance import intrusions
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.model.robot import Robot
+    from hil.planning.workspace import Box, Workspace
+
+FARTHEST = 20.0
+"""Coordinates of a box may be this many times the reach of the arm."""
+SMALLEST = 1 / 500
+"""Longest edge of a box, as a share of the reach, below which nothing is guarded by it."""
+CONFIGURATIONS = 256
+"""Configurations, spread over the joint ranges, in which a link must stand clear of a box once."""
+
+Place = tuple[str | int, ...]
+
+
+def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
+    """Yield what makes a workspace unfit for `robot`: keys that lead to the value, and the reason.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    robot : Robot
+    """
+    for joint, (low, high) in workspace.ranges.items():
+        if not 1 <= joint <= robot.n_joints:
+            yield ("ranges", joint), f"{robot.name} has joints 1 to {robot.n_joints}"
+        else:
+            yield from _range(joint, low, high, robot)
+    sound = True
+    for number, box in enumerate(workspace.boxes):
+        for place, reason in (*_links(box, robot), *_units(box, robot)):
+            sound = False
+            yield ("boxes", number, *place), reason
+    if sound and workspace.boxes:
+        yield from _always_inside(workspace, robot)
+
+
+def remarks(workspace: Workspace | None, robot: Robot) -> list[str]:
+    """Return a line for each box that no link can reach, so that it guards nothing."""
+    if workspace is None:
+        return []
+    reach = reaches(robot)
+    lines = []
+    for box in workspace.boxes:
+        checked = [k for k in range(robot.n_joints) if k + 1 not in box.ignore_links]
+        farthest = max((float(reach[k]) for k in checked), default=0.0)
+        nearest = math.hypot(*np.clip(0.0, box.low, box.high))
+        if nearest > farthest + workspace.margin:
+            lines.append(
+                f"box {box.name} guards nothing: it begins {nearest:.3g} m from the base frame's"
+                f" origin, and the links checked against it reach {farthest:.3g} m; see whether"
+                " its place, its unit (m) and its ignore_links are right"
+            )
+    return lines
+
+
+def _range(joint: int, low: float, high: float, robot: Robot) -> Iterator[tuple[Place, str]]:
+    least, most = float(robot.q_min[joint - 1]), float(robot.q_max[joint - 1])
+    if low >= least and high <= most:
+        return
+    revolute = bool(robot.revolute[joint - 1])
+    unit, other = ("rad", "degrees") if revolute else ("m", "millimetres")
+    si = [math.radians(value) if revolute else value / 1000 for value in (low, high)]
+    hint = ""
+    if si[0] >= least and si[1] <= most:
+        hint = f"; in {other}? then write [{si[0]:.5g}, {si[1]:.5g}]"
+    yield (
+        ("ranges", joint),
+        f"{low:g} ... {high:g} must lie within the range of the robot file,"
+        f" {least:g} ... {most:g} {unit}; a workspace narrows, it never widens{hint}",
+    )
+
+
+def _links(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
+    if any(link > robot.n_joints for link in box.ignore_links):
+        yield ("ignore_links",), f"{robot.name} has links 1 to {robot.n_joints}"
+
+
+def _units(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
+    """Refuse coordinates that are in another unit than metres."""
+    reach = float(reaches(robot).max())
+    far = FARTHEST * reach
+    for key, corner in (("low", box.low), ("high", box.high)):
+        worst = max(corner, key=abs)
+        if abs(worst) > far:
+            yield (
+                (key,),
+                f"{worst:g} m of {box.name} must be within +-{far:.3g} m, {FARTHEST:g} times the"
+                f" reach of {robot.name}: it looks like millimetres; then write {worst / 1000:g}",
+            )
+    edge = max(high - low for low, high in zip(box.low, box.high, strict=True))
+    if edge < SMALLEST * reach:
+        yield (
+            ("high",),
+            f"{box.name} is nowhere wider than {edge:.2g} m, at least {SMALLEST * reach:.2g} m"
+            f" can be guarded ({SMALLEST:g} of the reach of {robot.name}); lengths are in m",
+        )
+
+
+def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
+    """Refuse boxes in which one link stands at all configurations that are looked at."""
+    spread = np.random.default_rng(0).uniform(size=(CONFIGURATIONS, robot.n_joints))
+    q = robot.q_min + spread * (robot.q_max - robot.q_min)
+    inside = np.all(intrusions(robot, workspace, q) > 0.0, axis=0)
+    for number, box in enumerate(workspace.boxes):
+        links = [k + 1 for k in np.flatnonzero(inside[:, number]).tolist()]
+        if links:
+            which = f"link {links[0]}" if len(links) == 1 else f"links {', '.join(map(str, links))}"
+            assumed = not all(capsules(robot).stated[k - 1] for k in links)
+            yield (
+                ("boxes", number),
+                f"{box.name} holds {which} of {robot.name} at every configuration"
+                f"{' (with a capsule that is assumed)' if assumed else ''}, so nothing could be"
+                f" measured; correct its corners, or where the arm is fixed to it state"
+                f" ignore_links: {[*box.ignore_links, *links]}",
+            )

@@ -1,0 +1,108 @@
+"""How a command is ended from outside: Ctrl-C, SIGTERM, and SIGHUP when its terminal is closed.
+
+While axes may be powered, each of the three raises `KeyboardInterrupt` in the main thread, so that
+all contexts are left in order: axes stopped and switched off, files whole, the terminal as it was.
+What nohup ignores stays ignored. A terminal that has gone refuses every output with an error; it is
+exchanged for the null device, so that no message stands in the way of switching off.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from types import FrameType
+
+STATUS = 130
+"""Exit status of a program that was interrupted."""
+
+_NUMBERS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+_OUTPUTS = (1, 2)
+
+
+@contextmanager
+def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
+    """End the block in order on Ctrl-C, SIGTERM and SIGHUP.
+
+    Python drops an exception that is raised while an object is finalised, and with it an interrupt
+    that comes at such a moment. So what is yielded is to be called now and then: it raises
+    `KeyboardInterrupt` where one has been dropped.
+
+    Parameters
+    ----------
+    ended : callable
+        Asked for the line to show when the block has been left.
+
+    Raises
+    ------
+    typer.Exit
+        With status 130 when interrupted.
+    """
+    try:
+        with _interrupts() as refuse_lost:
+            yield refuse_lost
+    except KeyboardInterrupt:
+        # python-can says of a bus that was just being opened that nobody has closed it.
+        logging.getLogger("can").setLevel(logging.ERROR)
+        say(ended())
+        raise typer.Exit(STATUS) from None
+
+
+def say(text: str) -> None:
+    """Put a line on standard error, if anybody reads it."""
+    with suppress(OSError):
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+
+
+@contextmanager
+def _interrupts() -> Iterator[Callable[[], None]]:
+    """Have the three signals, and output to a terminal that has gone, raise KeyboardInterrupt."""
+    terminals = [descriptor for descriptor in _OUTPUTS if os.isatty(descriptor)]
+    interrupted = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        del number, frame
+        interrupted = True
+        _exchange_gone(terminals)
+        raise KeyboardInterrupt
+
+    def refuse_lost() -> None:
+        if interrupted:
+            raise KeyboardInterrupt
+
+    before = {number: signal.getsignal(number) for number in _NUMBERS}
+    for number in _NUMBERS:
+        if number == signal.SIGTERM or before[number] is not signal.SIG_IGN:
+            signal.signal(number, interrupt)
+    try:
+        yield refuse_lost
+    except OSError as error:
+        if not _exchange_gone(terminals):
+            raise
+        raise KeyboardInterrupt from error
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _exchange_gone(terminals: Sequence[int]) -> bool:
+    """Put the null device in the place of terminals that have gone; tell whether any has."""
+    gone = [descriptor for descriptor in terminals if not os.isatty(descriptor)]
+    if gone:
+        null = os.open(os.devnull, os.O_WRONLY)
+        for descriptor in gone:
+            os.dup2(null, descriptor)
+        os.close(null)
+    return bool(gone)

@@ -1,0 +1,150 @@
+"""What is asked of the system for real time, what it grants, and that all of it is given back."""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from drivers import realtime
+from drivers.realtime import PRIORITY, Linux, Measure, real_time
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+class Machine:
+    """A system that grants what it is made with, and notes what happens to it."""
+
+    def __init__(self, *granted: str, isolated: set[int] | None = None) -> None:
+        self.log: list[str] = []
+        self._granted = granted
+        self._isolated = isolated or set()
+
+    def schedule(self, priority: int) -> Callable[[], None]:
+        return self._ask("scheduling", f"FIFO {priority}")
+
+    def lock_memory(self) -> Callable[[], None]:
+        return self._ask("memory", "lock")
+
+    def pin(self, core: int) -> Callable[[], None]:
+        return self._ask("core", f"pin {core}")
+
+    def stay_awake(self) -> Callable[[], None]:
+        return self._ask("idle states", "awake")
+
+    def cores(self) -> set[int]:
+        return {0, 1}
+
+    def isolated(self) -> set[int]:
+        return self._isolated
+
+    def _ask(self, name: str, done: str) -> Callable[[], None]:
+        if name not in self._granted:
+            raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+        self.log.append(done)
+        return lambda: self.log.append(f"undo {done}")
+
+
+ALL = ("scheduling", "memory", "core", "idle states")
+
+
+def by_name(measures: tuple[Measure, ...]) -> dict[str, Measure]:
+    return {measure.name: measure for measure in measures}
+
+
+def test_what_is_granted_is_used_and_given_back_in_reverse_order() -> None:
+    machine = Machine(*ALL, isolated={2, 3})
+    with real_time(machine) as measures:
+        assert all(measure.granted and not measure.remedy for measure in measures)
+        taken = list(machine.log)
+    assert taken == ["lock", "awake", "pin 3", f"FIFO {PRIORITY}"]
+    assert machine.log[4:] == [f"undo {done}" for done in reversed(taken)]
+
+
+def test_all_is_given_back_after_an_interrupt_too() -> None:
+    machine = Machine(*ALL, isolated={2})
+    with pytest.raises(KeyboardInterrupt), real_time(machine):
+        raise KeyboardInterrupt
+    assert len(machine.log) == 8
+
+
+@pytest.mark.parametrize("missing", ALL)
+def test_what_is_refused_is_stated_with_the_reason_and_the_remedy(missing: str) -> None:
+    machine = Machine(*(set(ALL) - {missing}), isolated={1})
+    with real_time(machine) as measures:
+        found = by_name(measures)
+    assert not found[missing].granted
+    assert f"{missing}: not granted (Operation not permitted); " in str(found[missing])
+    remedies = {
+        "scheduling": "rtprio",
+        "memory": "memlock",
+        "core": "isolcpus",
+        "idle states": "cpu_dma_latency",
+    }
+    assert remedies[missing] in found[missing].remedy
+    assert all(found[name].granted for name in ALL if name != missing)
+
+
+def test_a_shared_core_is_never_occupied() -> None:
+    machine = Machine(*ALL)
+    with real_time(machine) as measures:
+        core = by_name(measures)["core"]
+    assert not any(done.startswith("pin") for done in machine.log)
+    assert str(core) == (
+        "core: 2 shared with everything else; set one aside with isolcpus=N among the kernel's"
+        " parameters"
+    )
+
+
+def test_a_system_without_these_calls_grants_nothing_and_runs_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("sched_setscheduler", "sched_getscheduler", "sched_getaffinity"):
+        monkeypatch.delattr(os, name)
+    monkeypatch.setattr(realtime.ctypes, "CDLL", lambda *_a, **_k: object())
+    monkeypatch.setattr(realtime, "_AWAKE", Path("/nowhere"))
+    monkeypatch.setattr(realtime, "_ISOLATED", Path("/nowhere"))
+    with real_time() as measures:
+        assert not any(measure.granted for measure in measures)
+
+
+@pytest.mark.parametrize(
+    ("text", "cores"), [("\n", set()), ("3\n", {3}), ("2-4,7\n", {2, 3, 4, 7})]
+)
+def test_isolated_cores_are_read_as_the_kernel_lists_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, cores: set[int]
+) -> None:
+    path = tmp_path / "isolated"
+    path.write_text(text)
+    monkeypatch.setattr(realtime, "_ISOLATED", path)
+    assert Linux().isolated() == cores
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="this system has no such calls")
+def test_this_machine_has_what_is_said_and_everything_is_as_before_afterwards() -> None:
+    def state() -> tuple[object, ...]:
+        return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, locked()
+
+    before = state()
+    inherited: list[int] = []
+    with real_time() as measures:
+        found = by_name(measures)
+        policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+        assert (policy == os.SCHED_FIFO) is found["scheduling"].granted
+        assert (locked() > 0) is found["memory"].granted
+        other = threading.Thread(target=lambda: inherited.append(os.sched_getscheduler(0)))
+        other.start()
+        other.join()
+    assert inherited == [os.SCHED_OTHER]
+    assert state() == before
+
+
+def locked() -> int:
+    """Return how much of this process's memory is locked [kB]."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck"))
