@@ -61,9 +61,9 @@ def set_up_life_guarding(server: SdoServer, drives: DrivesFile) -> None:
         kept *= server.kept[entry]
     if not 2 * period <= kept <= LONGER_WATCH * timeout:
         raise DriveRefused(
-            f"{server.label}: keeps a life time (100C times 100D) of {kept} ms after {timeout:g} ms "
-            "were written; without it the axis goes on when this process dies: choose heartbeat_period "
-            "and heartbeat_timeout that it takes"
+            f"{server.label}: keeps a life time (100C times 100D) of {kept} ms after {timeout:g} "
+            "ms were written; without it the axis goes on when this process dies: choose "
+            "heartbeat_period and heartbeat_timeout that it takes"
         )
     server.notes.append(
         f"{server.label}: no heartbeats both ways (1016, 1017): it watches our guarding requests "

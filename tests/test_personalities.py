@@ -171,10 +171,10 @@ def notes(folder: Path, name: str) -> list[str]:
         ("int32-current", ["0 instead of 50 in object 6066:00", "no object 6075:00"]),
         ("tenth-rpm", ["no object 6084:00", "no object 6085:00", "no object 6065:00"]),
         ("sizeless", []),
-        ("other-order", []),
-        ("fixed-pair", []),
+        ("other-order", ["state tpdos: [[0x60780010, 0x60640020, 0x60410010]] in the drives file"]),
+        ("fixed-pair", ["[[0x60610008, 0x60640020, 0x60410010], [0x60770010, 0x60780010]]"]),
         ("moved-emergency", []),
-        ("two-entries", ["TPDO 1 has no room for 3 objects: the current goes into TPDO 2"]),
+        ("two-entries", ["state tpdos: [[0x60410010, 0x60640020], [0x60780010]]"]),
         (
             "event-tpdo",
             ["TPDO 2 cannot be switched off: it goes on to be sent under 281h on event"],

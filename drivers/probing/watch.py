@@ -1,8 +1,8 @@
 """What can be seen of the drives by listening alone: states, positions, currents, emergencies.
 
 `BusPicture` takes frames and sends none, so it works beside a running master, on a bus object of
-its own. TPDOs are understood as our driver maps them (`pdo_mapping.transmitted`); one of another
-length is counted as foreign, not guessed at.
+its own. TPDOs are understood as our driver maps them or as the drives file has them
+(`pdo_mapping.transmitted`); one of another length is counted as foreign, not guessed at.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.cia402 import State, decode_state
 from drivers.error_codes import Emergency, decode_emergency
-from drivers.pdo_mapping import transmitted
+from drivers.pdo_mapping import current_entry, transmitted
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ class BusPicture:
             axis.state = decode_state(value)
         elif entry == objects.POSITION:
             axis.q = scale.position_from_counts(float(value))
-        else:
+        elif entry == current_entry(self.drives.axes[slot]):
             axis.tau = scale.torque_from_counts(float(value))
 
 
