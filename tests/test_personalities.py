@@ -107,6 +107,7 @@ def test_the_same_campaign_gives_the_same_parameters_on_every_personality(
         "event-tpdo",
         "fixed-identifiers",
         "fixed-pair",
+        "life-guarding",
         "moved-emergency",
         "other-order",
         "sizeless",
