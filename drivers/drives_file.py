@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 
 Positive = Annotated[float, Field(gt=0)]
 U32 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+Words = Annotated[tuple[U32, ...], Field(min_length=1, max_length=8)]
 I32_MAX = 2**31 - 1
+STATUS_WORD, POSITION_WORD = 0x60410010, 0x60640020
 
 
 class Basis(Enum):
@@ -183,6 +185,10 @@ class AxisDrive(FileModel):
         the target is reached; in the second case no set-point is offered while one is under way.
     acknowledge_timeout : float
         How long the acknowledge may take [s].
+    tpdos : tuple of tuple of int, optional
+        What TPDO 1 and, if there is one, TPDO 2 carry, in the words of 1A00 and 1A01, where that is
+        not status, position and current in one TPDO (two for a current of 32 bits). The driver asks
+        the drive anyway; who only listens reads it here.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -213,6 +219,7 @@ class AxisDrive(FileModel):
     allow_no_heartbeat: Annotated[str, Field(min_length=10)] | None = None
     acknowledge: Literal["taken", "reached"] = "taken"
     acknowledge_timeout: Annotated[float, Field(gt=0, le=60)] = 0.5
+    tpdos: Annotated[tuple[Words, ...], Field(min_length=1, max_length=2)] | None = None
 
     @model_validator(mode="after")
     def _current_explained(self) -> Self:
@@ -228,6 +235,27 @@ class AxisDrive(FileModel):
                     raise ValueError(
                         f"{key} is missing, needed to turn {basis} into torque; add it"
                     )
+        return self
+
+    @model_validator(mode="after")
+    def _tpdos_whole(self) -> Self:
+        if self.tpdos is None:
+            return self
+        current = self.current
+        word = current.index << 16 | current.subindex << 8 | int(current.type[1:])
+        carried = {word for words in self.tpdos for word in words}
+        for needed in (STATUS_WORD, POSITION_WORD, word):
+            if needed not in carried:
+                raise ValueError(
+                    f"tpdos: 0x{needed:08X} is missing; state what 1A00 and 1A01 of the drive hold"
+                )
+        for number, words in enumerate(self.tpdos, start=1):
+            bits = [word & 0xFF for word in words]
+            if sum(bits) > 64 or any(size == 0 or size % 8 for size in bits):
+                raise ValueError(
+                    f"tpdos: TPDO {number} has objects of {bits} bits; they must be whole bytes, "
+                    "64 bits together at most"
+                )
         return self
 
     @model_validator(mode="after")

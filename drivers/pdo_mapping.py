@@ -3,7 +3,7 @@
 Status, position and current must be latched at one SYNC (transmission type 1), so they are best
 carried by one TPDO. Where they do not fit into one frame (a current of 32 bits, or a TPDO that
 takes two objects) the current goes into TPDO 2 of the same SYNC. `pdo_set_up` writes all that to a
-drive, or finds out what a drive with fixed PDOs carries instead.
+drive, or finds out what a drive with fixed PDOs carries instead. The drives file may state that.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from drivers import objects
 from drivers.sdo import Entry
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from drivers.drives_file import AxisDrive
 
 ON_SYNC = 1
@@ -73,6 +75,10 @@ def transmitted(axis: AxisDrive) -> tuple[Pdo, ...]:
 
 def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
     """Return how statusword, position and current may be put into TPDOs, the best way first."""
+    if axis.tpdos is not None:
+        ours = (objects.STATUSWORD, objects.POSITION, current_entry(axis))
+        stated = enumerate(axis.tpdos, start=1)
+        return (tuple(_tpdo(n, axis.node, mapped(words, ours)) for n, words in stated),)
     state, current = (objects.STATUSWORD, objects.POSITION), current_entry(axis)
     both = (_tpdo(1, axis.node, state), _tpdo(2, axis.node, (current,)))
     return ((_tpdo(1, axis.node, (*state, current)),), both) if current.size == 2 else (both,)
@@ -80,13 +86,27 @@ def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
 
 def answers(axis: AxisDrive) -> tuple[int, ...]:
     """Return all identifiers under which the drive of an axis may answer SYNC."""
-    return tuple(pdo.cob_id for pdo in arrangements(axis)[-1])
+    return tuple(_tpdo(number, axis.node, ()).cob_id for number in (1, 2))
 
 
 def received(axis: AxisDrive) -> Pdo:
     """Return the RPDO that carries the target, then the controlword that makes it valid."""
     entries = (objects.TARGET_POSITION, objects.CONTROLWORD)
     return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, RPDO_TYPES, entries)
+
+
+def mapping_word(entry: Entry) -> int:
+    """Return how a mapping names an object: index, sub-index and length in bits."""
+    return entry.index << 16 | entry.subindex << 8 | int(entry.type[1:])
+
+
+def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
+    """Return the objects that a mapping names; those that are not ours have no name."""
+    named = {mapping_word(entry): entry for entry in ours}
+    return tuple(
+        named.get(word) or Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "")
+        for word in words
+    )
 
 
 def _tpdo(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:

@@ -16,12 +16,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from drivers.drive_bus import DriveRefused
-from drivers.pdo_mapping import arrangements, received
+from drivers.pdo_mapping import arrangements, mapped, mapping_word, received, transmitted
 from drivers.sdo import FIXED_CODES, RANGE_CODES, Aborted, Entry
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from drivers.drives_file import AxisDrive
     from drivers.pdo_mapping import Pdo
     from drivers.sdo import SdoServer
@@ -77,6 +75,7 @@ def set_up_pdos(
         A fixed PDO that carries something else, or a value that reads back differently.
     """
     sent = _set_up_sending(server, axis)
+    _compare(server, axis, sent)
     _set_up(server, received(axis))
     others = [_switch_off(server, number) for number in range(len(sent), PDOS)]
     return sent, tuple(other for other in others if other is not None)
@@ -90,14 +89,31 @@ def _set_up_sending(server: SdoServer, axis: AxisDrive) -> tuple[Pdo, ...]:
     except _TooShort:
         if not rest:
             raise
-        server.notes.append(
-            f"{server.label}: {first[0].name} has no room for {len(first[0].entries)} objects: the "
-            f"current goes into {rest[0][-1].name}, which takes more of the bus"
-        )
     except _Unsuitable:
         if not rest or not _carries(server, rest[0][-1]):
             raise
     return tuple(_set_up(server, pdo) for pdo in rest[0])
+
+
+def _compare(server: SdoServer, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:
+    """Compare what the drive sends with what the drives file states, or note what to state."""
+    expected, found = _shown(transmitted(axis)), _shown(sent)
+    if found == expected:
+        return
+    if axis.tpdos is not None:
+        raise DriveRefused(
+            f"{server.label}: its TPDOs carry {found}, the drives file states {expected}; correct "
+            "tpdos"
+        )
+    server.notes.append(
+        f"{server.label}: status, position and current come as its TPDOs have them; state tpdos: "
+        f"{found} in the drives file, for those who only listen (hil monitor) and for the bus load"
+    )
+
+
+def _shown(pdos: tuple[Pdo, ...]) -> str:
+    words = (", ".join(f"0x{mapping_word(e):08X}" for e in pdo.entries) for pdo in pdos)
+    return "[" + ", ".join(f"[{each}]" for each in words) + "]"
 
 
 def _set_up(server: SdoServer, pdo: Pdo) -> Pdo:
@@ -128,7 +144,7 @@ def _set_mapping(server: SdoServer, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]
         server.set(_count(pdo), 0)
         emptied = True
         for number, entry in enumerate(pdo.entries, start=1):
-            server.set(_slot(pdo, number), _word(entry))
+            server.set(_slot(pdo, number), mapping_word(entry))
         server.set(_count(pdo), len(pdo.entries))
     except Aborted as error:
         if emptied and error.code in NO_ROOM:
@@ -146,18 +162,18 @@ def _taken(server: SdoServer, pdo: Pdo) -> tuple[Entry, ...]:
         fits = set(pdo.entries) <= set(carried)
         strange = [n for n, entry in enumerate(carried) if entry not in pdo.entries]
     else:
-        fits = carried == list(pdo.entries)
+        fits = carried == pdo.entries
         pairs = zip(carried, (*pdo.entries, *carried), strict=False)
         strange = [n for n, (entry, wanted) in enumerate(pairs) if entry != wanted]
     odd = [n for n, entry in enumerate(carried) if _bits(entry) % 8]
     for n in odd:
-        _refuse_fixed(server, _slot(pdo, n + 1), f"{_word(carried[n]):X}h", "whole bytes")
+        _refuse_fixed(server, _slot(pdo, n + 1), f"{mapping_word(carried[n]):X}h", "whole bytes")
     if not fits:
         missing = next((e for e in pdo.entries if e not in carried), pdo.entries[0])
         place = _slot(pdo, strange[0] + 1) if strange else _count(pdo)
-        present = f"{_word(carried[strange[0]]):X}h" if strange else f"{len(carried)}"
-        _refuse_fixed(server, place, present, f"{_word(missing):X}h")
-    return tuple(carried)
+        present = f"{mapping_word(carried[strange[0]]):X}h" if strange else f"{len(carried)}"
+        _refuse_fixed(server, place, present, f"{mapping_word(missing):X}h")
+    return carried
 
 
 def _carries(server: SdoServer, pdo: Pdo) -> bool:
@@ -165,14 +181,9 @@ def _carries(server: SdoServer, pdo: Pdo) -> bool:
     return server.find(_count(pdo)) is not None and set(pdo.entries) <= set(_content(server, pdo))
 
 
-def _content(server: SdoServer, pdo: Pdo) -> Sequence[Entry]:
+def _content(server: SdoServer, pdo: Pdo) -> tuple[Entry, ...]:
     words = [server.get(_slot(pdo, n)) for n in range(1, server.get(_count(pdo)) + 1)]
-    ours = {_word(entry): entry for entry in pdo.entries}
-    return [ours.get(word) or _other(word) for word in words]
-
-
-def _other(word: int) -> Entry:
-    return Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "")
+    return mapped(words, pdo.entries)
 
 
 def _switch_off(server: SdoServer, number: int) -> OtherTpdo | None:
@@ -207,10 +218,6 @@ def _count(pdo: Pdo) -> Entry:
 
 def _slot(pdo: Pdo, number: int) -> Entry:
     return Entry(pdo.mapping, number, "u32", f"object {number} of {pdo.name}")
-
-
-def _word(entry: Entry) -> int:
-    return entry.index << 16 | entry.subindex << 8 | _bits(entry)
 
 
 def _bits(entry: Entry) -> int:

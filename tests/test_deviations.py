@@ -1,7 +1,5 @@
 """Drives that communicate in their own way: which serve, and which cannot share the bus."""
 
-# ruff: noqa: PT012 - what happens inside and at the end of a with block is what is tested
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -9,11 +7,15 @@ from typing import TYPE_CHECKING, Any
 import can
 import pytest
 from personalities import drives_for, plant_file
+from pydantic import ValidationError
 from test_canopen_bus import build, drives_file, never_energised
 
 from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402 import State
 from drivers.drive_bus import DriveFault, DriveRefused
+from drivers.drives_file import AxisDrive, DrivesFile
 from drivers.probing.bus_load import achievable_rate, cycle_time
+from drivers.probing.watch import BusPicture
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -137,6 +139,68 @@ def test_a_fixed_tpdo_that_does_not_answer_each_sync_is_refused() -> None:
     assert "1800:02 (transmission type of TPDO 1) is fixed at 255, 1 is needed" in message
 
 
+def stated(*tpdos: tuple[int, ...]) -> DrivesFile:
+    drives = drives_file()
+    second = drives.axes[1].model_dump() | {"tpdos": tpdos}
+    axes = [drives.axes[0], AxisDrive.model_validate(second), drives.axes[2]]
+    return drives.model_copy(update={"axes": tuple(axes)})
+
+
+def test_what_the_tpdos_carry_may_be_stated_for_those_who_only_listen() -> None:
+    order = (POSITION, STATUS, CURRENT)
+    can_bus, asking = fixed(tpdo(1, 2, *order))
+    with can_bus, asking:
+        pass
+    note = "state tpdos: [[0x60640020, 0x60410010, 0x60780010]] in the drives file"
+    assert any(note in found for found in asking.notes)
+    drives = stated(order)
+    can_bus, _ = fixed(tpdo(1, 2, *order))
+    with can_bus, CanopenDriveBus(can_bus, drives) as drive_bus:
+        drive = can_bus.drives[2]
+        drive.position = drive.target = 500.0
+        sample = drive_bus.sample()
+        data = drive._mapped(0x1A00)
+    assert not any("tpdos" in found for found in drive_bus.notes)
+    picture = BusPicture(drives)
+    picture.take(can.Message(arbitration_id=0x182, data=data, is_extended_id=False), 0.0)
+    assert picture.axes[1].q == sample.q[1]
+    assert picture.axes[1].state is State.OPERATION_ENABLED
+
+
+def test_a_statement_that_the_drive_contradicts_is_refused_with_both() -> None:
+    can_bus, _ = fixed(tpdo(1, 2, POSITION, STATUS, CURRENT))
+    message = refused(can_bus, CanopenDriveBus(can_bus, stated((CURRENT, POSITION, STATUS))))
+    assert "carry [[0x60640020, 0x60410010, 0x60780010]], the drives file states" in message
+    assert "[[0x60780010, 0x60640020, 0x60410010]]; correct tpdos" in message
+
+
+def test_a_stated_mapping_is_written_to_a_drive_that_takes_it() -> None:
+    can_bus, _ = build()
+    with can_bus, CanopenDriveBus(can_bus, stated((STATUS, POSITION), (CURRENT,))) as drive_bus:
+        assert drive_bus.sample().flags == (0, 0, 0)
+        assert can_bus.drives[2].value(0x1A00, 0) == 2
+        assert can_bus.drives[2].value(0x1A01, 1) == CURRENT
+    drives = stated((STATUS, POSITION), (CURRENT,))
+    assert cycle_time(drives) == pytest.approx(cycle_time(drives, drive_bus.transmitted))
+
+
+@pytest.mark.parametrize(
+    ("tpdos", "reason"),
+    [
+        (((STATUS, POSITION),), "0x60780010 is missing"),
+        (((CURRENT, POSITION),), "0x60410010 is missing"),
+        (((STATUS, POSITION, CURRENT, MODE),), r"objects of \[16, 32, 16, 8\] bits"),
+        (((STATUS, POSITION, CURRENT, 0x20010001),), "whole bytes"),
+        (((STATUS,), (POSITION,), (CURRENT,)), "at most 2"),
+    ],
+)
+def test_a_statement_that_cannot_be_is_refused(
+    tpdos: tuple[tuple[int, ...], ...], reason: str
+) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        stated(*tpdos)
+
+
 def test_two_tpdos_count_in_the_bus_load() -> None:
     can_bus, drive_bus = build({2: {(0x1A00, 3): None}})
     with can_bus, drive_bus:
@@ -235,8 +299,12 @@ def test_the_plant_s_emergencies_under_another_identifier_name_the_cause(tmp_pat
         pytest.raises(DriveFault, match=r"joint 3 .*FAULT: 2310 "),
         CanopenDriveBus(bus, drives_for("moved-emergency")) as drive_bus,
     ):
-        while True:
-            drive_bus.sample()
+        _sample_for_ever(drive_bus)
+
+
+def _sample_for_ever(drive_bus: CanopenDriveBus) -> None:
+    while True:
+        drive_bus.sample()
 
 
 def test_a_drive_that_sends_no_emergencies_is_noted() -> None:

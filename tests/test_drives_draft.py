@@ -101,6 +101,31 @@ def test_a_draft_whose_marks_are_filled_in_is_a_drives_file(
     assert [drive.node for drive in load_drives(path).axes] == [1, 2]
 
 
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        (
+            {
+                (0x1A00, 0): {"AccessType": "ro", "DefaultValue": 3},
+                (0x1A00, 1): {"AccessType": "ro", "DefaultValue": 0x60780010},
+                (0x1A00, 2): {"AccessType": "ro", "DefaultValue": 0x60640020},
+                (0x1A00, 3): {"AccessType": "ro", "DefaultValue": 0x60410010},
+            },
+            "tpdos: [[0x60780010, 0x60640020, 0x60410010]]",
+        ),
+        ({(0x1A00, 0): {"HighLimit": 2}}, "tpdos: [[0x60410010, 0x60640020], [0x60780010]]"),
+    ],
+)
+def test_tpdos_that_are_not_as_we_would_have_them_are_stated(
+    changes: Changes, line: str, tmp_path: Path
+) -> None:
+    text = draft_drives([axis(changes)])
+    assert line in text
+    assert "tpdos" not in draft_drives([axis()])
+    (tmp_path / "drives.yaml").write_text(filled(text))
+    assert load_drives(tmp_path / "drives.yaml").axes[0].tpdos
+
+
 def test_no_default_of_a_data_sheet_becomes_a_value() -> None:
     text = draft_drives([axis()])
     asked = marked(text)
@@ -217,6 +242,8 @@ def test_the_time_that_a_brake_takes_is_quoted_where_the_maker_has_an_object_for
 def test_a_drive_that_cannot_watch_our_heartbeat_needs_a_reason() -> None:
     assert "allow_no_heartbeat" in marked(draft_drives([axis({(0x1016, 1): None})]))
     assert "allow_no_heartbeat" not in draft_drives([axis()])
+    guarded = {(0x1016, 1): None, (0x100C, 0): {"DataType": 6}, (0x100D, 0): {"DataType": 5}}
+    assert "allow_no_heartbeat" not in draft_drives([axis(guarded)])
 
 
 def test_what_is_missing_stands_above_the_axis() -> None:

@@ -25,6 +25,7 @@ from drivers.probing.draft_hints import (
     velocity_unit,
 )
 from drivers.probing.draft_ratings import Ratings
+from drivers.probing.mapping_review import other_tpdos
 from drivers.probing.needs import GUARDING
 from drivers.yaml_file import UNSTATED
 
@@ -147,6 +148,7 @@ def _axis(number: int, axis: DraftedAxis) -> Iterator[str]:
         *(_line(key, None, "", hint) for key, hint in _WINDOWS),
         *_brake(dictionary),
         *_watch(dictionary),
+        *_tpdos(axis.review),
     ]
     yield f"  - {body[0]}"
     yield from (f"    {line}" for line in body[1:])
@@ -239,6 +241,14 @@ def _watch(dictionary: Dictionary) -> Iterator[str]:
     if declared is None and place not in dictionary.unanswered:
         hint = "what else stops the axis when our process dies, in words: the drive has no 1016"
         yield _line("allow_no_heartbeat", None, "", hint)
+
+
+def _tpdos(review: Review) -> Iterator[str]:
+    """State what the TPDOs carry, where that is fixed or does not fit into one."""
+    found = other_tpdos(review.mapping, review.current)
+    if found is not None:
+        words = (", ".join(f"0x{word:08X}" for word in each) for each in found)
+        yield f"tpdos: [{', '.join(f'[{each}]' for each in words)}] # 1A00, 1A01"
 
 
 def _line(key: str, value: object, unit: str, hint: str) -> str:

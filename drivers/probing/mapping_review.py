@@ -1,8 +1,8 @@
 """Whether a drive's PDOs can carry what we need: status, position and current of one SYNC.
 
-Where a mapping may be written, all that counts is room; what does not fit into TPDO 1 may do so
-with TPDO 2. Where it is fixed, the drive serves only if its PDOs carry the right objects already,
-TPDOs in any order, and then it is the fixed mapping that decides which current is used
+Where a mapping may be written, all that counts is room, and what TPDO 1 has none for may go into
+TPDO 2. Where it is fixed, the drive serves only if its PDOs carry the right objects already, TPDOs
+in any order, and then it is the fixed mapping that decides which current is used
 (`drivers.pdo_set_up` does the work itself).
 """
 
@@ -100,6 +100,29 @@ def review_mapping(
     return mapping, current, (*receiving, *obstacles)
 
 
+def other_tpdos(
+    mapping: Mapping, current: CurrentCandidate | None
+) -> tuple[tuple[int, ...], ...] | None:
+    """Return the words that TPDO 1 and 2 carry, None where that is what we would have."""
+    if current is None:
+        return None
+    measured = _place(current)
+    together, apart = ((*_STATE, measured),), (_STATE, (measured,))
+    usual = together if current.declared.bits == 16 else apart
+    fits = usual is together and not any(
+        fatal for *_, fatal in _obstacles(mapping.tpdo1, "TPDO 1", together[0])
+    )
+    wanted = together if fits else apart
+    offers = (mapping.tpdo1, mapping.tpdo2)
+    found = tuple(
+        offer.carries if offer is not None and offer.writable is False else objects
+        for offer, objects in zip(offers, wanted, strict=False)
+    )
+    if found == usual:
+        return None
+    return tuple(tuple(i << 16 | sub << 8 | bits for i, sub, bits in words) for words in found)
+
+
 def carried(word: int) -> tuple[int, int, int]:
     """Return index, sub-index and bits of a mapping entry."""
     return word >> 16, word >> 8 & 0xFF, word & 0xFF
@@ -143,8 +166,7 @@ def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int,
 
 
 def _sending(mapping: Mapping, current: CurrentCandidate) -> Iterator[Obstacle]:
-    declared = current.declared
-    carried_current = (declared.index, declared.subindex, declared.bits or 0)
+    declared, carried_current = current.declared, _place(current)
     first, second = mapping.tpdo1, mapping.tpdo2
     together = list(_obstacles(first, "TPDO 1", (*_STATE, carried_current)))
     if declared.bits == 16 and not any(fatal for *_, fatal in together):
@@ -162,6 +184,11 @@ def _sending(mapping: Mapping, current: CurrentCandidate) -> Iterator[Obstacle]:
     yield from _types(first, second)
     yield from _obstacles(first, "TPDO 1", _STATE)
     yield from _obstacles(second, "TPDO 2", (carried_current,))
+
+
+def _place(current: CurrentCandidate) -> tuple[int, int, int]:
+    declared = current.declared
+    return declared.index, declared.subindex, declared.bits or 0
 
 
 def _has(offer: PdoOffer | None, wanted: tuple[int, int, int]) -> bool:

@@ -1,9 +1,10 @@
 """What can be seen of the drives by listening alone: states, positions, currents, emergencies.
 
 `BusPicture` takes frames and sends none, so it works beside a running master, on a bus object of
-its own. TPDOs are understood as our driver maps them (`pdo_mapping.transmitted`); one of another
-length is counted as foreign, not guessed at. Digital inputs, which tell of safe torque off, are in
-none of them: they are taken from the answers to whoever asks, and `questions` are frames to ask.
+its own. TPDOs are understood as our driver maps them or as the drives file has them
+(`pdo_mapping.transmitted`); one of another length is counted as foreign, not guessed at. Digital
+inputs, which tell of safe torque off, are in none of them: they are taken from the answers to
+whoever asks, and `questions` are frames to ask.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from drivers import objects
 from drivers.cia402 import State, decode_state
 from drivers.error_codes import Emergency, decode_emergency
 from drivers.interlocks import interlock
-from drivers.pdo_mapping import transmitted
+from drivers.pdo_mapping import current_entry, transmitted
 from drivers.scaling import AxisScale
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ class BusPicture:
             axis.state = decode_state(value)
         elif entry == objects.POSITION:
             axis.q = scale.position_from_counts(float(value))
-        else:
+        elif entry == current_entry(self.drives.axes[slot]):
             axis.tau = scale.torque_from_counts(float(value))
 
 
