@@ -65,16 +65,19 @@ def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
     factors = PositionFactors.read(partial(_said, server))
     yield compare_positions(factors, axis)
     gear = factors.gear or Fraction(1)
-    word = _said(server, objects.VELOCITY_UNIT)
-    if word:
-        stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
+    stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
+    if word := _said(server, objects.VELOCITY_UNIT):
         said = velocity_of(word, factors.unit)
         yield _compare_rate(objects.VELOCITY_UNIT, word, said, stated, gear, axis)
-    word = _said(server, objects.ACCELERATION_UNIT)
-    if word:
-        stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
+    else:
+        yield from _factor(server, objects.VELOCITY_FACTOR, objects.VELOCITY_DIVISOR, stated)
+    stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
+    if word := _said(server, objects.ACCELERATION_UNIT):
         said = acceleration_of(word, factors.unit)
         yield _compare_rate(objects.ACCELERATION_UNIT, word, said, stated, gear, axis)
+    else:
+        factor, divisor = objects.ACCELERATION_FACTOR, objects.ACCELERATION_DIVISOR
+        yield from _factor(server, factor, divisor, stated)
 
 
 def _said(server: SdoServer, entry: Entry) -> int | None:
@@ -141,6 +144,15 @@ def _compare_rate(
         text,
         "correct whichever is wrong: velocities and accelerations scale with it",
     )
+
+
+def _factor(server: SdoServer, over: Entry, under: Entry, stated: _Rate) -> Iterator[Comparison]:
+    """Leave a factor of the profile's older edition to the file: makers scale by it differently."""
+    numerator, divisor = _said(server, over), _said(server, under)
+    if numerator and divisor and numerator != divisor:
+        found = f"{over.name} ({over.index:04X}) is {numerator}/{divisor}"
+        remedy = f"{stated.key}: {stated.text} is taken on trust"
+        yield unsettled(f"{over.name} ({over.index:04X})", found, stated.key, stated.text, remedy)
 
 
 def _turns(unit: RateUnit, axis: AxisDrive) -> Fraction:

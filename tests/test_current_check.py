@@ -143,12 +143,23 @@ def test_two_units_that_differ_by_more_than_a_factor_are_never_taken_for_one_ano
     counts = np.stack([np.round(per_mille), np.round(factor[shown] * per_mille)], axis=1)
     load = strokes(0.0, 5.0)
     found = judge_current_unit("joint", drive, counts, np.zeros(10), load)
-    apart = abs(math.log(factor[shown] / factor[said]))
-    if apart < math.log(1.6):
+    apart = max(factor[shown] / factor[said], factor[said] / factor[shown])
+    if apart < 1.01:
         assert "confirmed" in found.found
-    elif apart > math.log(1.8):
-        assert "contradicts" in found.found
+    elif apart > 1.35:
+        assert found.grade is Grade.REFUSED
         assert shown in found.remedy
+    elif apart > 1.1:  # a motor for little more or less than 1 A
+        assert "cannot tell here" in found.found
+
+
+def test_a_ratio_of_the_root_of_two_is_a_confusion_of_rms_and_peak() -> None:
+    drive = one_axis(rated_current=5.0, rated_torque=3.0, torque_constant=0.6)
+    per_mille = np.linspace(-200, 200, 50)
+    counts = np.stack([per_mille, per_mille * math.sqrt(2)], axis=1)
+    found = judge_current_unit("joint", drive, counts, np.zeros(10), strokes(0.0, 5.0))
+    assert found.grade is Grade.WARNING
+    assert "rms and peak are confused" in found.remedy
 
 
 @pytest.mark.parametrize(

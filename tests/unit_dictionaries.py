@@ -96,6 +96,14 @@ HABITS = {
         [({"increments_per_revolution": 4096}, "131072 counts per motor revolution (608F = 131")],
         {"increments_per_revolution"},
     ),
+    "factors of the older edition": Habit(
+        words(x608F_1=4096, x608F_2=1, x6093_1=8, x6093_2=1, x6096_1=4096, x6096_2=60)
+        | words(x6097_1=1, x6097_2=1),
+        {"increments_per_revolution": "512", "velocity_unit": None},
+        {"increments_per_revolution": 512, "velocity_unit": "rpm"},
+        [({"increments_per_revolution": 4096}, "512 counts per motor revolution (608F = 4096 ov")],
+        {"velocity_unit"},
+    ),
     "milliradians": Habit(
         words(x608F_1=4096, x608F_2=1, x60A8=0xFD100000, x60A9=0xFD100300) | FACTORY,
         {"increments_per_revolution": "6283.185307", "velocity_unit": "inc/s"},

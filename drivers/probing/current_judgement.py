@@ -7,10 +7,10 @@ of some work, their ratio is that of their units::
                                T / (kt a I)      in per mille of the rated current I
                                1                 in per mille of the rated torque T
 
-Otherwise magnitude tells, but roughly. No motor holds more than its rated torque for long, and the
-friction of a geared axis at slow speed is a few per cent of it: shares beyond `HELD_MAX` and
-outside `FRICTION` are taken for impossible. A unit is confirmed only if it alone is possible; where
-several are, as with a rated current near 1 A, whose mA are per mille, nothing is told.
+The nearest is the unit, if it is near at all. Otherwise magnitude tells, but roughly: no motor
+holds more than its rated torque for long, and the friction of a geared axis at slow speed is a few
+per cent of it. Shares beyond `HELD_MAX` and outside `FRICTION` are taken for impossible, and a unit
+is confirmed only if it alone is possible.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ LEAST_COUNTS = 10.0
 LINEAR = 0.9
 """Least squared correlation of the two objects; less is another quantity."""
 NEAR = 1.3
-"""Ratios within this factor are one: magnets and data sheets are that far off."""
-FAR = 1.7
-"""Ratios beyond this factor are two: a confusion of rms and peak is 1.41."""
+"""A ratio within this factor of the expected one is that one: data sheets are that far off."""
+ALIKE = 1.05
+"""Units within this factor are one: they cannot be told apart, and need not be."""
 HELD_MAX = 1.2
 """Share of the rated torque that an axis may hold at rest."""
 FRICTION = (0.003, 0.6)
@@ -90,16 +90,22 @@ def _ratio(counts: NDArray[np.float64]) -> float | None:
 
 
 def _by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
-    expected = _expected(drive)
+    expected, stated = _expected(drive), drive.current.basis
     found = f"{ratio:.3g} counts per count of 6077"
-    stated = drive.current.basis
     bound = f"{stated.value}: {expected[stated]:.3g}"
-    if _apart(ratio, expected[stated]) < FAR:
+    apart = _apart(ratio, expected[stated])
+    others = [b for b, value in expected.items() if _apart(value, expected[stated]) > ALIKE]
+    nearer = [b.value for b in others if _apart(ratio, expected[b]) < min(apart, NEAR)]
+    if apart < NEAR and not nearer:
         return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)
-    others = [b.value for b, value in expected.items() if _apart(ratio, value) < NEAR]
-    grade = Grade.REFUSED if others else Grade.WARNING
-    remedy = f"set basis: {' or '.join(others)}" if others else "see the drive's manual"
-    return Verdict(grade, place, CHECK, f"contradicts, {found}", bound, remedy)
+    if apart >= NEAR and nearer:
+        remedy = f"set basis: {' or '.join(nearer)}"
+        return Verdict(Grade.REFUSED, place, CHECK, f"contradicts, {found}", bound, remedy)
+    if apart >= NEAR:
+        confused = _apart(apart, math.sqrt(2)) < ALIKE
+        remedy = "a factor of 1.41: rms and peak are confused" if confused else "see its manual"
+        return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
+    return _cannot_tell(place, f"{found}, and {' or '.join(nearer)} is nearer")
 
 
 def _expected(drive: AxisDrive) -> dict[Basis, float]:
@@ -115,7 +121,8 @@ def _by_magnitude(
     friction, error = friction_of(strokes)
     rest = abs(float(np.nanmean(held))) / rated if np.isfinite(held).any() else 0.0
     moved = abs(friction) / rated if abs(friction) > 4 * error else math.nan
-    found = f"{rest:.1%} of the rated torque held, friction {moved:.1%} of it"
+    shown = "too little friction" if math.isnan(moved) else f"friction {moved:.1%}"
+    found = f"{rest:.1%} of the rated torque held, {shown}"
     counts = _expected(drive)
     factors = {basis: counts[drive.current.basis] / value for basis, value in counts.items()}
     possible = [b for b, factor in factors.items() if _possible(rest * factor, moved * factor)]
@@ -124,7 +131,7 @@ def _by_magnitude(
         names = " or ".join(basis.value for basis in possible)
         remedy = f"it would be possible as {names}" if names else "check rated_torque and current"
         return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
-    if all(_apart(factors[basis], 1) < FAR for basis in possible) and not math.isnan(moved):
+    if all(_apart(factors[basis], 1) < ALIKE for basis in possible) and not math.isnan(moved):
         return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)
     return _cannot_tell(place, found)
 
