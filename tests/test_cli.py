@@ -285,3 +285,15 @@ def test_a_bus_option_without_a_value_is_wrong_usage(
 def test_bus_options_become_numbers_and_switches() -> None:
     options = bus_options(["bitrate=500000", "timeout=0.5", "fd=false", "name=can0"])
     assert options == {"bitrate": 500_000, "timeout": 0.5, "fd": False, "name": "can0"}
+
+
+@pytest.mark.parametrize(
+    "asked", [("--gravity", "100000000"), ("--minutes", "1e12"), ("--warm-up", "1e300")]
+)
+def test_a_plan_of_absurd_size_is_refused_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: tuple[str, str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        cli.main(["plan", "manutec-r15", "-o", str(tmp_path / "plan.yaml"), *asked])
+    assert left.value.code == 2
+    assert "less than or equal" in " ".join(capsys.readouterr().err.split())

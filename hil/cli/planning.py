@@ -11,7 +11,7 @@ from rich.console import Console
 from drivers.yaml_file import FileError
 from hil.measuring.atomic_file import write_file
 from hil.model.robot import ROBOTS, load_robot
-from hil.planning.plan import dump_plan
+from hil.planning.plan import LONGEST, dump_plan
 from hil.planning.workspace import load_workspace
 from hil.terminal.run_command import show_remarks
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 out = Console()
 
+MOST = 2000
+"""Measurements of a kind; choosing among more takes longer than measuring them."""
 REFINEMENT = 10.0
 """Duration of a refinement unless another is asked for [min]."""
 
@@ -41,24 +43,28 @@ def plan(
     output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
     name: Annotated[str | None, typer.Argument(help="Name, or path of a robot file.")] = None,
     gravity: Annotated[
-        int | None, typer.Option(min=1, help="Gravity measurements.", show_default="64")
+        int | None, typer.Option(min=1, max=MOST, help="Gravity measurements.", show_default="64")
     ] = None,
     inertia: Annotated[
-        int | None, typer.Option(min=1, help="Inertia measurements.", show_default="92")
+        int | None, typer.Option(min=1, max=MOST, help="Inertia measurements.", show_default="92")
     ] = None,
     coupling: Annotated[
-        int | None, typer.Option(min=1, help="Coupling measurements.", show_default="9")
+        int | None, typer.Option(min=1, max=MOST, help="Coupling measurements.", show_default="9")
     ] = None,
     minutes: Annotated[
         float | None,
-        typer.Option(min=0.1, help="Choose what tells most in this time, travel included."),
+        typer.Option(
+            min=0.1, max=LONGEST / 60, help="Choose what tells most in this time, travel included."
+        ),
     ] = None,
     run: Annotated[
         list[Path] | None,
         typer.Option("--refine", help="Run to go on from: measure what is weak; may be repeated."),
     ] = None,
     noise_from: NoiseFrom = None,
-    warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand [s].")] = 0.0,
+    warm_up: Annotated[
+        float, typer.Option(min=0, max=LONGEST, help="Motion beforehand [s].")
+    ] = 0.0,
     workspace: Annotated[
         Path | None, typer.Option(help="Joint ranges and forbidden boxes to keep clear of.")
     ] = None,

@@ -23,7 +23,7 @@ from hil.planning.measurement import (
     Measurement,
     Partner,
 )
-from hil.planning.numbers import Fraction, Positive, rounded
+from hil.planning.numbers import Fraction, rounded
 from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Workspace, refuse_unfit
 
@@ -56,10 +56,14 @@ class PlannedRobot(FileModel):
     digest: str
 
 
+LONGEST = 86400.0
+"""Duration of a warm-up, or of a plan that is asked for by its time [s]."""
+
+
 class WarmUp(FileModel):
     """Motion before the first measurement: for how long [s], at which share of the limits."""
 
-    duration: Positive
+    duration: Annotated[float, Field(gt=0, le=LONGEST)]
     fraction: Fraction = 0.5
 
 
