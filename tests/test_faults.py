@@ -207,6 +207,22 @@ def test_an_adapter_in_bus_off_takes_no_frame() -> None:
 
 
 @pytest.mark.parametrize("what", ["adapter-bus-off", "transmit-outage"])
+def test_an_adapter_that_takes_no_frame_takes_no_guarding_request(what: str) -> None:
+    faulty = network(f"{{what: {what}, at: {{frame: 1}}}}")
+    with pytest.raises(NotSent, match="frame 701"):
+        faulty.receive_remote(0x701)
+
+
+@pytest.mark.parametrize("what", ["cable-cut", "master-heartbeat-lost"])
+def test_a_guarding_request_is_lost_as_a_heartbeat_is(what: str) -> None:
+    faulty = network(f"{{what: {what}, at: {{frame: 1}}}}")
+    heard: list[int] = []
+    faulty._network.receive_remote = heard.append  # type: ignore[assignment, method-assign]
+    assert faulty.receive_remote(0x701) == []
+    assert not heard
+
+
+@pytest.mark.parametrize("what", ["adapter-bus-off", "transmit-outage"])
 def test_time_passes_with_a_sync_that_our_adapter_refuses(what: str) -> None:
     faulty = reporting(f"{{what: {what}, at: {{sync: 2}}, lasts: {{time: 0.05}}}}")
     faulty.receive(*SYNC)

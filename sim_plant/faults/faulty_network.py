@@ -150,10 +150,19 @@ class FaultyNetwork:
         return self.receive(identifier, data), b""
 
     def receive_remote(self, identifier: int) -> list[Frame]:
-        """Take a remote frame; return what the drives send."""
+        """Take a remote frame; return what the drives send.
+
+        Raises
+        ------
+        NotSent
+            As `receive`.
+        """
         self.progress.frames += 1
         self.progress.between = True
         held = self._update()
+        answer = self._intercepted(identifier, b"")
+        if answer is not None:
+            return held + answer
         return held + self._passed_on(self._network.receive_remote(identifier))
 
     def elapse(self, duration: float) -> list[Frame]:
