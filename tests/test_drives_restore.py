@@ -176,6 +176,16 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
         assert "joint 1 (node 1): shows OPERATION ENABLED" in err
         assert state_of_the_drives() == left
 
+        for command in (
+            ("run", plan_file, "-o", tmp_path / "other"),
+            ("jog", DRIVES, 6, "--by", 1),
+        ):
+            status, _, err = hil(*command, *where)
+            assert status == 1
+            assert f"hil drives restore {folder / NAME} --interface local" in err
+        assert not (tmp_path / "other").exists()
+        assert state_of_the_drives() == left
+
         let_time_pass(400)  # beyond the drives' watch on our heartbeat
         status, out, err = hil("drives", "restore", folder / NAME, *where)
         assert (status, err) == (0, "")
@@ -184,6 +194,7 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
         assert load_found_settings(folder / NAME).restored
         status, out, _ = hil("drives", "restore", folder / NAME, *where)
         assert (status, "nothing was written" in out) == (0, True)
+        drive_settings._refuse_left_behind(*PLACE, None)
 
 
 @pytest.mark.slow

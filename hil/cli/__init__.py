@@ -193,12 +193,12 @@ def run(
     drives = _narrowed(drives, the_plan.workspace)
     _dry_run(plan_file, the_plan, the_robot, drives.bitrate, quiet=True)
     options = bus_options(bus_option or [])
-    keeper = drive_settings.keeper_of_run(output, interface)
     if what_changes:
-        _show_changes(drives, interface, channel, options, keeper)
+        kept = drive_settings.kept_in(output)
+        _show_changes(drives, interface, channel, options, kept)
         return
-    folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
-    try:
+    with drive_settings.keeper_of_run(output, interface, channel) as keeper:
+        folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
         carry_out(
             folder,
             lambda: _open_bus(drives, interface, channel, options, pacing, frame_log, keeper),
@@ -209,8 +209,6 @@ def run(
                 realtime, lock_step=_in_lock_step(interface, pacing)
             ),
         )
-    finally:
-        drive_settings.tell_unrestored(keeper)
 
 
 @app.command()

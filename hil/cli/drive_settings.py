@@ -1,8 +1,10 @@
 """What drives held before they were written to: where it is kept, shown, and put back.
 
 `hil run` keeps it in its run's folder. Other commands that power drives have no folder; theirs is
-in the user's state directory, one file a bus, and goes once everything has been put back. For the
-virtual plant, which is made anew by each command, those keep nothing.
+in the user's state directory, one file a bus, and goes once everything has been put back. There a
+run leaves word of its folder as long as its drives hold values of ours, so that no later session on
+that bus takes them for found ones. For the virtual plant, which is made anew by each command,
+nothing is kept there.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import typer
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings import NAME, dump_found_settings, load_found_settings
 from drivers.settings_keeper import SettingsKeeper
+from drivers.yaml_file import FileError
 from hil.cli import drive_commands as shared
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_journal import SIMULATED
@@ -41,9 +44,34 @@ REPLAY = "replay"
 STATE = "XDG_STATE_HOME"
 
 
-def keeper_of_run(folder: Path, interface: str) -> SettingsKeeper:
-    """Return what keeps the drives' settings in the folder of a run; a replay has no drives."""
-    return SettingsKeeper() if interface == REPLAY else SettingsKeeper(folder / NAME, write_file)
+def kept_in(folder: Path) -> SettingsKeeper:
+    """Return what keeps the drives' settings in the folder of a run."""
+    return SettingsKeeper(folder / NAME, write_file)
+
+
+@contextmanager
+def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[SettingsKeeper]:
+    """Keep the drives' settings in the folder of a run; a replay has no drives.
+
+    Raises
+    ------
+    FileError
+        The drives hold values of a session that was killed.
+    """
+    if interface == REPLAY:
+        yield SettingsKeeper()
+        return
+    keeper = kept_in(folder)
+    word = None if interface == SIMULATED else word_file(interface, channel)
+    if word is not None:
+        _refuse_left_behind(interface, channel, folder / NAME)
+        _write_with_folder(word, f"{(folder / NAME).resolve()}\n".encode())
+    try:
+        yield keeper
+    finally:
+        tell_unrestored(keeper)
+        if word is not None and not _left_behind(folder / NAME):
+            word.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -52,6 +80,7 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
     if interface == SIMULATED:
         yield SettingsKeeper()
         return
+    _refuse_left_behind(interface, channel or "", None)
     keeper = SettingsKeeper(state_file(interface, channel or ""), _write_with_folder)
     try:
         yield keeper
@@ -67,6 +96,37 @@ def state_file(interface: str, channel: str) -> Path:
     home = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "state"
     name = re.sub(r"[^\w.-]+", "_", f"{interface}-{channel}")
     return home / "hil" / "found-settings" / f"{name}.yaml"
+
+
+def word_file(interface: str, channel: str) -> Path:
+    """Where a run on a bus says in which file its drives' settings are."""
+    return state_file(interface, channel).with_suffix(".run")
+
+
+def _refuse_left_behind(interface: str, channel: str, ours: Path | None) -> None:
+    """Refuse a bus whose drives still hold what a session wrote that was killed.
+
+    A session that was kept in `ours` itself may go on: there the values found first stand.
+    """
+    word, left = word_file(interface, channel), []
+    if word.exists():
+        left.append(Path(word.read_text(encoding="utf-8").strip()))
+    if ours is not None:
+        left.append(state_file(interface, channel))
+    for path in left:
+        same = ours is not None and path == ours.resolve()
+        if not same and _left_behind(path):
+            raise FileError(
+                f"{path}: drives on {interface} {channel} hold what an earlier session wrote, which"
+                f" was ended before it could put back what it had found; with the drives off, put"
+                f" it back: hil drives restore {path} --interface {interface} --channel {channel}"
+                " (or remove the file if the drives have been set up anew)"
+            )
+
+
+def _left_behind(path: Path) -> bool:
+    """Whether drives may hold values of the session that was kept in a file."""
+    return path.exists() and bool(load_found_settings(path).unrestored)
 
 
 def tell_unrestored(keeper: SettingsKeeper) -> None:

@@ -59,8 +59,10 @@ class KeyboardStop:
         """Begin to listen, where there is a terminal."""
         self._keys.__enter__()
         if self.listening:
-            # A shell may have started us with interrupts ignored; a stop must work all the same.
-            self._before = signal.signal(signal.SIGINT, signal.default_int_handler)
+            self._before = signal.getsignal(signal.SIGINT)
+            if self._before is signal.SIG_IGN:
+                # As a shell may start a job in the background; a stop must work all the same.
+                signal.signal(signal.SIGINT, signal.default_int_handler)
             self._wanted = self._started = True
             self._thread.start()
         return self
