@@ -48,11 +48,14 @@ def _shortened(text: str) -> str:
 
 def _remedy(interface: str, channel: str, options: Mapping[str, object], error: Exception) -> str:
     if interface == "socketcan":
-        if getattr(error, "errno", None) == errno.EAFNOSUPPORT:
-            return "this kernel has no SocketCAN: load can_raw, or use a host that has it"
         bitrate = options.get("bitrate", 1_000_000)
-        return (
+        up = (
             f"list interfaces with `ip link`, bring it up with "
             f"`ip link set {channel} up type can bitrate {bitrate}`"
         )
+        if getattr(error, "errno", None) == errno.EAFNOSUPPORT:
+            return (
+                f"this kernel has no SocketCAN: load can_raw, or use a host that has it; then {up}"
+            )
+        return up
     return "check channel and options, that the adapter is plugged in and its driver installed"

@@ -225,4 +225,7 @@ def test_the_cycle_period_is_zero_while_the_counter_is_switched_off(tmp_path: Pa
         if data[0] >> 5 == 1 and data[2] == 0x10
     ]
     wanted = [pair for pair in written if pair[0] in {0x1006, 0x1019}]
-    assert wanted == [(0x1006, 0), (0x1019, 0), (0x1006, 4000)]
+    assert wanted == [
+        *((0x1006, 0), (0x1019, 0), (0x1006, 4000)),
+        *((0x1006, 0), (0x1019, 240), (0x1006, 10000)),  # put back
+    ]
