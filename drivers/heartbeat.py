@@ -85,12 +85,14 @@ class Heartbeats:
             network.subscribe(0x700 + node, self._on_heartbeat)
 
     def watch(self) -> None:
-        """Begin to expect the drives' heartbeats; they are OPERATIONAL from now on.
+        """Begin to expect the drives' heartbeats, and to send ours where it has ceased.
+
+        The drives are OPERATIONAL from now on.
 
         A heartbeat from before may still be under way, so the first that says pre-operational
         does not count.
         """
-        self.trouble = None
+        self.trouble, self.ceased = None, False
         self._starting = set(self._labels)
         self._heard = dict.fromkeys(self._labels, self._now())
 

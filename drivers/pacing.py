@@ -27,7 +27,7 @@ PacingName = Literal["auto", "lock-step", "wall-clock"]
 PATIENCE = 1.0
 """How long answers may take in lock-step with a plant in another thread or process [s]."""
 
-HURRIED_PATIENCE = 0.05
+HURRIED_PATIENCE = 0.02
 """The same while axes are being stopped [s]."""
 
 PAUSE = 0.25

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveError, SampleFlag
@@ -231,7 +232,8 @@ class Shutdown:
             Standstill(axis.position_window / per_count, self._settled)
             for axis, per_count in zip(self._axes, self._per_count, strict=True)
         ]
-        resting, ends = [False] * len(rests), self._pacing.now() + SAG_TIME
+        resting = [False] * len(rests)
+        ends = self._pacing.now() + max(SAG_TIME, 2 * self._settling)
         while self._pacing.now() < ends:
             self._cycle()
             positions = self._exchange.positions
@@ -257,9 +259,11 @@ class Shutdown:
             )
 
     def _await_reactions(self) -> None:
-        ends = self._pacing.now() + self._reaction_time
+        ends, gives_up = self._pacing.now() + self._reaction_time, monotonic() + self._reaction_time
         lost = [stop for stop in self._stops if stop.phase is not Phase.OFF]
-        while self._pacing.now() < ends and any(stop.phase is not Phase.OFF for stop in lost):
+        while any(stop.phase is not Phase.OFF for stop in lost):
+            if self._pacing.now() > ends or monotonic() > gives_up:
+                break  # in lock-step with a plant that is gone a period takes long
             self._cycle()
         self.problems += [
             f"{server.label}: did not switch off when commanded; its own reaction to the loss of "

@@ -40,6 +40,9 @@ OFF_TIME_MOVING = 0.2
 UNSENT_TIME = 2.0
 """How long a command is tried that the bus does not take [s]; the drives' watchdogs are faster."""
 
+RETURNS = 2
+"""How often a drive that was off and shows power again is given time anew to switch off."""
+
 SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY})
 """States in which a drive cannot turn its motor until it is commanded to."""
 
@@ -132,6 +135,7 @@ class AxisStop:
         self._moving = True
         self._confirmed = self._adrift = False
         self.left_at: int | None = None
+        self._returns = 0
         self._rested = time
         self._bound = StopBound.of(speed, deceleration, window)
 
@@ -161,8 +165,9 @@ class AxisStop:
     def disable(self, time: float) -> None:
         """Go on to switching off, unless that was reached already."""
         if self.phase in {Phase.STOPPING, Phase.RESTING, Phase.OFF}:
-            if self._begun is not None:  # else the bus has taken nothing since the stop began
-                self._begun, self._asked = None, time
+            self._returns += self.phase is Phase.OFF
+            if self._begun is not None and self._returns <= RETURNS:
+                self._begun, self._asked = None, time  # else the time that has passed counts
             self._moving = self.phase is Phase.STOPPING
             self.phase = Phase.DISABLING
 

@@ -195,14 +195,12 @@ def test_whatever_drive_and_bus_do_the_stop_ends_and_off_was_shown(
 ) -> None:
     axis, time = stop(speed), 0.0
     most = UNSENT_TIME + axis.bound.time + OFF_TIME + 4 * SETTLING + STOP_DELAY
-    turn, shown_off, coming_back = 0, False, 0
-    while not axis.ended and coming_back < 3:
+    turn, shown_off = 0, False
+    while not axis.ended:
         word, position, fresh, sendable = seen[turn % len(seen)]
         turn, time = turn + 1, time + PERIOD
-        before = axis.phase
         command = axis.step(time, word, position, fresh=fresh)
         shown_off |= fresh and word in {OFF, FAULT, 0x00, READY}
-        coming_back += before is Phase.OFF and axis.phase is not Phase.OFF
         if axis.phase is Phase.RESTING:
             axis.disable(time)
         if command is not None and sendable:
@@ -210,3 +208,14 @@ def test_whatever_drive_and_bus_do_the_stop_ends_and_off_was_shown(
         assert time <= 3 * most + 1.0
         assert math.isfinite(axis.bound.way)
     assert axis.phase is not Phase.OFF or shown_off
+
+
+def test_a_drive_that_comes_back_again_and_again_is_given_up() -> None:
+    axis, time, given_up = stop(), 0.0, False
+    while not given_up:
+        time += PERIOD
+        word = OFF if round(time / PERIOD) % 8 == 0 else ENABLED
+        if axis.step(time, word, 0, fresh=True) is not None:
+            axis.sent(time)
+        given_up = axis.phase is Phase.LOST
+        assert time < 3.0
