@@ -48,10 +48,10 @@ def _shortened(text: str) -> str:
 
 def _remedy(interface: str, channel: str, options: Mapping[str, object], error: Exception) -> str:
     if interface == "socketcan":
-        if getattr(error, "errno", None) == errno.EAFNOSUPPORT:
-            return "this kernel has no SocketCAN: load can_raw, or use a host that has it"
+        lacking = getattr(error, "errno", None) == errno.EAFNOSUPPORT
         bitrate = options.get("bitrate", 1_000_000)
         return (
+            f"{'this kernel has no SocketCAN: load can_raw where it can; ' if lacking else ''}"
             f"list interfaces with `ip link`, bring it up with "
             f"`ip link set {channel} up type can bitrate {bitrate}`"
         )
