@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import time
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,8 @@ log = logging.getLogger(__name__)
 
 WAITING_MAX = 8
 """How many recordings may wait for the disk: a minute or two of measuring."""
+LOOK = 0.005
+"""How often a place among them is looked for [s]."""
 PATIENCE = 30.0
 """How long a full queue may stand still before the campaign is given up [s]."""
 
@@ -41,7 +44,9 @@ class Background:
     """
 
     def __init__(self, waiting_max: int = WAITING_MAX, patience: float = PATIENCE) -> None:
-        self._tasks: queue.Queue[Callable[[], None] | None] = queue.Queue(waiting_max)
+        # Other queues have locks that an interrupt can leave locked for ever.
+        self._tasks: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._waiting_max = waiting_max
         self._patience = patience
         self._failed: list[Exception] = []
         self._worker = Thread(target=self._work, name="run folder", daemon=True)
@@ -80,13 +85,15 @@ class Background:
         FileError
             The disk takes nothing any more.
         """
-        try:
-            self._tasks.put(task, timeout=self._patience)
-        except queue.Full:
-            raise FileError(
-                f"the disk has finished no file for {self._patience:g} s with"
-                f" {self._tasks.maxsize} waiting; see what holds it up, then go on with --resume"
-            ) from None
+        ends = time.monotonic() + self._patience
+        while self._tasks.qsize() >= self._waiting_max:
+            if time.monotonic() > ends:
+                raise FileError(
+                    f"the disk has finished no file for {self._patience:g} s with"
+                    f" {self._waiting_max} waiting; see what holds it up, then go on with --resume"
+                )
+            time.sleep(LOOK)
+        self._tasks.put(task)
 
     def check(self) -> None:
         """Raise what went wrong since last asked.
