@@ -13,7 +13,7 @@ from drivers import objects
 from drivers.cia402 import Command, State, decode_state, next_command
 from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
 from drivers.interlocks import safe_torque_off
-from drivers.stop import SHOWN_OFF
+from drivers.stop import NOT_ENERGISED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -27,7 +27,6 @@ STEP_TIME = 3.0
 
 OFF_ATTEMPTS = 2
 
-_NOT_ENERGISED = SHOWN_OFF | {State.READY_TO_SWITCH_ON}
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
@@ -117,7 +116,7 @@ class Power:
             except (DriveRefused, NodeSilent):
                 if attempt == OFF_ATTEMPTS - 1:
                     raise
-        if not self.wait(lambda: self._state(server) in _NOT_ENERGISED, STEP_TIME):
+        if not self.wait(lambda: self._state(server) in NOT_ENERGISED, STEP_TIME):
             state = self._state(server)
             raise DriveRefused(
                 f"{server.label}: does not switch off, it shows "

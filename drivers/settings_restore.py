@@ -12,9 +12,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from drivers import objects
-from drivers.cia402 import State, decode_state
+from drivers.cia402 import decode_state
 from drivers.drive_bus import DriveRefused
 from drivers.sdo import Aborted, Entry
+from drivers.stop import NOT_ENERGISED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -22,10 +23,6 @@ if TYPE_CHECKING:
     from drivers.found_settings import FoundDrive
     from drivers.sdo import SdoServer
 
-SHOWN_OFF = frozenset(
-    {State.NOT_READY, State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.FAULT}
-)
-"""States in which the motor has no power."""
 WATCHDOGS = (0x100C, 0x100D, 0x1016)
 """Life guarding and consumer heartbeat."""
 OFF = 1 << 31
@@ -71,7 +68,7 @@ def refuse_energised(server: SdoServer) -> None:
     """
     word = server.get(objects.STATUSWORD)
     state = decode_state(word)
-    if state not in SHOWN_OFF:
+    if state not in NOT_ENERGISED:
         shown = f"an undefined state ({word:04X}h)" if state is None else state.value
         raise DriveRefused(
             f"{server.label}: shows {shown}, settings are put back only to a drive that is off;"

@@ -46,6 +46,9 @@ RETURNS = 2
 SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY})
 """States in which a drive cannot turn its motor until it is commanded to."""
 
+NOT_ENERGISED = SHOWN_OFF | {State.READY_TO_SWITCH_ON}
+"""States in which the motor has no power."""
+
 _OBEYING = frozenset({State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})
 _UNUSED = frozenset({State.READY_TO_SWITCH_ON, State.SWITCHED_ON})
 
@@ -76,9 +79,9 @@ class StopBound(NamedTuple):
 class Phase(enum.Enum):
     """How far the stop of an axis has come."""
 
-    STOPPING = "is told to stop"
+    STOPPING = "is commanded to stop"
     RESTING = "stands still"
-    DISABLING = "is told to switch off"
+    DISABLING = "is commanded to switch off"
     OFF = "is off"
     UNSEEN = "does not show whether it is off"
     LOST = "does not switch off"
@@ -92,7 +95,7 @@ class AxisStop:
     time : float
         Of its last position [s].
     position : int
-        The last that is known [increments].
+        The last that was received [increments].
     speed, deceleration, window : float
         As for `StopBound.of`.
     rest : Standstill

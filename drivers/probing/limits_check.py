@@ -1,9 +1,9 @@
 """The limits that a drive keeps of its own against those of the drives file.
 
 The driver writes the file's limits to the drives when it powers them on, but never wider ones than
-a drive has of its own (`drivers.effective_limits`): whoever set it up had a reason. Here it is said
-which of the two holds; limits that are off in the drive become those of the file. All is compared
-joint side, and only read.
+a drive has of its own (`drivers.effective_limits`): whoever set it up had a reason. A verdict
+states which of the two holds; limits that are off in the drive become those of the file. All is
+compared joint side, and only read.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from drivers import objects
 from drivers.drives_file import Basis
-from drivers.probing import probed_objects as probed
 from drivers.probing.verdict import Grade, Verdict, graded
 from drivers.scaling import AxisScale
 
@@ -109,7 +108,7 @@ def _limits(axis: AxisDrive) -> Iterator[_Limit]:
     if axis.current.basis is Basis.RATED_CURRENT:
         per_mille = abs(scale.torque)
         yield _Limit(
-            probed.MAX_CURRENT, "limits.torque", limits.torque, per_mille, force, own_holds=True
+            objects.MAX_CURRENT, "limits.torque", limits.torque, per_mille, force, own_holds=True
         )
     yield _Limit(
         objects.FOLLOWING_ERROR_WINDOW, "following_error_window", axis.following_error_window,

@@ -7,7 +7,6 @@ from drivers.sdo import Entry
 SHUTDOWN_OPTION = Entry(0x605B, 0, "i16", "shutdown option code")
 DISABLE_OPTION = Entry(0x605C, 0, "i16", "disable operation option code")
 FAULT_REACTION = Entry(0x605E, 0, "i16", "fault reaction option code")
-MAX_CURRENT = Entry(0x6073, 0, "u16", "max current")
 TORQUE = Entry(0x6077, 0, "i16", "torque actual value")
 HOME_OFFSET = Entry(0x607C, 0, "i32", "home offset")
 POLARITY = Entry(0x607E, 0, "u8", "polarity")
