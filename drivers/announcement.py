@@ -16,6 +16,7 @@ from drivers import objects
 from drivers.commissioning import check_identity, commission
 from drivers.communication import Communication
 from drivers.effective_limits import effective_limits
+from drivers.pdo_mapping import mapping_count
 from drivers.sdo import Entry
 from drivers.settings_keeper import before
 
@@ -32,7 +33,7 @@ LATER = (
     objects.INTERPOLATION_PERIOD,
     objects.INTERPOLATION_POWER,
     Entry(0x1801, 2, "u8", "transmission type of TPDO 2"),
-    Entry(0x1A01, 0, "u8", "number of objects in TPDO 2"),
+    mapping_count(0x1A01),
 )
 """What may be written beside: where a path is streamed, where TPDO 1 turns out to be fixed."""
 _WRITE_ONLY = 0x06010001

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 ON_SYNC = 1
 ON_EVENT = 255
+TPDO_MAPPING = 0x1A00
+"""First mapping of a TPDO; those of RPDOs lie below."""
 RPDO_TYPES = (254, 0, 1)
 """On event by the maker's rule, or with the next SYNC."""
 
@@ -100,6 +102,16 @@ def mapping_word(entry: Entry) -> int:
     return entry.index << 16 | entry.subindex << 8 | int(entry.type[1:])
 
 
+def mapping_count(index: int) -> Entry:
+    """Return the object that counts what a mapping (1600h and on, 1A00h and on) carries."""
+    return Entry(index, 0, "u8", f"number of objects in {_name(index)}")
+
+
+def mapping_slot(index: int, number: int) -> Entry:
+    """Return the object of a mapping that names the n-th object carried, from 1."""
+    return Entry(index, number, "u32", f"object {number} of {_name(index)}")
+
+
 def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
     """Return the objects that a mapping names; those that are not ours have no name."""
     named = {mapping_word(entry): entry for entry in ours}
@@ -107,6 +119,10 @@ def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
         named.get(word) or Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "")
         for word in words
     )
+
+
+def _name(mapping: int) -> str:
+    return f"TPDO {mapping - 0x19FF}" if mapping >= TPDO_MAPPING else f"RPDO {mapping - 0x15FF}"
 
 
 def _tpdo(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:

@@ -16,7 +16,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from drivers.drive_bus import DriveRefused
-from drivers.pdo_mapping import arrangements, mapped, mapping_word, received, transmitted
+from drivers.pdo_mapping import (
+    arrangements,
+    mapped,
+    mapping_count,
+    mapping_slot,
+    mapping_word,
+    received,
+    transmitted,
+)
 from drivers.sdo import FIXED_CODES, RANGE_CODES, Aborted, Entry
 
 if TYPE_CHECKING:
@@ -213,11 +221,11 @@ def _refuse_fixed(server: SdoServer, entry: Entry, present: str, wanted: str) ->
 
 
 def _count(pdo: Pdo) -> Entry:
-    return Entry(pdo.mapping, 0, "u8", f"number of objects in {pdo.name}")
+    return mapping_count(pdo.mapping)
 
 
 def _slot(pdo: Pdo, number: int) -> Entry:
-    return Entry(pdo.mapping, number, "u32", f"object {number} of {pdo.name}")
+    return mapping_slot(pdo.mapping, number)
 
 
 def _bits(entry: Entry) -> int:

@@ -1,4 +1,4 @@
-"""Typed access to a drive's object dictionary, with errors that tell the operator what to do.
+"""Typed access to a drive's object dictionary, with errors that state the remedy.
 
 An `SdoServer` reads and writes numbers of one node. What goes wrong names node, object, abort code
 and remedy. `set` writes and reads back, since a drive may round a value, clip it or ignore it;
@@ -28,6 +28,8 @@ SDO_TIMEOUT = 0.5
 READ_ONLY = 0x06010002
 _MISSING = frozenset({0x06020000, 0x06090011})
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
+_PROFILES = 0x2000
+"""First index beyond the objects of communication."""
 RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
 FIXED_CODES = RANGE_CODES | {READ_ONLY}
 """A drive keeps its value: the object is read-only, or ours is outside its range."""
@@ -51,6 +53,11 @@ class Entry:
     subindex: int
     type: str
     name: str
+
+    def shown(self, value: int) -> str:
+        """Return a value in words: identifiers and mappings, below 2000h, in hexadecimal."""
+        hexadecimal = self.index < _PROFILES and value > 0xFFFF
+        return f"{value:08X}h" if hexadecimal else f"{value}"
 
     @property
     def size(self) -> int:
@@ -144,7 +151,7 @@ class SdoServer:
     judge : Judge
         Decides which other values are accepted; at first none.
     saved : set of (int, int)
-        Index and sub-index of objects that may be written without further ado.
+        Index and sub-index of objects that are written without `first_write`.
     first_write : callable, optional
         Called with every other `Entry` before it is written; may add to `saved`.
     """

@@ -22,7 +22,8 @@ from drivers.found_settings import (
     load_found_settings,
     read_identity,
 )
-from drivers.sdo import Aborted, Entry
+from drivers.pdo_mapping import mapping_count, mapping_slot
+from drivers.sdo import Aborted
 from drivers.settings_restore import restore_drive
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.sdo import SdoServer
+    from drivers.sdo import Entry, SdoServer
 
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 ENTRIES_MAX = 64
@@ -252,12 +253,9 @@ def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
 
 
 def _mapped(server: SdoServer, index: int) -> list[Entry]:
-    count = Entry(index, 0, "u8", "number of mapped objects")
+    count = mapping_count(index)
     present = min(_read(server, count) or 0, ENTRIES_MAX)
-    return [
-        count,
-        *(Entry(index, n, "u32", f"mapped object {n}") for n in range(1, present + 1)),
-    ]
+    return [count, *(mapping_slot(index, n) for n in range(1, present + 1))]
 
 
 def _read(server: SdoServer, entry: Entry) -> int | None:

@@ -113,7 +113,9 @@ def test_what_power_on_will_write_is_listed_beforehand_and_only_what_differs() -
                 listed[verdict.check] = str(verdict)
         assert not bus.powered
     watchdog = "set: 1016:01 (consumer heartbeat time)"
-    assert f"0 ({127 << 16 | 500} is written for the session, then 0 again)" in listed[watchdog]
+    assert (
+        f"0 ({127 << 16 | 500:08X}h is written for the session, then 0 again)" in listed[watchdog]
+    )
     assert "set: 607D:01 (min position limit)" not in listed, "the drive's own is tighter"
 
 

@@ -108,16 +108,19 @@ def _unpowered(standing: StandingDrives, drives: DrivesFile) -> Iterator[Verdict
 
 
 def _written(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> Iterator[Verdict]:
-    """What powering on will write to the drive, in the place of what; nothing is written here."""
+    """State what powering on will write to the drive, with the values there; write nothing."""
     try:
         changes = announce(server, axis, drives, drives.sync_period).changes
     except DriveError as error:
         yield refused(server.label, "configuration", error)
         return
     for change in changes:
-        present = "write-only" if change.present is None else f"{change.present}"
-        bound = f"{change.value} is written for the session, then {present} again"
-        yield Verdict(Grade.OK, server.label, f"set: {change.entry}", present, bound)
+        entry, present = change.entry, change.present
+        bound = f"{entry.shown(change.value)} is written for the session"
+        if present is not None:
+            bound += f", then {entry.shown(present)} again"
+        found = "write-only" if present is None else entry.shown(present)
+        yield Verdict(Grade.OK, server.label, f"set: {entry}", found, bound)
 
 
 def _ask(network: PumpedNetwork, server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:

@@ -15,6 +15,8 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoEr
 from drivers import objects
 from drivers.makers import MAKERS
 from drivers.network import PumpedSdoClient
+from drivers.pdo_mapping import mapping_count, mapping_slot
+from drivers.probing import probed_objects as probed
 from drivers.probing.dictionary import Declared, Dictionary, Key
 from drivers.probing.mapping_review import mapped_objects
 from drivers.probing.needs import DRIVE_TRAIN, GUARDING, IDENTITY, NEEDS, UNITS
@@ -37,13 +39,13 @@ EXCHANGES = 64
 """Longest answer that is waited for [frames of 7 bytes]."""
 
 _CURRENTS = (
-    Entry(0x6077, 0, "i16", "torque actual value"),
+    probed.TORQUE,
     Entry(0x6078, 0, "i16", "current actual value"),
 )
 
 
 def asked() -> Iterator[Entry]:
-    """Yield the objects that a drive is asked for, the telling ones first."""
+    """Yield the objects that a drive is asked for, the decisive ones first."""
     yield objects.DEVICE_TYPE
     yield from IDENTITY
     yield from (need.entry for need in NEEDS if need.entry != objects.DEVICE_TYPE)
@@ -54,7 +56,7 @@ def asked() -> Iterator[Entry]:
     for record in (0x1400, 0x1800, 0x1801):
         yield Entry(record, 1, "u32", "COB-ID")
         yield Entry(record, 2, "u8", "transmission type")
-        yield Entry(record + 0x200, 0, "u8", "number of mapped objects")
+        yield mapping_count(record + 0x200)
 
 
 def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictionary:
@@ -78,7 +80,7 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
     for mapping in (0x1600, 0x1A00, 0x1A01):
         count = reading.entries.get((mapping, 0))
         for number in range(1, min((count and count.value) or 0, MAPPED) + 1):
-            reading.ask(Entry(mapping, number, "u32", "mapped object"))
+            reading.ask(mapping_slot(mapping, number))
     model = reading.text(DEVICE_NAME)
     identity = [reading.value(entry) for entry in IDENTITY]
     proved = mapped_objects(reading.entries)

@@ -69,7 +69,7 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
     try:
         yield keeper
     finally:
-        tell_unrestored(keeper)
+        _report_unrestored(keeper)
         if word is not None and not _left_behind(folder / NAME):
             word.unlink(missing_ok=True)
 
@@ -85,7 +85,7 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
     try:
         yield keeper
     finally:
-        tell_unrestored(keeper)
+        _report_unrestored(keeper)
         if keeper.path is not None and keeper.path.exists() and not keeper.unrestored:
             _remove_restored(keeper.path)
 
@@ -129,8 +129,8 @@ def _left_behind(path: Path) -> bool:
     return path.exists() and bool(load_found_settings(path).unrestored)
 
 
-def tell_unrestored(keeper: SettingsKeeper) -> None:
-    """Say on standard error where the settings are that drives do not hold again."""
+def _report_unrestored(keeper: SettingsKeeper) -> None:
+    """State on standard error where the settings are that drives do not hold again."""
     if keeper.unrestored and keeper.path is not None:
         typer.echo(
             f"not all drives hold again what they held before; it is kept in {keeper.path}: with"
@@ -201,7 +201,9 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
 
 
 def _row(entry: Entry, present: int | None, value: int) -> changes_view.Row:
-    return changes_view.Row((entry.index, entry.subindex), entry.name, present, value)
+    place = f"{entry.index:04X}:{entry.subindex:02X}"
+    held = "-" if present is None else entry.shown(present)
+    return changes_view.Row(place, entry.name, held, entry.shown(value))
 
 
 @contextmanager

@@ -12,17 +12,14 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-COMMUNICATION = 0x2000
-"""Objects below this index are identifiers and mappings, which are read in hexadecimal."""
-
 
 class Row(NamedTuple):
-    """One object; `present` is None where the drive does not show it."""
+    """One object, its value on the drive (a dash where it cannot be read), and the one written."""
 
-    place: tuple[int, int]
+    place: str
     name: str
-    present: int | None
-    value: int
+    present: str
+    value: str
 
 
 def render(label: str, rows: Sequence[Row], console: Console, column: str) -> None:
@@ -36,17 +33,5 @@ def render(label: str, rows: Sequence[Row], console: Console, column: str) -> No
     table.add_column("value on the drive", justify="right")
     table.add_column(column, justify="right")
     for row in rows:
-        table.add_row(
-            f"{row.place[0]:04X}:{row.place[1]:02X}",
-            Text(row.name),
-            _shown(row.place[0], row.present),
-            _shown(row.place[0], row.value),
-        )
+        table.add_row(row.place, Text(row.name), row.present, row.value)
     console.print(table, highlight=False)
-
-
-def _shown(index: int, value: int | None) -> str:
-    if value is None:
-        return "-"
-    hexadecimal = index < COMMUNICATION and value > 0xFFFF
-    return f"{value:08X}h" if hexadecimal else f"{value}"
