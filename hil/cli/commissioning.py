@@ -47,8 +47,12 @@ def check(
     axis: Annotated[
         list[str] | None, typer.Option(help="Check this one alone, may be repeated.")
     ] = None,
-    angle: Annotated[float, typer.Option(min=0.5, max=20, help="Of the small moves [deg].")] = 3.0,
-    speed: Annotated[float, typer.Option(min=0.1, max=20, help="Of the small moves [deg/s].")] = 5,
+    angle: Annotated[
+        float, typer.Option(min=0.5, max=20, help="Of the small moves \\[deg].")
+    ] = 3.0,
+    speed: Annotated[
+        float, typer.Option(min=0.1, max=20, help="Of the small moves \\[deg/s].")
+    ] = 5,
     model: Annotated[
         Path | None,
         typer.Option(help="Run folder whose identified model predicts gravity, for the direction."),
@@ -56,7 +60,7 @@ def check(
     realtime: shared.RealTime = False,
     jitter_time: Annotated[
         float,
-        typer.Option(min=0, max=600, help="How long to measure this computer's wake-ups [s]."),
+        typer.Option(min=0, max=600, help="How long to measure this computer's wake-ups \\[s]."),
     ] = 10.0,
     yes: shared.Yes = False,
 ) -> None:
@@ -88,8 +92,10 @@ def check(
 def jog(
     drives_file: shared.Drives,
     axis: shared.AxisName,
-    by: Annotated[float, typer.Option(help="How far [deg; mm if prismatic], signed.")],
-    speed: Annotated[float, typer.Option(min=0.01, help="[deg/s; mm/s if prismatic]")] = 5,
+    by: Annotated[float, typer.Option(help="How far \\[deg; mm if prismatic], signed.")],
+    speed: Annotated[
+        float, typer.Option(min=0.01, help="How fast \\[deg/s; mm/s if prismatic].")
+    ] = 5,
     interface: shared.Interface = SIMULATED,
     channel: shared.Channel = None,
     bus_option: shared.BusOptions = None,
@@ -124,7 +130,7 @@ def home(
     method: Annotated[
         int | None, typer.Option(min=-128, max=37, help="Method (6098) instead of the file's.")
     ] = None,
-    patience: Annotated[float, typer.Option(min=1, help="How long it may take [s].")] = 60,
+    patience: Annotated[float, typer.Option(min=1, help="How long it may take \\[s].")] = 60,
     interface: shared.Interface = SIMULATED,
     channel: shared.Channel = None,
     bus_option: shared.BusOptions = None,

@@ -33,7 +33,7 @@ def monitor(
     channel: shared.Channel = None,
     bus_option: shared.BusOptions = None,
     duration: Annotated[
-        float | None, typer.Option("--for", min=0.1, help="End by itself after so long [s].")
+        float | None, typer.Option("--for", min=0.1, help="End by itself after so long \\[s].")
     ] = None,
     inputs: Annotated[
         bool,

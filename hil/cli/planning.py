@@ -63,7 +63,7 @@ def plan(
     ] = None,
     noise_from: NoiseFrom = None,
     warm_up: Annotated[
-        float, typer.Option(min=0, max=LONGEST, help="Motion beforehand [s].")
+        float, typer.Option(min=0, max=LONGEST, help="Motion beforehand \\[s].")
     ] = 0.0,
     workspace: Annotated[
         Path | None, typer.Option(help="Joint ranges and forbidden boxes to keep clear of.")

@@ -38,12 +38,12 @@ def plan(
     name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
     minutes: Annotated[float, typer.Option(min=0.1, help="Time of all periods.")] = 5.0,
-    period: Annotated[float, typer.Option(min=1.0, help="Of the trajectory [s].")] = 10.0,
+    period: Annotated[float, typer.Option(min=1.0, help="Of the trajectory \\[s].")] = 10.0,
     criterion: Annotated[
         Criterion, typer.Option(help="Condition number, smallest singular value or log det.")
     ] = Criterion.CONDITION,
     seed: Annotated[int, typer.Option(help="The same seed gives the same trajectory.")] = 0,
-    warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand [s].")] = 0.0,
+    warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand \\[s].")] = 0.0,
 ) -> None:
     """Optimise a trajectory within the limits."""
     from hil.planning.trajectory_design import (  # noqa: PLC0415 - slow to import, used here only
