@@ -147,12 +147,12 @@ class CanopenDriveBus:
 
     @property
     def axes(self) -> tuple[AxisInfo, ...]:
-        """What the drives told about themselves; known once entered."""
+        """What the drives stated about themselves; available once entered."""
         return self._axes
 
     @property
     def limits(self) -> tuple[EffectiveLimits, ...]:
-        """Which limits hold, the drives' own or the drives file's; known once entered."""
+        """Which limits hold, the drives' own or the drives file's; available once entered."""
         return self._limits
 
     @property
@@ -162,12 +162,12 @@ class CanopenDriveBus:
 
     @property
     def servers(self) -> tuple[SdoServer, ...]:
-        """The drives' object dictionaries in joint order; known once entered."""
+        """The drives' object dictionaries in joint order; available once entered."""
         return tuple(self._servers)
 
     @property
     def transmitted(self) -> tuple[tuple[Pdo, ...], ...]:
-        """The TPDOs with which each drive answers SYNC; known once entered."""
+        """The TPDOs with which each drive answers SYNC; available once entered."""
         return tuple(drive.transmitted for drive in self._communications)
 
     @property

@@ -58,7 +58,7 @@ def commission(
     period : float
         Time between two SYNCs [s].
     wait : callable
-        ``wait(condition, timeout)`` lets time pass until the condition holds; tells whether it did.
+        ``wait(condition, timeout)`` lets time pass; returns whether the condition came to hold.
     limits : EffectiveLimits
         Which hold on this axis.
     communication : Communication

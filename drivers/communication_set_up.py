@@ -50,7 +50,7 @@ def set_up_communication(
 
 def _set_up_sync(server: SdoServer, period: float) -> None:
     present = server.find(objects.SYNC_COB_ID)
-    if present is not None and present & 0x7FF != SYNC:
+    if present is not None and present & IDENTIFIER != SYNC:
         server.set(objects.SYNC_COB_ID, SYNC)
     _stop_counting(server)
     server.set_if_present(

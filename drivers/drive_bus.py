@@ -126,7 +126,7 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AxisInfo:
-    """What a drive told about itself when the bus was entered; goes into the run's provenance.
+    """What a drive stated about itself when the bus was entered; goes into the provenance.
 
     Attributes
     ----------

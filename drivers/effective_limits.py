@@ -5,7 +5,7 @@ Whoever set up a drive with narrower limits had a reason, so none is ever widene
 must stand in the drive is computed in the drive's own unit, so that a limit of its own is left as
 it is to the last count; what follows for the axis is computed in SI on the joint side, and that is
 what set-points are checked against. A limit of 0 or of all ones is not set; position limits are off
-where the lower one is not the lower one.
+unless the lower one is below the upper one.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from drivers.sdo import Entry
 
 SLACK = 1e-3
-"""Share by which a drive's limit may be tighter before the operator hears of it: rounding."""
+"""Share by which a drive's limit may be tighter without a note: rounding."""
 
 
 @dataclass(frozen=True, slots=True)

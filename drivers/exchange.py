@@ -3,12 +3,11 @@
 Every frame that answers a SYNC has a slot; the slots of one axis stand side by side, so that one
 precompiled struct unpacks the frames of all axes, joined, at once. Where a drive's TPDO is fixed in
 another order, or carries more than we need, the values are picked by one `itemgetter` made for
-that. A bus that hands over waiting
-frames as one block (`frame_block`) saves even the frame objects. What is irregular leaves this
-path: a TPDO that is missing, doubled or late is flagged and never replaced by a guess. After a
-missing TPDO the axis owes one: if two come for the next SYNC, the first is the late one and is
-dropped. If one comes, nobody knows whether the other was lost or everything lags by a SYNC: it is
-flagged, for some SYNCs, unless all answers are known to be in.
+that. A bus that hands over waiting frames as one block (`frame_block`) saves even the frame
+objects. What is irregular leaves this path: a TPDO that is missing, doubled or late is flagged and
+never replaced by a guess. After a missing TPDO the axis owes one: if two come for the next SYNC,
+the first is the late one and is dropped. If one comes, nobody knows whether the other was lost or
+everything lags by a SYNC: it is flagged, for some SYNCs, unless all answers are known to be in.
 """
 
 from __future__ import annotations
@@ -174,7 +173,7 @@ class Exchange:
     def speeds(self) -> list[float]:
         """Return how fast each axis went between the last two SYNCs [increments/s].
 
-        An axis whose TPDO is missing has the speed ``inf``: nobody knows it.
+        An axis whose TPDO is missing has the speed ``inf``: it is not seen.
         """
         then, positions = self._before
         elapsed = self.time - then

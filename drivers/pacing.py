@@ -51,7 +51,7 @@ class Pacing(Protocol):
 
     @property
     def passed_over(self) -> int:
-        """SYNCs right before the last one that nobody looked at, for they had waited too long."""
+        """SYNCs right before the last one that were passed over: they had waited too long."""
 
     def now(self) -> float:
         """Time since the first deadline [s]."""
@@ -216,7 +216,7 @@ class KernelClock:
 
     @property
     def passed_over(self) -> int:
-        """SYNCs right before the last one that had waited too long."""
+        """SYNCs right before the last one that were passed over: they had waited too long."""
         return self._bus.passed_over
 
     def now(self) -> float:

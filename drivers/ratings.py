@@ -2,9 +2,9 @@
 
 By the standard 6075 is in mA and 6076 in mN m; some makers state 6076 in uN m. A factor of thousand
 scales every torque and every torque limit, so the unit is stated in the file, and two things tell
-it: the value that the file expects, and rated current times torque constant, which must lead to
-the rated torque. These need not meet exactly (rms and peak, warm and cold magnets), but never
-differ by hundreds. Where a maker's own objects state current and constant, they are compared too.
+it: the value that the file expects, and rated current times torque constant, which must lead to the
+rated torque. These need not meet exactly (rms and peak, warm and cold magnets), but never differ by
+hundreds. Where a maker's own objects state current and constant, they are compared too.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def expected_torque(axis: AxisDrive) -> float | None:
 
 
 def torque_unit(present: int, ampere: float, per_ampere: float) -> TorqueUnit | None:
-    """Tell the unit of 6076 by rated current [A] times torque constant [N m/A].
+    """Return the unit of 6076 by rated current [A] times torque constant [N m/A].
 
     Returns
     -------

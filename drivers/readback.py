@@ -9,7 +9,7 @@ Slower braking makes the way of a stop longer, and less torque makes a brake of 
 so decelerations and torques may be rounded but not clipped. Software limits may lie further inside
 by any amount, and further outside by one increment. Time-outs of heartbeats follow from the drives
 file: a drive may send its own less often as long as two fit into `heartbeat_timeout`, and may wait
-for ours a little longer than that, but never for ever and never less than for two beats.
+for ours a little longer than that, but neither without end nor for less than two beats.
 """
 
 from __future__ import annotations

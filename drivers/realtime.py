@@ -77,7 +77,7 @@ class System(Protocol):
         """Cores on which the calling thread may run."""
 
     def isolated(self) -> set[int]:
-        """Cores that the kernel gives to nobody who does not ask for them."""
+        """Cores on which the kernel runs only threads that are pinned to them."""
 
 
 class Linux:

@@ -67,7 +67,7 @@ class Shutdown:
     Attributes
     ----------
     problems : list of str
-        What the operator must know; grows.
+        For the operator: what went wrong; grows.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Shutdown:
 
     @property
     def begun(self) -> bool:
-        """The axes have been told to stop."""
+        """The axes have been commanded to stop."""
         return bool(self._stops)
 
     @property

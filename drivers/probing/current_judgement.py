@@ -1,13 +1,13 @@
 """In what unit a drive shows its current, judged by what physics allows; arrays in, verdicts out.
 
-Two things tell. Where the drive shows torque (6077) beside the current, both of them in the course
-of some work, their ratio is that of their units::
+There are two ways. Where the drive shows torque (6077) beside the current, both of them in the
+course of some work, their ratio is that of their units::
 
     counts per count of 6077 = T / (kt a)        current in mA: T in N m, kt in N m/A
                                T / (kt a I)      in per mille of the rated current I
                                1                 in per mille of the rated torque T
 
-The nearest is the unit, if it is near at all. Otherwise magnitude tells, but roughly: no motor
+The nearest is the unit, if it is near at all. Otherwise magnitude decides, but roughly: no motor
 holds more than its rated torque for long, and the friction of a geared axis at slow speed is a few
 per cent of it. Shares beyond `HELD_MAX` and outside `FRICTION` are taken for impossible, and a unit
 is confirmed only if it alone is possible.
@@ -41,7 +41,7 @@ LINEAR = 0.9
 NEAR = 1.3
 """A ratio within this factor of the expected one is that one: data sheets are that far off."""
 ALIKE = 1.05
-"""Units within this factor are one: they cannot be told apart, and need not be."""
+"""Units within this factor are one: they cannot be distinguished, and need not be."""
 HELD_MAX = 1.2
 """Share of the rated torque that an axis may hold at rest."""
 FRICTION = (0.003, 0.6)

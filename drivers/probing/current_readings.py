@@ -1,7 +1,7 @@
 """What a drive shows of its motor's effort in two objects, read side by side while an axis works.
 
 Nearly every drive shows its torque (6077) beside its current (6078, or a maker's own object). The
-two are one quantity in two units, so their ratio tells the unit of the one that is measured. Both
+two are one quantity in two units, so their ratio shows the unit of the one that is measured. Both
 are read by SDO, one right after the other, now and then during rest and slow strokes.
 """
 

@@ -1,6 +1,6 @@
 """The motor's ratings as a draft of a drives file states them, or asks for them.
 
-Rated current and torque constant come from 6075 and from objects of known makers. They also tell
+Rated current and torque constant come from 6075 and from makers' own objects. They also show
 in what unit a drive states its rated torque: mN m by the standard, uN m with some makers. Where
 nothing proves it and the standard's reading would be a motor that nobody builds, value and unit are
 left to be stated.
@@ -123,7 +123,7 @@ def _either(dictionary: Dictionary, present: int, hint: str) -> tuple[Drafted, D
         for unit, newton_metre in NEWTON_METRE.items()
     )
     hint += f"; 6076 is {present}: {readings}{also_named(dictionary, 'torque_constant')}"
-    choice = "unit of 6076 in the drive, mN m or uN m: rated current times torque constant tells"
+    choice = "unit of 6076 in the drive, mN m or uN m: rated current times torque constant decides"
     return Drafted(None, "", hint), Drafted(None, "", choice)
 
 

@@ -8,7 +8,7 @@ it measures at q is what the model predicts, turned round, at -q::
     sign wrong    tau(q) = -g(-q)
 
 An arm that hangs straight down is its own mirror image: both predictions are the same there, and
-nothing is told. So too where they differ by less than friction leaves undecided.
+nothing can be found. So too where they differ by less than friction leaves undecided.
 """
 
 from __future__ import annotations

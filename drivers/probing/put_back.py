@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from drivers.pacing import PacingName
 
 PERIOD = 0.004
-"""Decides nothing: no SYNC is sent [s]."""
+"""Has no effect, since no SYNC is sent [s]."""
 
 
 class Returned(NamedTuple):

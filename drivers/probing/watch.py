@@ -3,7 +3,7 @@
 `BusPicture` takes frames and sends none, so it works beside a running master, on a bus object of
 its own. TPDOs are understood as our driver maps them or as the drives file has them
 (`pdo_mapping.transmitted`); one of another length is counted as foreign, not guessed at. Digital
-inputs, which tell of safe torque off, are in none of them: they are taken from the answers to
+inputs, which show safe torque off, are in none of them: they are taken from the answers to
 whoever asks, and `questions` are frames to ask.
 """
 
@@ -56,7 +56,7 @@ class AxisPicture:
     interlock : str
         What its digital inputs (60FD) say of an interlock, if anybody asks for them.
     emergency : Emergency or None
-        The last one, until it is told to have gone.
+        The last one, until the drive reports its end.
     emergencies, foreign : int
         How many emergencies came, and how many TPDOs that are not mapped as ours.
     """

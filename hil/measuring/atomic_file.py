@@ -4,7 +4,7 @@ Content is written beside its place as ``.part``, flushed to the disk, renamed, 
 entry flushed too: neither a kill nor a power cut leaves half a file under the real name.
 
 A folder may come from a stranger, with symbolic links in it that lead to files of the user's. So a
-part has a name that nobody can foresee and is a file that was not there before, and a link under
+part has a name that cannot be foreseen and is a file that was not there before, and a link under
 the real name is replaced, not followed. Folders within such a folder are those that `own_folder`
 made or found to be no link. What the user names on the command line is the user's to choose.
 """

@@ -3,7 +3,7 @@
 A drive's own limits may be tighter than those that a plan was made for. Then every motion that the
 plan leaves open, such as the way from one measurement to the next, keeps within them, and a plan
 that would exceed them is refused before anything moves: a drive that clips a motion spoils the
-measurement without a word.
+measurement and reports nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 ROUNDING = 1e-3
-"""Share by which limits of drive and robot file may differ without a word."""
+"""Share by which limits of drive and robot file may differ without being named."""
 
 
 def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:

@@ -44,7 +44,7 @@ class Background:
     """
 
     def __init__(self, waiting_max: int = WAITING_MAX, patience: float = PATIENCE) -> None:
-        # Other queues have locks that an interrupt can leave locked for ever.
+        # Other queues have locks that an interrupt can leave locked for good.
         self._tasks: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._waiting_max = waiting_max
         self._patience = patience

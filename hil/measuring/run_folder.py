@@ -252,7 +252,7 @@ class RunFolder:
         return told
 
     def discard_if_empty(self) -> bool:
-        """Remove the folder if nothing was rehearsed or measured; tell whether it is gone."""
+        """Remove the folder if nothing was rehearsed or measured; return whether it is gone."""
         if not self.path.exists():
             return True
         if self.journal.rehearsed or any((self.path / "recordings").iterdir()):

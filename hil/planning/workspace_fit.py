@@ -1,11 +1,11 @@
 """Whether a workspace can be meant for a robot: its joints, its units, boxes against the reach.
 
-A box in millimetres would lie far beyond the arm and guard nothing, without a word. No point of a
-link is farther from the base frame's origin than the lengths of the chain in between, so the arm
-itself tells what numbers a box can have: a coordinate beyond `FARTHEST` times that reach is refused
-as one in another unit, and so is a box smaller than a screw. What lies nearer, yet where no link
-comes, is accepted with a remark (`remarks`). A box that a link stands in wherever the joints are
-is refused with the remedy for that, rather than through every measurement of a plan.
+A box in millimetres would lie far beyond the arm and guard nothing. No point of a link is farther
+from the base frame's origin than the lengths of the chain in between, so the arm itself bounds the
+numbers that a box can have: a coordinate beyond `FARTHEST` times that reach is refused as one in
+another unit, and so is a box smaller than a screw. What lies nearer, yet where no link comes, is
+accepted with a remark (`remarks`). A box that a link stands in wherever the joints are is refused
+with the remedy for that, rather than through every measurement of a plan.
 """
 
 from __future__ import annotations

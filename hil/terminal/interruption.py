@@ -52,7 +52,7 @@ def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
         with _interrupts() as refuse_lost:
             yield refuse_lost
     except KeyboardInterrupt:
-        # python-can says of a bus that was just being opened that nobody has closed it.
+        # python-can warns that a bus which was just being opened has not been closed.
         logging.getLogger("can").setLevel(logging.ERROR)
         say(ended())
         raise typer.Exit(STATUS) from None
@@ -98,7 +98,7 @@ def _interrupts() -> Iterator[Callable[[], None]]:
 
 
 def _exchange_gone(terminals: Sequence[int]) -> bool:
-    """Put the null device in the place of terminals that have gone; tell whether any has."""
+    """Put the null device in the place of terminals that have gone; return whether any has."""
     gone = [descriptor for descriptor in terminals if not os.isatty(descriptor)]
     if gone:
         null = os.open(os.devnull, os.O_WRONLY)
