@@ -16,7 +16,7 @@ from probing_bench import AlteredBus, Scripted, drives_of, unaltered
 from test_scaling import axis, drives
 
 from drivers.drive_bus import Move
-from drivers.probing.current_judgement import judge_current_unit
+from drivers.probing.current_judgement import NEAR, judge_current_unit
 from drivers.probing.gravity_judgement import judge_direction
 from drivers.probing.live_check import check
 from drivers.probing.powered_check import SmallMoves
@@ -146,10 +146,10 @@ def test_two_units_that_differ_by_more_than_a_factor_are_never_taken_for_one_ano
     apart = max(factor[shown] / factor[said], factor[said] / factor[shown])
     if apart < 1.01:
         assert "confirmed" in found.found
-    elif apart > 1.35:
+    elif apart > 1.02 * NEAR:
         assert found.grade is Grade.REFUSED
         assert shown in found.remedy
-    elif apart > 1.1:  # a motor for little more or less than 1 A
+    elif 1.1 < apart < 0.98 * NEAR:  # a motor for little more or less than 1 A
         assert "cannot tell here" in found.found
 
 
