@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from drivers.sdo import SdoServer
 
 OFF = 1 << 31
+"""Bit of a COB-ID by which its PDO does not exist."""
 NO_REMOTE = 1 << 30
 PDOS = 4
 NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from drivers import objects
 from drivers.cia402 import decode_state
 from drivers.drive_bus import DriveRefused
+from drivers.pdo_set_up import OFF
 from drivers.sdo import Aborted, Entry
 from drivers.stop import NOT_ENERGISED
 
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 WATCHDOGS = (0x100C, 0x100D, 0x1016)
 """Life guarding and consumer heartbeat."""
-OFF = 1 << 31
-"""Bit of a COB-ID by which its PDO does not exist."""
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _MAPPING = 0x200
 _PDO_SPAN = 0x1C00

@@ -182,7 +182,10 @@ def test_a_channel_that_is_a_file_of_another_kind_is_refused_in_a_few_lines(hil:
 def test_a_name_of_nothing_is_refused_with_the_robots_that_come_along(hil: Hil) -> None:
     status, _, err = hil("check", "manutec")
     assert status == 1
-    assert err == "manutec: is neither a robot that comes along (manutec-r15) nor a drives file\n"
+    assert err == (
+        "manutec: is neither a robot that comes along (manutec-r15) nor a drives file; name one of"
+        " these robots, or the path of a drives file\n"
+    )
 
 
 def test_a_bus_that_is_not_the_plant_needs_a_channel(hil: Hil) -> None:

@@ -60,12 +60,12 @@ CASES = (
         energised=False,
     ),
     Case(
-        "SDO silent in a campaign", f"{_STOPS}, known from their TPDOs",
+        "SDO silent in a campaign", f"{_STOPS}, as their TPDOs show",
         (fault(What.SDO_SILENT, When(set_point=1, after=0.2)),), NodeSilent,
         "no answer when trying to write", signs.request,
     ),
     Case(
-        "SDO aborted in a campaign", f"{_STOPS}, known from their TPDOs",
+        "SDO aborted in a campaign", f"{_STOPS}, as their TPDOs show",
         (fault(What.SDO_ABORTED, When(set_point=1, after=0.2), code=0x08000022),), DriveRefused,
         "abort 08000022", signs.request,
     ),

@@ -11,6 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from drivers.pdo_mapping import ON_SYNC
+from drivers.pdo_set_up import OFF
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from collections.abc import Mapping as MappingOf
@@ -21,8 +24,6 @@ if TYPE_CHECKING:
 Obstacle = tuple[str, str, str, bool]
 """About what, the problem, its consequence, whether it is fatal."""
 
-ON_SYNC = 1
-OFF = 1 << 31
 _STATE = ((0x6041, 0, 16), (0x6064, 0, 32))
 _COMMAND = ((0x607A, 0, 32), (0x6040, 0, 16))
 

@@ -76,7 +76,10 @@ def drives_path(name: str) -> Path:
         return packaged
     if not path.suffix and not path.exists():
         along = ", ".join(_robots())
-        raise FileError(f"{name}: is neither a robot that comes along ({along}) nor a drives file")
+        raise FileError(
+            f"{name}: is neither a robot that comes along ({along}) nor a drives file; name one of"
+            " these robots, or the path of a drives file"
+        )
     return path
 
 
