@@ -52,7 +52,9 @@ def _counts(value: object) -> Fraction:
     """Take a number or a ratio; decimals mean what they say."""
     counts = rate_units.ratio(str(value))
     if counts > I32_MAX:
-        raise ValueError(f"{value} must be at most {I32_MAX}")
+        raise ValueError(
+            f"{value} must be at most {I32_MAX}; state the counts of 6064 in one motor revolution"
+        )
     return counts
 
 

@@ -155,12 +155,12 @@ def _range(
     present = [find(entry) for entry in entries]
     if present[0] is not None and present[1] is not None and present[0] < present[1]:
         low, high = max(low, present[0]), min(high, present[1])
-    q_present = _joint(scale, present)
+    q_present, unit = _joint(scale, present), "rad" if axis.joint == "revolute" else "m"
     if low >= high:
         raise DriveRefused(
             f"{label}: the drive's own software limits (607D) {q_present} and the drives file's"
-            f" [{limits.q_min:.5g}, {limits.q_max:.5g}] have nothing in common; correct zero, sign"
-            " and gear in the drives file, or the limits in the drive"
+            f" [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit} have nothing in common; correct"
+            " zero, sign and gear in the drives file, or the limits in the drive"
         )
     values |= dict(zip(entries, (low, high), strict=True))
     keys = ("q_min", "q_max") if scale.position > 0 else ("q_max", "q_min")
@@ -172,7 +172,6 @@ def _range(
             own[key] = "607D"
     slack = SLACK * (limits.q_max - limits.q_min)
     if any(abs(holds[key] - getattr(limits, key)) > slack for key in tighter):
-        unit = "rad" if axis.joint == "revolute" else "m"
         notes.append(
             f"{label}: the drive's own software limits (607D) {q_present} are narrower than the"
             f" drives file's [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit}; what holds is"

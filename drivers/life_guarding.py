@@ -59,11 +59,12 @@ def set_up_life_guarding(server: SdoServer, drives: DrivesFile) -> None:
         server.put(entry, value)
         server.kept[entry] = server.get(entry)
         kept *= server.kept[entry]
-    if not 2 * period <= kept <= LONGER_WATCH * timeout:
+    least, most = 2 * period, LONGER_WATCH * timeout
+    if not least <= kept <= most:
         raise DriveRefused(
             f"{server.label}: keeps a life time (100C times 100D) of {kept} ms after {timeout:g} ms"
-            " were written; without it the axis goes on when this process dies: choose"
-            " heartbeat_period and heartbeat_timeout that it takes"
+            f" were written, must be {least:g} to {most:g} ms; without it the axis goes on when"
+            " this process dies: choose heartbeat_period and heartbeat_timeout that it takes"
         )
     server.notes.append(
         f"{server.label}: no heartbeats both ways (1016, 1017): it watches our guarding requests "
