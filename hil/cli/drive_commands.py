@@ -33,7 +33,7 @@ Drives = Annotated[
 AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
 Interface = Annotated[str, typer.Option(help="python-can's interface.")]
 Channel = Annotated[
-    str | None, typer.Option(help="Its channel; on sim_plant by default that of the plant with these drives.")
+    str | None, typer.Option(help="Its channel; by default the plant with these drives.")
 ]
 BusOptions = Annotated[
     list[str] | None,
