@@ -77,8 +77,10 @@ def refuse_energised(server: SdoServer) -> None:
 
 def _free_sync_counter(server: SdoServer, values: Mapping[Entry, int]) -> None:
     """Put back the counter in SYNC first, which can be changed without a period only (1006)."""
-    counter = values.get(objects.SYNC_COUNTER)
-    if counter is not None and _differs(server, objects.SYNC_COUNTER, counter):
+    counters = [v for e, v in values.items() if e.index == objects.SYNC_COUNTER.index]
+    for counter in counters:  # by index: a file may name its objects otherwise
+        if not _differs(server, objects.SYNC_COUNTER, counter):
+            return
         _try(server, objects.CYCLE_PERIOD, 0)
         _try(server, objects.SYNC_COUNTER, counter)
 

@@ -48,6 +48,7 @@ def stated(objects: Objects, **changes: Any) -> list[Verdict]:
         (0x6007, 2, Grade.WARNING, "2, takes the torque away; without a bus the axis coas"),
         (0x605E, 2, Grade.OK, "2, slows down on the quick stop ramp"),
         (0x605C, 1, Grade.OK, "1, slows down on the ramp"),
+        (0x605C, 2, Grade.OK, "2, the maker's own, see its manual"),
         (0x605A, 6, Grade.OK, "6, slows down on the quick stop ramp and stays powered"),
         (0x605E, -1, Grade.OK, "-1, the maker's own, see its manual"),
         (0x6007, 3, Grade.OK, "3, makes a quick stop"),

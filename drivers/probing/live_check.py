@@ -9,6 +9,7 @@ they are, which is what brakes are for. Verdicts come as they are found.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers import objects
@@ -27,9 +28,10 @@ from drivers.probing.standing import StandingDrives
 from drivers.probing.verdict import Grade, Verdict, graded, refused
 from drivers.scaling import AxisScale
 from drivers.sdo import SDO_TIMEOUT
+from drivers.settings_keeper import SettingsKeeper
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator, Sequence
+    from collections.abc import Callable, Generator, Iterator, Sequence
 
     import can
 
@@ -40,8 +42,7 @@ if TYPE_CHECKING:
     from drivers.probing.gravity_judgement import Gravity
     from drivers.probing.operator import Operator
     from drivers.probing.powered_check import SmallMoves
-    from drivers.sdo import SdoServer
-    from drivers.settings_keeper import SettingsKeeper
+    from drivers.sdo import Entry, SdoServer
 
 
 def check(
@@ -78,7 +79,9 @@ def check(
         As they are found. However the iteration ends, all axes are stopped and switched off.
     """
     stop = False
-    for verdict in _unpowered(StandingDrives(bus, drives, pacing), drives):
+    keeper = keeper or SettingsKeeper()
+    keeper.open(drives)
+    for verdict in _unpowered(StandingDrives(bus, drives, pacing), drives, keeper):
         stop |= verdict.grade is Grade.REFUSED
         yield verdict
     if stop:
@@ -96,21 +99,25 @@ def check(
     yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
 
 
-def _unpowered(standing: StandingDrives, drives: DrivesFile) -> Iterator[Verdict]:
+def _unpowered(
+    standing: StandingDrives, drives: DrivesFile, keeper: SettingsKeeper
+) -> Iterator[Verdict]:
     for server, axis in zip(standing.servers, drives.axes, strict=True):
         serves = True
         for verdict in _ask(standing.network, server, axis):
             serves &= verdict.grade is not Grade.REFUSED
             yield verdict
         if serves:
-            yield from _written(server, axis, drives)
+            yield from _written(server, axis, drives, partial(keeper.found, server))
     yield _load(drives)
 
 
-def _written(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> Iterator[Verdict]:
+def _written(
+    server: SdoServer, axis: AxisDrive, drives: DrivesFile, find: Callable[[Entry], int | None]
+) -> Iterator[Verdict]:
     """State what powering on will write to the drive, with the values there; write nothing."""
     try:
-        changes = announce(server, axis, drives, drives.sync_period).changes
+        changes = announce(server, axis, drives, drives.sync_period, find).changes
     except DriveError as error:
         yield refused(server.label, "configuration", error)
         return

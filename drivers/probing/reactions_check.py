@@ -28,7 +28,7 @@ _RAMPS = {1: "slows down on the ramp", 2: "slows down on the quick stop ramp"}
 _LIMITS = {3: "slows down at the current limit", 4: "slows down at the voltage limit"}
 _STAYS = {number + 4: f"{text} and stays powered" for number, text in (_RAMPS | _LIMITS).items()}
 _QUICK_STOP = {0: COASTS} | _RAMPS | _LIMITS | _STAYS
-_SHUT_DOWN = {0: COASTS} | _RAMPS
+_SHUT_DOWN = {0: COASTS, 1: _RAMPS[1]}
 _FAULT = {0: COASTS} | _RAMPS | _LIMITS
 _CONNECTION = {0: GOES_ON, 1: "goes into a fault", 2: COASTS, 3: "makes a quick stop"}
 
