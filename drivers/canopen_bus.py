@@ -14,6 +14,7 @@ from __future__ import annotations
 import logging
 import math
 from contextlib import suppress
+from time import monotonic
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -26,11 +27,13 @@ from drivers.drive_bus import (
     AxisInfo,
     DriveError,
     DriveFault,
+    DriveRefused,
     LimitExceeded,
     MoveFailed,
     NodeSilent,
     Tripped,
 )
+from drivers.effective_limits import SLOWEST_STOP
 from drivers.exchange import Exchange
 from drivers.frame_log import logged
 from drivers.gaps import Gaps
@@ -50,6 +53,7 @@ from drivers.readout import Readout
 from drivers.scaling import AxisScale
 from drivers.sdo import SdoServer
 from drivers.settings_keeper import SettingsKeeper
+from drivers.settings_restore import WATCHDOGS
 from drivers.shutdown import Shutdown
 from drivers.streams import Streams
 from drivers.supervision import Supervision
@@ -75,6 +79,14 @@ log = logging.getLogger(__name__)
 
 UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
+
+
+RESTORING = 20.0
+"""For how long at most settings are put back on leaving [s]; `hil drives restore` does the rest."""
+
+
+def _outside() -> DriveError:
+    return DriveRefused("the drives are not powered: enter the bus first, in a with statement")
 
 
 class CanopenDriveBus:
@@ -134,7 +146,9 @@ class CanopenDriveBus:
         self._axes: tuple[AxisInfo, ...] = ()
         self._limits: tuple[EffectiveLimits, ...] = ()
         self._limited = drives.axes
-        self._trip: DriveError | None = None
+        self._trip: DriveError | None = _outside()
+        self._inside = False
+        self._servers: list[SdoServer] = []
         self._words: tuple[int, ...] = ()
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
         self._readout = Readout(drives.axes)
@@ -183,17 +197,20 @@ class CanopenDriveBus:
         DriveRefused, NodeSilent, DriveFault, BusUnavailable
             Why not; nothing is energised then.
         """
+        if self._inside:
+            raise DriveRefused("the bus has been entered already; leave it first")
         try:
             self._connect()
         except BaseException:
             self._close()
             raise
+        self._inside, self._trip = True, None
         try:
             self._admit()
             self._start()
             self._power_on()
         except BaseException as error:
-            self._leave(error)
+            self._leave_for_certain(error)
             raise
         return self
 
@@ -211,7 +228,7 @@ class CanopenDriveBus:
             A drive could not be switched off. Where another exception is under way, this is
             added to its notes instead.
         """
-        self._leave(exc)
+        self._leave_for_certain(exc)
 
     def move(self, moves: Mapping[int, Move]) -> None:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
@@ -245,6 +262,8 @@ class CanopenDriveBus:
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
+        if self._trip is not None:
+            self._supervise_trip()
         exchange, motions, streams = self._exchange, self._motions, self._streams
         before = exchange.time
         try:
@@ -277,6 +296,8 @@ class CanopenDriveBus:
         Statuswords, emergencies and heartbeats are watched as in `sample`; where the axes go is
         not, since only the drive knows.
         """
+        if self._trip is not None:
+            self._supervise_trip()
         try:
             time = self._exchange.sync()
             self._heartbeats.service()
@@ -299,9 +320,12 @@ class CanopenDriveBus:
         """Power the axes on again after a trip (see `drivers.drive_bus.DriveBus`)."""
         if self._trip is None:
             return
+        if not self._inside:
+            raise self._trip
         with interrupts_held():
             self._stop()
             self._shutdown.switch_off()
+            self._note(self._shutdown.conclude())
         left = [
             s.label for s, off in zip(self._servers, self._shutdown.off, strict=True) if not off
         ]
@@ -310,6 +334,7 @@ class CanopenDriveBus:
                 f"{', '.join(left)}: not shown to be off, so nothing is powered on again; leave, "
                 "and check the drive"
             )
+        self._note(self._shutdown.problems)
         self._shutdown.forget()
         self._heartbeats.watch()
         self._supervision.forget()
@@ -361,7 +386,6 @@ class CanopenDriveBus:
             self._power.switch_off,
         )
         self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * self._period)
-        self._trip = None
         self._commissioned: list[SdoServer] = []
         self._running = False
         self._gaps = Gaps(network, self._servers, self._heartbeats)
@@ -420,12 +444,23 @@ class CanopenDriveBus:
             raise self._heartbeats.trouble
 
     def _power_on(self) -> None:
+        self._refuse_unwatched()
         self._refuse_outside()
         self._power.walk(State.SWITCHED_ON, self._cycle)
         self._note_offsets("before power-on")
         self._power.walk(State.OPERATION_ENABLED, self._cycle)
         self._pacing.skipped = 0
         self._trips.arm(self._pacing.now(), self._exchange.positions)
+
+    def _refuse_unwatched(self) -> None:
+        """Refuse drives whose watch on us is not as it was set: another master may be at work."""
+        for server in self._servers:
+            for entry, value in server.kept.items():
+                if entry.index in WATCHDOGS and (present := server.get(entry)) != value:
+                    raise DriveRefused(
+                        f"{server.label}: {entry} is {present} before power-on, {value} was "
+                        "written; another master or a restore changed it: end that first"
+                    )
 
     def _refuse_outside(self) -> None:
         """Refuse axes that stand where they must never be, before any is energised."""
@@ -447,19 +482,27 @@ class CanopenDriveBus:
             raise LimitExceeded("\n".join(outside))
 
     def _attend(self, words: tuple[int, ...]) -> None:
-        if self._trip is not None:
-            self._refuse_after_trip()
         self._words = words
         self._readout.note_limits(words)
         if self._heartbeats.trouble:
             self._fail(self._heartbeats.trouble)
         lost = self._supervision.lost(words)
         if lost is not None:
-            self._stop()  # first of all: the drive may have to be asked for the reason
+            self._stop()  # and at rest, before the drive may have to be asked for the reason
+            self._shutdown.await_rest()
             self._fail(self._supervision.diagnose(self._servers[lost], words[lost]))
         self._note(self._supervision.warnings())
 
+    def _supervise_trip(self) -> NoReturn:
+        """See to it that stopped axes stay so, and refuse."""
+        if self._inside:
+            self._shutdown.supervise()
+        self._refuse_after_trip()
+        raise AssertionError("unreachable: there was a trip")
+
     def _refuse_after_trip(self) -> None:
+        if self._trip is not None and not self._inside:
+            raise self._trip
         if self._trip is not None:
             raise Tripped(
                 f"all axes were stopped and stay so until a deliberate reset(): {self._trip}"
@@ -485,7 +528,11 @@ class CanopenDriveBus:
         self._words = ()
         if self._shutdown.begun:
             return
-        speeds, decelerations = self._speeds(), self._decelerations()
+        decelerations = self._decelerations()
+        try:
+            speeds = self._speeds()
+        except Exception:  # nothing may keep the axes from being stopped
+            speeds = [axis.limits.velocity for axis in self._limited]
         self._motions.active.clear()
         self._streams.abandon()
         self._shutdown.begin(speeds, decelerations)
@@ -497,7 +544,7 @@ class CanopenDriveBus:
             zip(self._limited, self._scales, self._exchange.speeds(), strict=True)
         ):
             limit = axis.limits.velocity
-            commanded = limit if self._streams.moving else self._motions.velocity(number)
+            commanded = max(self._streams.velocity(number), self._motions.velocity(number))
             measured = limit if math.isinf(counts) else counts * abs(scale.position)
             fastest = axis.trip.velocity or SPEED_SHARE * limit  # a jump of the encoder is none
             found.append(max(commanded, min(measured, fastest)))
@@ -507,7 +554,9 @@ class CanopenDriveBus:
         """How each axis slows down in a quick stop: as stated, as the drive has it, or as moved."""
         found = []
         for number, (axis, server) in enumerate(zip(self._limited, self._servers, strict=True)):
-            ours = self._limits[number].stop_deceleration or axis.limits.acceleration
+            slowest = SLOWEST_STOP * self._drives.axes[number].limits.acceleration
+            stated = self._limits[number].stop_deceleration or axis.limits.acceleration
+            ours = max(stated, slowest)
             if server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
                 ours = min(ours, self._motions.deceleration(number))  # it may take that of 6084
             found.append(axis.quick_stop_deceleration or ours)
@@ -520,13 +569,31 @@ class CanopenDriveBus:
             log.warning("%s", note)
 
     def _note_offsets(self, when: str) -> None:
-        self._note(offsets(self._exchange, self._drives.axes, self._exchange.sync, when))
+        self._note(offsets(self._exchange, self._drives.axes, self._beating, when))
+
+    def _beating(self) -> None:
+        self._exchange.sync()
+        self._heartbeats.beat()
+
+    def _leave_for_certain(self, error: BaseException | None) -> None:
+        """Leave, also where an interrupt comes before it can be held back."""
+        pressed: KeyboardInterrupt | None = None
+        while self._inside:
+            try:
+                self._leave(error)
+            except KeyboardInterrupt as again:
+                pressed = again
+        if pressed is not None:
+            raise pressed
 
     def _leave(self, error: BaseException | None) -> None:
         with interrupts_held():
+            if not self._inside:
+                return
             problems, complete = self._switch_off()
             self._close_settings()
             self._commissioned, self._running = [], False
+            self._inside, self._trip = False, _outside()
             problems += self._close()
             if getattr(self._bus, "recorded", False):
                 problems = []
@@ -545,8 +612,9 @@ class CanopenDriveBus:
         With that their watchdogs are released. Returns what went wrong, and whether all are off.
         """
         off = self._switch_off_running() if self._running else self._switch_off_standing()
+        ends = monotonic() + RESTORING
         for server in self._commissioned:
-            if server in off:
+            if server in off and monotonic() < ends:
                 with suppress(Exception):  # what is not put back is reported by `_close_settings`
                     self._keeper.restore(server)
         return self._shutdown.problems, set(self._commissioned) <= off

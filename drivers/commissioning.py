@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
 DRIVE_PROFILE = 402
 SLOW_DOWN_RAMP = 1
-QUICK_STOP_REACTION = 3
+QUICK_STOP_REACTION, FAULT_REACTION = 3, 1
+STAYS_ENERGISED = 5
+"""Quick stop options from here on end in QUICK STOP ACTIVE."""
 STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
 """Quick stop options that slow down, instead of letting the axis coast (0)."""
 MODE_TIME = 3.0
@@ -150,29 +152,49 @@ def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) 
     ):
         _write_limit(server, {entry: values[entry] for entry in either})
     acceleration = scale.acceleration_to_counts(limits.acceleration)
-    per_count = abs(scale.position)
+    velocity = scale.velocity_to_counts(limits.velocity)
+    window = round(axis.following_error_window / abs(scale.position))
     quick_stop = objects.QUICK_STOP_DECELERATION
+    for entry, value, key in (
+        (objects.PROFILE_VELOCITY, velocity, f"limits.velocity {limits.velocity:g}"),
+        (
+            objects.PROFILE_ACCELERATION,
+            acceleration,
+            f"limits.acceleration {limits.acceleration:g}",
+        ),
+        (
+            objects.FOLLOWING_ERROR_WINDOW,
+            window,
+            f"following_error_window {axis.following_error_window:g}",
+        ),
+    ):
+        _refuse_zero(server, entry, value, key)
     for entry, value, consequence in (
         (objects.PROFILE_DECELERATION, acceleration, "6083 must hold for decelerating too"),
         (quick_stop, values[quick_stop], "the drive's own quick stop ramp is used"),
-        (
-            objects.FOLLOWING_ERROR_WINDOW,
-            round(axis.following_error_window / per_count),
-            _UNWATCHED,
-        ),
+        (objects.FOLLOWING_ERROR_WINDOW, window, _UNWATCHED),
         (objects.PROFILE_TYPE, 0, "trapezoidal profiles are taken on trust"),
     ):
         server.set_if_present(entry, value, consequence)
     for entry, value, consequence in (
         (objects.FOLLOWING_ERROR_TIME, round(1000 * axis.following_error_time), _UNWATCHED),
-        (objects.POSITION_WINDOW, round(axis.position_window / per_count), _OWN_WINDOW),
+        (objects.POSITION_WINDOW, round(axis.position_window / abs(scale.position)), _OWN_WINDOW),
         (objects.POSITION_WINDOW_TIME, round(1000 * axis.position_window_time), _OWN_WINDOW),
     ):
         server.set_if_present(entry, value, consequence, also=_ANY)
     if objects.MAX_TORQUE in server.missing and server.find(objects.MAX_CURRENT) is not None:
         _write_limit(server, {objects.MAX_CURRENT: values[objects.MAX_CURRENT]})
-    server.set(objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity))
+    server.set(objects.PROFILE_VELOCITY, velocity)
     server.set(objects.PROFILE_ACCELERATION, acceleration)
+
+
+def _refuse_zero(server: SdoServer, entry: Entry, value: int, key: str) -> None:
+    """Refuse a limit below one count of an object: to many drives 0 means that there is none."""
+    if not value and server.find(entry) is not None:
+        raise DriveRefused(
+            f"{server.label}: {key} of the drives file is less than one count of object {entry},"
+            " and 0 may mean no limit; raise it, or set a finer unit in the drive"
+        )
 
 
 def _write_limit(server: SdoServer, values: Mapping[Entry, int]) -> None:
@@ -195,19 +217,14 @@ _ANY = range(1 << 32)
 
 
 def _write_reactions(server: SdoServer, drives: DrivesFile) -> None:
-    for entry, value, also, consequence in (
-        (
-            objects.QUICK_STOP_OPTION,
-            drives.quick_stop_option,
-            STOPPING_OPTIONS,
-            "the drive's own quick stop is used",
-        ),
-        (objects.HALT_OPTION, SLOW_DOWN_RAMP, (2, 3, 4), "the drive's own halt is used"),
-        (
-            objects.ABORT_CONNECTION_OPTION,
-            QUICK_STOP_REACTION,
-            (1, 2),
-            "its reaction to the loss of our heartbeat is the maker's: look it up",
-        ),
-    ):
-        server.set_if_present(entry, value, consequence, also)
+    option, reaction = objects.QUICK_STOP_OPTION, objects.ABORT_CONNECTION_OPTION
+    own = "the drive's own quick stop is used"
+    server.set_if_present(option, drives.quick_stop_option, own, STOPPING_OPTIONS)
+    server.set_if_present(
+        objects.HALT_OPTION, SLOW_DOWN_RAMP, "the drive's own halt is used", (2, 3, 4)
+    )
+    unknown = "its reaction to the loss of our heartbeat is the maker's: look it up"
+    if server.kept.get(option, 0) < STAYS_ENERGISED:
+        server.set_if_present(reaction, QUICK_STOP_REACTION, unknown, (1, 2))
+    else:  # a quick stop alone would leave the axis powered when this process dies
+        server.set_if_present(reaction, FAULT_REACTION, unknown, (2, 3))

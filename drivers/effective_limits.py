@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive
     from drivers.sdo import Entry
 
+SLOWEST_STOP = 0.25
+"""Share of an axis's acceleration limit: a slower ramp of its own (6085) is not waited for."""
+
 SLACK = 1e-3
 """Share by which a drive's limit may be tighter without a note: rounding."""
 
@@ -99,6 +102,8 @@ def effective_limits(
     holds |= {"acceleration": stated.acceleration, _STOP: stated.acceleration}
     for bound in _bounds(axis):
         present = find(bound.entry)
+        if present is not None and not bound.ours:
+            raise DriveRefused(_too_small(label, bound, getattr(stated, bound.key)))
         values[bound.entry] = bound.ours
         if present is None or not _set(present, bound.entry) or present >= bound.ours:
             continue
@@ -111,6 +116,8 @@ def effective_limits(
         if value < getattr(stated, bound.key) * (1 - SLACK):
             notes.append(_note(label, bound, value, getattr(stated, bound.key)))
     stop = holds.pop(_STOP) if find(_QUICK_STOP) is not None else None
+    if stop is not None and stop < SLOWEST_STOP * stated.acceleration:
+        notes.append(_slow_stop(label, stop, axis))
     limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})
     own.pop(_STOP, None)
     return EffectiveLimits(limits, stop, values, own, tuple(notes))
@@ -124,6 +131,7 @@ _KEYS = {objects.MAX_DECELERATION: ("acceleration", _STOP), _QUICK_STOP: (_STOP,
 
 
 def _bounds(axis: AxisDrive) -> Iterator[_Bound]:
+    """Yield what limits an axis, in the drive's units."""
     scale, limits = AxisScale.of(axis), axis.limits
     length, force = ("rad", "N m") if axis.joint == "revolute" else ("m", "N")
     velocity, rpm = scale.velocity_to_counts(limits.velocity), 2 * math.pi / 60 / axis.gear_ratio
@@ -191,6 +199,25 @@ def _set(value: int, entry: Entry) -> bool:
 
 def _code(entry: Entry) -> str:
     return f"{entry.index:04X}"
+
+
+def _too_small(label: str, bound: _Bound, stated: float) -> str:
+    return (
+        f"{label}: limits.{bound.key} {stated:.4g} {bound.unit} is less than one count of"
+        f" {bound.entry}, {bound.per_count:.4g} {bound.unit}, and 0 would mean no limit; raise it,"
+        " or set a finer unit in the drive"
+    )
+
+
+def _slow_stop(label: str, stop: float, axis: AxisDrive) -> str:
+    unit, limits = "rad" if axis.joint == "revolute" else "m", axis.limits
+    return (
+        f"{label}: its quick stop slows down by {stop:.4g} {unit}/s^2 (6085, 60C6), which takes"
+        f" {limits.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
+        f" limits.acceleration {limits.acceleration:.4g} {unit}/s^2 is not waited for, its voltage"
+        " is disabled sooner: raise 6085 with the maker's commissioning tool, or state this ramp as"
+        " quick_stop_deceleration"
+    )
 
 
 def _note(label: str, bound: _Bound, value: float, stated: float) -> str:

@@ -39,6 +39,9 @@ SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
 """Frames that are read at most once the time of an answer is up: a node may never fall silent."""
 
+SPEED_TIME = 0.008
+"""Over which speeds are taken at least [s]: positions need not change at every SYNC."""
+
 DOUBT = 5
 """SYNCs with one answer each after which a TPDO that is owed counts as lost."""
 
@@ -87,7 +90,7 @@ class Exchange:
         self.flags: tuple[int, ...] = self._regular
         self.irregular = False
         self.time = 0.0
-        self._before: tuple[float, tuple[int, ...]] = (-math.inf, self._regular)
+        self._before = self._anchor = (-math.inf, self._regular)
         self.words: tuple[int, ...] = self._regular
         self.positions: tuple[int, ...] = self._regular
         self.currents: tuple[int, ...] = self._regular
@@ -150,7 +153,9 @@ class Exchange:
                 values = self._unpack(b"".join(self._collected(pacing)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
-        self._before, self.time = (self.time, self.positions), instant
+        if self.time - self._anchor[0] >= SPEED_TIME:
+            self._before, self._anchor = self._anchor, (self.time, self.positions)
+        self.time = instant
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
         if self._found or self.irregular or pacing.passed_over:
             self._publish(passed_over=bool(pacing.passed_over))
@@ -171,14 +176,14 @@ class Exchange:
         raise self._network.unavailable("SYNC cannot be sent", error)
 
     def speeds(self) -> list[float]:
-        """Return how fast each axis went between the last two SYNCs [increments/s].
+        """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
 
         An axis whose TPDO is missing has the speed ``inf``: it is not seen.
         """
         then, positions = self._before
         elapsed = self.time - then
         return [
-            math.inf if flag & SampleFlag.MISSING else abs(here - there) / elapsed
+            math.inf if flag & SampleFlag.MISSING or elapsed <= 0 else abs(here - there) / elapsed
             for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
         ]
 

@@ -83,6 +83,7 @@ class Heartbeats:
         self._starting: set[int] = set()
         for node in labels:
             network.subscribe(0x700 + node, self._on_heartbeat)
+        network.subscribe(0x700 + master, self._on_ours)
 
     def watch(self) -> None:
         """Begin to expect the drives' heartbeats, and to send ours where it has ceased.
@@ -125,6 +126,16 @@ class Heartbeats:
             self.trouble = NodeSilent(
                 f"{self._labels[node]}: no heartbeat for {now - self._heard[node]:.3g} s (limit "
                 f"{self._timeout:g} s); check the drive's supply and the CAN wiring"
+            )
+
+    def _on_ours(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Somebody else sends what the drives watch: they would not miss us."""
+        del data, timestamp
+        if self._heard and self.trouble is None:
+            self.trouble = NodeSilent(
+                f"another master on the bus sends our heartbeat (node {can_id - 0x700}): the drives"
+                " would go on when this process dies; end that master, or give each a master_node"
+                " of its own in the drives file"
             )
 
     def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:

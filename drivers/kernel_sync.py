@@ -28,6 +28,9 @@ SYNC_ID = 0x80
 SILENCE = 0.5
 """How long the kernel's SYNC may stay away, beyond three periods, before the bus is down [s]."""
 
+BABBLE = 20_000
+"""Frames that are passed over at once: a bus may never fall silent."""
+
 STALE = 2
 """Periods after which a SYNC that waits for us is passed over for the newest."""
 
@@ -157,7 +160,7 @@ class KernelSync(can.BusABC):
     def _catch_up(self) -> None:
         """Pass over what has waited too long: who supervises axes looks at the newest SYNC."""
         arrived, self._waiting = list(self._waiting), deque()
-        while (frame := self._inner.recv(0.0)) is not None:
+        while len(arrived) < BABBLE and (frame := self._inner.recv(0.0)) is not None:
             arrived.append(frame)
         newest = max((n for n, frame in enumerate(arrived) if self._is_ours(frame)), default=-1)
         for number, frame in enumerate(arrived):
@@ -203,7 +206,10 @@ class KernelSync(can.BusABC):
     def _forget(self) -> None:
         """Drop the past: the SYNCs and TPDOs that nobody waited for."""
         self._waiting.clear()
-        while (frame := self._inner.recv(0.0)) is not None:
+        for _ in range(BABBLE):
+            frame = self._inner.recv(0.0)
+            if frame is None:
+                break
             if not (self._is_ours(frame) or frame.arbitration_id in self._answers):
                 self.deliver(frame)
         self._counting = False

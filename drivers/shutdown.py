@@ -37,6 +37,12 @@ SETTLED = 3
 SAG_TIME = 0.3
 """For how long an axis is watched after its voltage was disabled [s]."""
 
+ASK_TIME = 2.0
+"""For how long drives are asked by SDO that show nothing otherwise [s]."""
+
+LONGEST = 15.0
+"""Real time after which a stop is given up whose SYNCs hardly pass, as with a dead plant [s]."""
+
 REACTION_TIME = 2.0
 """How long a drive's own reaction to the loss of our heartbeat may take after the time-out [s]."""
 
@@ -91,6 +97,8 @@ class Shutdown:
         self._per_count = [abs(AxisScale.of(axis).position) for axis in axes]
         self._settled = max(SETTLED, math.ceil(SETTLING_TIME / period))
         self._settling = (self._settled + 2) * period
+        self._period = period
+        self._gives_up = math.inf
         self._reaction_time = heartbeat_timeout + REACTION_TIME
         self._stops: tuple[AxisStop, ...] = ()
         self._refused: dict[int, str] = {}
@@ -116,9 +124,11 @@ class Shutdown:
         if self.begun:
             return
         self._exchange.hurry(True)
-        time = self._exchange.time
+        self._gives_up = monotonic() + LONGEST + max(axis.brake_delay for axis in self._axes)
+        now, time = self._pacing.now(), self._exchange.time
         self._stops = tuple(
             AxisStop(
+                now,
                 time,
                 position,
                 speed=speed / per_count,
@@ -126,6 +136,7 @@ class Shutdown:
                 window=axis.following_error_window / per_count,
                 rest=Standstill(axis.position_window / per_count, self._settled),
                 settling=self._settling,
+                delay=2 * self._period,
             )
             for axis, position, speed, deceleration, per_count in zip(
                 self._axes,
@@ -156,9 +167,9 @@ class Shutdown:
                 stop.disable(self._pacing.now())
         while not all(stop.ended for stop in self._stops):
             self._cycle()
-        self._ask_unseen()
         if not all(self.off):
             self._heartbeats.cease()
+            self._ask_unseen()
 
     def conclude(self) -> list[str]:
         """Watch the axes that are off, and await the reaction of those that are not.
@@ -175,6 +186,10 @@ class Shutdown:
         self.problems[:0] = self._left_on()
         return sagged
 
+    def supervise(self) -> None:
+        """Let a SYNC pass and see that all axes stay stopped."""
+        self._cycle()
+
     def forget(self) -> None:
         """Be ready for another stop."""
         self._stops = ()
@@ -184,6 +199,10 @@ class Shutdown:
 
     def _cycle(self) -> None:
         synced = False
+        for axis, stop in enumerate(self._stops):
+            command = stop.unsent  # before SYNC: some drives act with it
+            if command is not None:
+                self._command(axis, stop, command)
         try:
             self._exchange.sync()
             synced = True
@@ -192,6 +211,9 @@ class Shutdown:
         with suppress(DriveError):
             self._heartbeats.beat()
         self._step(synced=synced)
+        if monotonic() > self._gives_up:
+            for stop in self._stops:
+                stop.hang()
 
     def _step(self, *, synced: bool) -> None:
         exchange, time = self._exchange, self._pacing.now()
@@ -218,8 +240,9 @@ class Shutdown:
 
     def _ask_unseen(self) -> None:
         """Ask drives by SDO whose TPDOs stay away, and switch them off that way."""
+        ends = monotonic() + ASK_TIME
         for axis, (server, stop) in enumerate(zip(self._servers, self._stops, strict=True)):
-            if stop.phase is Phase.UNSEEN:
+            if stop.phase is Phase.UNSEEN and monotonic() < ends:
                 try:
                     self._switch_off_by_sdo(server)
                     stop.phase = Phase.OFF
@@ -234,7 +257,8 @@ class Shutdown:
         ]
         resting = [False] * len(rests)
         ends = self._pacing.now() + max(SAG_TIME, 2 * self._settling)
-        while self._pacing.now() < ends:
+        gives_up = monotonic() + self._reaction_time
+        while self._pacing.now() < ends and monotonic() < gives_up:
             self._cycle()
             positions = self._exchange.positions
             resting = [rest.update(p) for rest, p in zip(rests, positions, strict=True)]

@@ -8,8 +8,10 @@ speed v and deceleration a may go on for at most::
     time = STOP_DELAY + STOP_MARGIN v / a  (and until standstill is certain)
 
 where window is its following error window and age how old its last position was when the command
-went out. Beyond either bound its voltage is disabled at once; a drive that does not show that its
-voltage is off in time is lost, and nothing but its own watchdog ends it.
+went out, and two SYNCs, for some drives act with the next one. Beyond either bound its voltage is
+disabled at once, and so it is if the drive does not even show within STOP_DELAY that it stops. That
+holds too where it is seen that nothing happens although the bus refuses the command. A drive that
+does not show that its voltage is off in time is lost: nothing but its own watchdog ends it.
 
 Positions are in increments; nothing here sends or waits: `AxisStop.step` takes what one SYNC
 showed.
@@ -92,6 +94,8 @@ class AxisStop:
 
     Parameters
     ----------
+    now : float
+        When it is first commanded to stop [s].
     time : float
         Of its last position [s].
     position : int
@@ -102,6 +106,8 @@ class AxisStop:
         Judges whether it rests.
     settling : float
         How long `rest` takes to be certain [s].
+    delay : float
+        Time of two SYNCs [s].
 
     Attributes
     ----------
@@ -117,6 +123,7 @@ class AxisStop:
 
     def __init__(
         self,
+        now: float,
         time: float,
         position: int,
         *,
@@ -125,22 +132,24 @@ class AxisStop:
         window: float,
         rest: Standstill,
         settling: float,
+        delay: float = 0.0,
     ) -> None:
         self.phase = Phase.STOPPING
         self.overrun: tuple[float, float] | None = None
         self.state: State | None = None
         self._seen, self._origin = time, position
+        self._delay = delay
         self._speed, self._deceleration, self._window = speed, deceleration, window
         self._rest = rest
         self._settling = settling
         self._begun: float | None = None
-        self._asked = time
+        self._asked = now
         self._moving = True
-        self._confirmed = self._adrift = False
+        self._confirmed = self._adrift = self._obeyed = False
         self.left_at: int | None = None
         self._returns = 0
-        self._rested = time
-        self._bound = StopBound.of(speed, deceleration, window)
+        self._rested = now
+        self._bound = self._bound_at(now)
 
     @property
     def ended(self) -> bool:
@@ -152,14 +161,23 @@ class AxisStop:
         """How far and for how long it may go on."""
         return self._bound
 
+    @property
+    def unsent(self) -> Command | None:
+        """What the bus has not taken yet."""
+        if self._begun is not None:
+            return None
+        return {
+            Phase.STOPPING: Command.QUICK_STOP,
+            Phase.DISABLING: Command.DISABLE_VOLTAGE,
+        }.get(self.phase)
+
     def sent(self, time: float) -> None:
         """Take note that the command of this phase went out [s]."""
         self._confirmed |= self.phase is Phase.OFF
         if self._begun is None:
             self._begun = time
             if self.phase is Phase.STOPPING:
-                age = max(0.0, time - self._seen)
-                self._bound = StopBound.of(self._speed, self._deceleration, self._window, age)
+                self._bound = self._bound_at(time)
 
     def rested(self, time: float) -> float:
         """Return for how long it has been standing still [s], 0 while it moves."""
@@ -169,7 +187,7 @@ class AxisStop:
         """Go on to switching off, unless that was reached already."""
         if self.phase in {Phase.STOPPING, Phase.RESTING, Phase.OFF}:
             self._returns += self.phase is Phase.OFF
-            if self._begun is not None and self._returns <= RETURNS:
+            if self._returns <= RETURNS:
                 self._begun, self._asked = None, time  # else the time that has passed counts
             self._moving = self.phase is Phase.STOPPING
             self.phase = Phase.DISABLING
@@ -204,6 +222,11 @@ class AxisStop:
                 return Command.DISABLE_VOLTAGE
         return None
 
+    def hang(self) -> None:
+        """Give up what takes too long: it does not show any more whether it is off."""
+        if not self.ended:
+            self.phase = Phase.UNSEEN
+
     def give_up(self) -> None:
         """Take note that it moves although it shows that it is off: only standstill counts now."""
         self._adrift, self.phase = True, Phase.LOST
@@ -219,21 +242,31 @@ class AxisStop:
         rests = fresh and self._rest.update(position) and self.state in _OBEYING
         if rests and self.phase is Phase.STOPPING:
             self.phase, self._rested = Phase.RESTING, time
-        late = self.phase is Phase.STOPPING and self._overdue(time, self._bound.time)
-        far = fresh and self._begun is not None and way > self._bound.way
-        if late or far:
+        came_back = self.phase is Phase.RESTING and self.state is State.OPERATION_ENABLED
+        self._obeyed |= self.state in _OBEYING
+        deaf = fresh and not self._obeyed
+        patience = STOP_DELAY if deaf else self._bound.time
+        late = self.phase is Phase.STOPPING and self._overdue(time, patience, fresh=fresh)
+        far = fresh and way > self._bound.way
+        if late or far or came_back:
             self.overrun = (way, time - self._seen) if fresh else None
             self.disable(time)
 
     def _await_off(self, time: float, *, fresh: bool) -> None:
-        if not self._overdue(time, OFF_TIME_MOVING if self._moving else OFF_TIME):
+        if not self._overdue(time, OFF_TIME_MOVING if self._moving else OFF_TIME, fresh=fresh):
             return
         if self.state is State.READY_TO_SWITCH_ON:
             self.phase = Phase.OFF  # it keeps its voltage, and cannot turn its motor
         else:
             self.phase = Phase.LOST if fresh else Phase.UNSEEN
 
-    def _overdue(self, time: float, bound: float) -> bool:
-        if self._begun is None:
-            return time - self._asked > UNSENT_TIME
-        return time - self._begun > bound + self._settling
+    def _overdue(self, time: float, bound: float, *, fresh: bool) -> bool:
+        if self._begun is None and not fresh:  # the bus takes nothing and brings nothing
+            unsent = UNSENT_TIME if self.phase is Phase.STOPPING else OFF_TIME_MOVING
+            return time - self._asked > unsent
+        begun = self._asked if self._begun is None else self._begun
+        return time - begun > bound + self._settling
+
+    def _bound_at(self, time: float) -> StopBound:
+        age = max(0.0, time - self._seen) + self._delay
+        return StopBound.of(self._speed, self._deceleration, self._window, age)

@@ -12,6 +12,7 @@ of `drivers.trips` moves along with the stream.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -121,6 +122,12 @@ class Streams:
             return None
         self._repeat()
         return self._settle() if self.moving else None
+
+    def velocity(self, axis: int) -> float:
+        """Return how fast the stream leads an axis just now [rad/s or m/s], 0 without one."""
+        recent = self._points[max(0, self._next - DELAY - 1) : self._next + 1]
+        steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
+        return max(steps, default=0) * abs(self._scales[axis].position) / self._period
 
     def abandon(self) -> None:
         """Send nothing more; the drives stay in their mode."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import struct
 import time
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ import local_drives
 import pytest
 from test_canopen_bus import all_off, drives_file, never_energised
 
+from drivers import canopen_bus
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import (
     BusUnavailable,
@@ -104,7 +106,7 @@ def test_a_stop_command_is_repeated_at_every_sync_until_it_is_obeyed(can_bus: An
         can_bus.on_send = failing({1, 2, 3}, 12, OSError("no buffer space available"))
         raise KeyboardInterrupt
     syncs = [n for n, frame in enumerate(can_bus.sent) if frame.arbitration_id == 0x80]
-    for first, second in pairwise(syncs[:12]):
+    for first, second in pairwise(syncs[:6]):
         between = {frame.arbitration_id for frame in can_bus.sent[first:second]}
         assert {0x201, 0x202, 0x203} <= between
     assert all_off(can_bus)
@@ -330,3 +332,167 @@ def test_axes_in_motion_that_nobody_looks_at_are_stopped(can_bus: Any) -> None:
         with pytest.raises(Tripped, match=r"nobody supervised .* at most 0.25 s may be"):
             drive_bus.sample()
     assert all_off(can_bus)
+
+
+def test_after_a_long_pause_quick_stop_comes_before_the_voltage_is_disabled(can_bus: Any) -> None:
+    drives = drives_file().model_copy(update={"heartbeat_timeout": 10.0})
+    drive_bus = CanopenDriveBus(can_bus, drives, pacing="wall-clock")
+    with pytest.raises(KeyboardInterrupt), drive_bus:
+        drive_bus.move({0: Move(1.5, 0.1, 10.0)})
+        samples(drive_bus, 3)
+        time.sleep(2.1)
+        can_bus.sent.clear()
+        raise KeyboardInterrupt
+    assert [controlwords(can_bus, node)[0] for node in (1, 2, 3)] == [STOP] * 3
+    assert all_off(can_bus)
+
+
+def test_axes_rest_before_a_drive_is_asked_for_the_reason_of_its_fault(can_bus: Any) -> None:
+    asked: list[bool] = []
+
+    def ask(frame: can.Message) -> None:
+        data = bytes(frame.data)
+        if frame.arbitration_id == 0x601 and data[1:3] == b"\x3f\x60":
+            asked.append(all(d.state != "enabled" for d in can_bus.drives.values()))
+
+    drive_bus = CanopenDriveBus(can_bus, drives_file())
+    with pytest.raises(DriveFault, match="joint 1"), drive_bus:
+        drive_bus.move(MOVES)
+        samples(drive_bus, 10)
+        can_bus.on_send = ask
+        can_bus.drives[1].go("fault")
+        samples(drive_bus, 5)
+    assert asked
+    assert asked[0]
+
+
+def test_a_drive_that_shows_off_and_moves_is_not_powered_on_again(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with pytest.raises(DriveFault, match=r"joint 2 .*not shown to be off"), drive_bus:
+        trip(can_bus, drive_bus)
+        can_bus.drives[2].sags = 1e9
+        drive_bus.reset()
+    assert can_bus.drives[2].state == "off"
+
+
+def test_samples_after_a_trip_keep_the_axes_stopped(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    for drive in can_bus.drives.values():
+        drive.stays_stopped = True
+    with pytest.raises(DriveFault, match=r"joint 3 .*OPERATION ENABLED"), drive_bus:
+        trip(can_bus, drive_bus)
+        assert can_bus.drives[3].state == "stopping"
+        can_bus.drives[3].go("enabled")  # another master's doing
+        for _ in range(10):
+            with pytest.raises(Tripped):
+                drive_bus.sample()
+        assert can_bus.drives[3].state == "off"
+    assert all_off(can_bus)
+
+
+def test_a_command_that_the_bus_refuses_for_one_axis_alone_ends_our_heartbeat(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    def refuse(frame: can.Message) -> None:
+        if frame.arbitration_id == 0x202:
+            raise can.CanOperationError("no such mailbox")
+
+    with pytest.raises(KeyboardInterrupt), drive_bus:
+        drive_bus.move(MOVES)
+        samples(drive_bus, 20)
+        can_bus.sent.clear()
+        can_bus.on_send = refuse
+        raise KeyboardInterrupt
+    beats = [n for n, frame in enumerate(can_bus.sent) if frame.arbitration_id == 0x77F]
+    syncs = [frame.arbitration_id for frame in can_bus.sent[: beats[-1]]].count(0x80)
+    assert syncs * local_drives.PERIOD < 0.6
+
+
+def test_outside_a_session_nothing_can_be_commanded(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    def refused_outside() -> None:
+        for attempt in (
+            lambda: drive_bus.move(MOVES),
+            lambda: drive_bus.stream([[0.0] * NODES] * 3),
+            drive_bus.halt,
+            drive_bus.sample,
+            drive_bus.follow,
+            drive_bus.reset,
+        ):
+            with pytest.raises(DriveError, match="enter the bus first"):
+                attempt()
+
+    refused_outside()
+    with drive_bus:
+        trip(can_bus, drive_bus)
+        with pytest.raises(DriveError, match="entered already"):
+            drive_bus.__enter__()
+    sent = len(can_bus.sent)
+    refused_outside()
+    drive_bus.__exit__(None, None, None)
+    assert len(can_bus.sent) == sent
+
+
+def test_two_signals_at_once_keep_nothing_powered(
+    can_bus: Any, drive_bus: CanopenDriveBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = canopen_bus.interrupts_held
+    pressed: list[int] = []
+
+    @contextmanager
+    def late() -> Iterator[None]:
+        if len(pressed) < 2:
+            pressed.append(1)
+            raise KeyboardInterrupt  # comes before signals are held back
+        with held():
+            yield
+
+    monkeypatch.setattr(canopen_bus, "interrupts_held", late)
+    with pytest.raises(KeyboardInterrupt), drive_bus:
+        drive_bus.move(MOVES)
+        samples(drive_bus, 5)
+        raise KeyboardInterrupt
+    assert len(pressed) == 2
+    assert all_off(can_bus)
+    assert not any(watched(can_bus))
+
+
+def test_a_watch_that_somebody_changed_before_power_on_is_refused(can_bus: Any) -> None:
+    def meddle(frame: can.Message) -> None:
+        if frame.arbitration_id == 0 and frame.data[0] == 1:  # NMT start
+            can_bus.drives[2].node.set_data(0x1016, 1, bytes(4))
+
+    can_bus.on_send = meddle
+    with pytest.raises(DriveError, match=r"joint 2 .*1016:01 .* is 0 before power-on"):
+        CanopenDriveBus(can_bus, drives_file()).__enter__()
+    assert never_energised(can_bus)
+
+
+def test_another_master_with_our_number_is_refused(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    with pytest.raises(DriveError, match=r"another master .*node 127"), drive_bus:
+        samples(drive_bus, 5)
+        can_bus.inbox.append(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False))
+        samples(drive_bus, 50)
+    assert all_off(can_bus)
+
+
+@pytest.mark.parametrize(("option", "reaction"), [(2, 3), (6, 1)])
+def test_when_this_process_dies_no_drive_stays_in_a_quick_stop_that_is_energised(
+    can_bus: Any, option: int, reaction: int
+) -> None:
+    drives = drives_file().model_copy(update={"quick_stop_option": option})
+    with CanopenDriveBus(can_bus, drives):
+        assert [d.value(0x6007) for d in can_bus.drives.values()] == [reaction] * NODES
+
+
+def test_a_limit_below_one_count_is_refused_and_never_written_as_none(can_bus: Any) -> None:
+    limits = {"q_min": -2, "q_max": 2, "velocity": 1e-7, "acceleration": 20, "torque": 300}
+    with pytest.raises(DriveError, match=r"limits.velocity 1e-07 .* less than one count of"):
+        CanopenDriveBus(can_bus, drives_file(limits=limits)).__enter__()
+    assert all(drive.value(0x607F) == 0 for drive in can_bus.drives.values())
+    assert never_energised(can_bus)

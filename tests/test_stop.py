@@ -35,6 +35,7 @@ WORDS = st.sampled_from([ENABLED, STOPPING, READY, OFF, FAULT, 0x23, 0x0F, 0x00,
 def stop(speed: float = SPEED) -> AxisStop:
     return AxisStop(
         0.0,
+        0.0,
         0,
         speed=speed,
         deceleration=DECELERATION,
@@ -61,6 +62,8 @@ def run(
     while not until(axis):
         time += PERIOD
         assert time < limit, axis.phase
+        if axis.unsent is not None and sendable(time):  # as before every SYNC
+            axis.sent(time)
         command = axis.step(time, word(axis, time), round(position(time)), fresh=fresh(time))
         if command is not None and sendable(time):
             axis.sent(time)
@@ -161,7 +164,7 @@ def test_a_bus_that_takes_nothing_is_given_up_after_a_while() -> None:
     axis = stop()
     time = run(axis, lambda *_: ENABLED, braking, fresh=lambda _: False, sendable=lambda _: False)
     assert axis.phase is Phase.UNSEEN
-    assert time <= UNSENT_TIME + 2 * PERIOD
+    assert time <= UNSENT_TIME + OFF_TIME_MOVING + 4 * PERIOD
 
 
 @pytest.mark.parametrize("word", [OFF, FAULT])
@@ -219,3 +222,51 @@ def test_a_drive_that_comes_back_again_and_again_is_given_up() -> None:
             axis.sent(time)
         given_up = axis.phase is Phase.LOST
         assert time < 3.0
+
+
+def test_a_drive_that_is_seen_to_ignore_quick_stop_loses_its_voltage_whatever_its_ramp() -> None:
+    axis = AxisStop(
+        0.0,
+        0.0,
+        0,
+        speed=SPEED,
+        deceleration=1.0,
+        window=WINDOW,
+        rest=Standstill(2.0, SETTLED),
+        settling=SETTLING,
+    )
+    assert axis.bound.time > 1000.0
+    time = run(
+        axis, lambda *_: ENABLED, lambda t: SPEED * t, until=lambda a: a.phase is Phase.DISABLING
+    )
+    assert time <= STOP_DELAY + SETTLING + 2 * PERIOD
+
+
+def test_a_command_that_the_bus_refuses_counts_once_it_is_seen_that_nothing_happens() -> None:
+    axis = stop()
+    time = run(axis, lambda *_: ENABLED, lambda t: SPEED * t, sendable=lambda _: False)
+    assert axis.phase is Phase.LOST
+    assert time <= STOP_DELAY + OFF_TIME_MOVING + 2 * SETTLING + 4 * PERIOD
+
+
+def test_the_time_for_a_command_begins_with_the_command_however_old_the_last_sync() -> None:
+    axis = AxisStop(
+        10.0,
+        2.0,
+        0,
+        speed=SPEED,
+        deceleration=DECELERATION,
+        window=WINDOW,
+        rest=Standstill(2.0, SETTLED),
+        settling=SETTLING,
+    )
+    assert axis.step(10.0, 0, 0, fresh=False) is Command.QUICK_STOP
+    axis.sent(10.0)
+    assert axis.step(10.0 + PERIOD, STOPPING, 8000, fresh=True) is None
+    assert axis.phase is Phase.STOPPING
+
+
+def test_an_axis_that_comes_back_from_its_stop_loses_its_voltage() -> None:
+    axis = stop(0.0)
+    run(axis, lambda *_: STOPPING, lambda _: 0.0, until=lambda a: a.phase is Phase.RESTING)
+    assert axis.step(1.0, ENABLED, 0, fresh=True) is Command.DISABLE_VOLTAGE
