@@ -3,8 +3,8 @@
 A drive that was only borrowed is left as it was found. So each value is read before it is first
 overwritten, and all of them are on the disk before anything is written: after a crash the file is
 the only place where they stand. It names each drive by its identity, since values of another drive
-must never be written. What only commands a drive (controlword, targets) is no setting, and an
-object that stores or loads parameters, or is about firmware, is never written from a file.
+must never be written. Nor does a file make more of a drive's dictionary writable than a session
+changes itself: an object that is not in `SETTINGS` is refused.
 """
 
 from __future__ import annotations
@@ -31,8 +31,21 @@ NAME = "found-settings.yaml"
 
 COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
 """Controlword and targets: they command, and are neither kept nor put back."""
-LOWEST, HIGHEST = 0x1005, 0x9FFF
-_NEVER = (range(0x1010, 0x1012), range(0x1F00, 0x6000))
+SETTINGS = frozenset(
+    {
+        *(0x1005, 0x1006, 0x1019),  # SYNC
+        *(0x100C, 0x100D, 0x1016, 0x1017),  # who watches whom
+        *range(0x1400, 0x1C00),  # PDOs
+        *(0x6007, 0x605A, 0x605D),  # reactions
+        0x6060,  # mode
+        *(0x6065, 0x6066, 0x6067, 0x6068),  # windows
+        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),  # limits
+        *(0x6081, 0x6083, 0x6084, 0x6085, 0x6086),  # profile
+        *(0x607C, 0x6098, 0x6099, 0x609A),  # homing
+        0x60C2,  # period of a streamed path
+    }
+)
+"""Index of every object that start-up, motions, streaming or homing write, beside commands."""
 _RANGES = {
     kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
     for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
@@ -53,7 +66,7 @@ Name = Annotated[str, BeforeValidator(_printable)]
 class FoundObject(FileModel):
     """One object of a drive, and the value that it held."""
 
-    index: Annotated[int, Field(ge=LOWEST, le=HIGHEST)]
+    index: int
     subindex: Annotated[int, Field(ge=0, le=0xFF)]
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
     value: int
@@ -61,7 +74,7 @@ class FoundObject(FileModel):
 
     @model_validator(mode="after")
     def _a_setting(self) -> Self:
-        if self.index in COMMANDS or any(self.index in indices for indices in _NEVER):
+        if self.index not in SETTINGS:
             raise ValueError(
                 f"index {self.index:04X}h is no setting that a run changes; remove this object"
             )
