@@ -64,13 +64,20 @@ Name = Annotated[str, BeforeValidator(_printable)]
 
 
 class FoundObject(FileModel):
-    """One object of a drive, and the value that it held."""
+    """One object of a drive, and the value that it held.
+
+    Attributes
+    ----------
+    refused : bool
+        The drive did not take it back, which has been reported.
+    """
 
     index: int
     subindex: Annotated[int, Field(ge=0, le=0xFF)]
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
     value: int
     name: Name = ""
+    refused: bool = False
 
     @model_validator(mode="after")
     def _a_setting(self) -> Self:
@@ -116,7 +123,7 @@ class FoundDrive(FileModel):
     name : str
         Of its axis.
     restored : bool
-        The drive holds all of them again.
+        The drive holds all of them again that it takes back.
     objects : tuple of FoundObject
         In the order in which they were first written.
     """
@@ -126,6 +133,11 @@ class FoundDrive(FileModel):
     identity: FoundIdentity
     restored: bool = False
     objects: tuple[FoundObject, ...] = ()
+
+    @property
+    def refused(self) -> tuple[Entry, ...]:
+        """What the drive did not take back."""
+        return tuple(each.entry for each in self.objects if each.refused)
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
@@ -234,12 +246,16 @@ def _drive_lines(drive: FoundDrive) -> Sequence[str]:
         f"  identity: {{{identity}}}",
         f"  restored: {_shown(drive.restored)}",
         "  objects:" if drive.objects else "  objects: []",
-        *(
-            f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
-            f" value: {each.value}, name: {_quoted(each.name)}}}"
-            for each in drive.objects
-        ),
+        *map(_object_line, drive.objects),
     ]
+
+
+def _object_line(each: FoundObject) -> str:
+    refused = ", refused: true" if each.refused else ""
+    return (
+        f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
+        f" value: {each.value}{refused}, name: {_quoted(each.name)}}}"
+    )
 
 
 def _quoted(text: str) -> str:

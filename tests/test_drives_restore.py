@@ -230,6 +230,28 @@ def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
     assert not path.exists()
 
 
+def test_restoring_states_what_drives_do_not_take_back_and_is_done(
+    hil: Hil, tmp_path: Path
+) -> None:
+    path = tmp_path / NAME
+    identity = "{vendor: 0x4D2, product: 0x402, revision: 0x10000, serial: 1}"
+    path.write_text(
+        f"bitrate: 1000000\ndrives:\n- name: joint 1\n  node: 1\n  identity: {identity}\n"
+        "  objects:\n"
+        "  - {index: 0x6072, subindex: 0, type: u16, value: 65535, name: max torque}\n"
+        "  - {index: 0x6065, subindex: 0, type: u32, value: 7}\n"
+    )
+    status, out, err = hil("drives", "restore", path)
+    assert status == 1
+    assert "joint 1 (node 1): cannot write 65535 to object 6072:00 (max torque)" in err
+    assert "but what they do not take back: joint 1 6072:00 (max torque)" in out
+    assert load_found_settings(path).restored
+    status, out, err = hil("drives", "restore", path)
+    assert (status, err) == (0, "")
+    assert "nothing was written" in out
+    assert "joint 1 6072:00 (max torque)" in out
+
+
 # What sessions leave for the next one on their bus
 
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import can
+import canopen
 import local_drives
 import pytest
 from hypothesis import given
@@ -309,6 +310,48 @@ def test_a_value_that_a_drive_does_not_take_back_keeps_no_other_from_it(tmp_path
     kept = load_found_settings(path)
     assert [drive.restored for drive in kept.drives] == [False, True, True]
     assert not kept.restored
+
+
+def aborting(drive: Any, index: int, code: int = 0x06090030) -> None:
+    """Have a drive take no more value for an object."""
+    fixed = index
+
+    def refuse(index: int, **_: object) -> None:
+        if index == fixed:
+            raise canopen.SdoAbortedError(code)
+
+    drive.node.add_write_callback(refuse)
+
+
+def test_a_mode_that_cannot_be_written_is_left_as_the_session_chose_it(tmp_path: Path) -> None:
+    path = tmp_path / "found.yaml"
+    can_bus = local_drives.LocalBus(NODES, {})
+    with can_bus:
+        with CanopenDriveBus(
+            can_bus, drives_file(), keeper=SettingsKeeper(path, write_file)
+        ) as axes:
+            aborting(can_bus.drives[1], 0x6060)
+        assert can_bus.drives[1].value(0x6060) == 1
+    assert load_found_settings(path).restored
+    assert not any("does not hold" in note for note in axes.notes)
+
+
+def test_what_a_drive_does_not_take_back_is_reported_once_and_keeps_no_session_away(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "found.yaml"
+    with crashed(path, SERIALS) as can_bus:
+        settings = load_found_settings(path)
+        aborting(can_bus.drives[2], 0x607F)
+        first, second, third = put_back(can_bus, settings)
+        assert (first.problem, third.problem) == ("", "")
+        assert "joint 2 (node 2): cannot write 0 to object 607F:00" in second.problem
+        done = settings.with_drives([first.drive, second.drive, third.drive])
+        assert done.restored
+        assert [each.refused for each in done.drives][0::2] == [(), ()]
+        assert [entry.index for entry in done.drives[1].refused] == [0x607F]
+        assert parse_yaml(dump_found_settings(done), FoundSettings, "found.yaml") == done
+        assert can_bus.drives[2].value(0x1016, 1) == 0
 
 
 # A session that was killed

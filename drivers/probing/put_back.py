@@ -1,7 +1,9 @@
 """`hil drives restore`: what drives held before a session that never put it back.
 
 A process that was killed leaves its values in the drives, and the file that it kept. Before
-anything is written, every drive of the file must be there, be the one that it was, and be off.
+anything is written, every drive of the file must be there, be the one that it was, and be off. A
+value that a drive does not take back is reported and marked, and the drive is done with: it must
+not keep every later session from its bus.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ from drivers.found_settings import difference, read_identity
 from drivers.network import PumpedNetwork
 from drivers.pacing import choose_pacing
 from drivers.sdo import Entry, SdoServer
-from drivers.settings_restore import refuse_energised, restore_drive
+from drivers.settings_restore import NotTakenBack, refuse_energised, restore_drive
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     import can
 
@@ -39,7 +41,8 @@ class Returned(NamedTuple):
     written : tuple of (Entry, int or None, int)
         What differed: object, value on the drive (None: missing), value that it held before.
     problem : str
-        Why some of it could not be put back; empty if all was.
+        Why some of it could not be put back; empty if all was. Where `drive.restored` is true, it
+        is about values that the drive does not take.
     """
 
     label: str
@@ -112,7 +115,15 @@ def _returned(server: SdoServer, drive: FoundDrive) -> Returned:
         present = [(each.entry, server.find(each.entry), each.value) for each in drive.objects]
         written = tuple(row for row in present if row[1] != row[2])
         restore_drive(server, drive)
+    except NotTakenBack as error:
+        return Returned(server.label, _done(drive, error.places), written, str(error))
     except DriveError as error:
         return Returned(server.label, drive, written, str(error))
-    done = drive.model_copy(update={"restored": True})
-    return Returned(server.label, done, written, "")
+    return Returned(server.label, _done(drive), written, "")
+
+
+def _done(drive: FoundDrive, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
+    objects = tuple(
+        each.model_copy(update={"refused": each.place in refused}) for each in drive.objects
+    )
+    return drive.model_copy(update={"restored": True, "objects": objects})

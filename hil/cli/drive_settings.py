@@ -128,7 +128,8 @@ def restore(
 
     settings = load_found_settings(file)
     if not settings.unrestored:
-        shared.out.print(f"{file}: has been put back already; nothing was written", soft_wrap=True)
+        done = f"has been put back already; nothing was written; {_conclusion(settings)}"
+        shared.out.print(f"{file}: {done}", soft_wrap=True, markup=False, highlight=False)
         return
     failed = False
     with ExitStack() as stack:
@@ -146,11 +147,23 @@ def restore(
             if each.problem:
                 typer.echo(each.problem, err=True)
                 failed = True
+    if settings.restored and channel is not None:
+        bus_state.forget_run(interface, channel, file)
+    if settings.restored:
+        done = f"{file}: {_conclusion(settings)}"
+        shared.out.print(done, soft_wrap=True, markup=False, highlight=False)
     if failed:
         raise typer.Exit(1)
-    if channel is not None:
-        bus_state.forget_run(interface, channel, file)
-    shared.out.print(f"{file}: all drives hold again what they held", soft_wrap=True)
+
+
+def _conclusion(settings: FoundSettings) -> str:
+    refused = [f"{drive.name} {each}" for drive in settings.drives for each in drive.refused]
+    if not refused:
+        return "all drives hold again what they held"
+    return (
+        f"all drives hold again what they held, but what they do not take back: {', '.join(refused)}"
+        "; set it with the maker's commissioning tool"
+    )
 
 
 def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) -> None:
