@@ -21,7 +21,7 @@ from drivers.sdo import Entry
 from drivers.yaml_file import FileModel, load_yaml
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
     from drivers.sdo import SdoServer
@@ -46,6 +46,16 @@ SETTINGS = frozenset(
     }
 )
 """Index of every object that start-up, motions, streaming or homing write, beside commands."""
+
+WRITTEN_ONCE = frozenset(
+    {
+        *(0x6007, 0x605A, 0x605D),
+        *(0x6065, 0x6066, 0x6067, 0x6068),
+        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),
+        *(0x6085, 0x6086),
+    }
+)
+"""Those of which a session holds one value from the end of start-up to its own end."""
 _RANGES = {
     kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
     for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
@@ -68,6 +78,10 @@ class FoundObject(FileModel):
 
     Attributes
     ----------
+    written : int or None
+        What the drive held once a session had written to it. A drive that holds neither this nor
+        `value` has been set up anew since. None where no session got that far, and for what a
+        session goes on changing.
     refused : bool
         The drive did not take it back, which has been reported.
     """
@@ -77,6 +91,7 @@ class FoundObject(FileModel):
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
     value: int
     name: Name = ""
+    written: int | None = None
     refused: bool = False
 
     @model_validator(mode="after")
@@ -86,16 +101,28 @@ class FoundObject(FileModel):
                 f"index {self.index:04X}h is no setting that a run changes; remove this object"
             )
         low, high = _RANGES[self.type]
-        if not low <= self.value <= high:
-            raise ValueError(
-                f"value {self.value} must be in [{low}, {high}] of a {self.type}; correct either"
-            )
+        for value in (self.value, self.value if self.written is None else self.written):
+            if not low <= value <= high:
+                raise ValueError(
+                    f"value {value} must be in [{low}, {high}] of a {self.type}; correct either"
+                )
         return self
 
     @property
     def entry(self) -> Entry:
         """Where it stands in the drive's object dictionary."""
         return Entry(self.index, self.subindex, self.type, self.name)
+
+    def set_anew(self, present: int | None) -> bool:
+        """Whether a drive that holds `present` has been given it by somebody else since."""
+        return self.written is not None and present not in {None, self.value, self.written}
+
+    def comparison(self, present: int) -> str:
+        """State what was found, what was written, and what is there."""
+        return (
+            f"object {self.entry} held {self.value} when it was found and {self.written} in a"
+            f" session that was ended; it holds {present}, so it has been set up anew since"
+        )
 
     @property
     def place(self) -> tuple[int, int]:
@@ -133,6 +160,14 @@ class FoundDrive(FileModel):
     identity: FoundIdentity
     restored: bool = False
     objects: tuple[FoundObject, ...] = ()
+
+    def done(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
+        """Return this drive as one that holds everything again but what it did not take back."""
+        objects = tuple(
+            each.model_copy(update={"written": None, "refused": each.place in refused})
+            for each in self.objects
+        )
+        return self.model_copy(update={"restored": True, "objects": objects})
 
     @property
     def refused(self) -> tuple[Entry, ...]:
@@ -251,10 +286,11 @@ def _drive_lines(drive: FoundDrive) -> Sequence[str]:
 
 
 def _object_line(each: FoundObject) -> str:
+    written = "" if each.written is None else f", written: {each.written}"
     refused = ", refused: true" if each.refused else ""
     return (
         f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
-        f" value: {each.value}{refused}, name: {_quoted(each.name)}}}"
+        f" value: {each.value}{written}{refused}, name: {_quoted(each.name)}}}"
     )
 
 

@@ -128,8 +128,7 @@ def restore(
 
     settings = load_found_settings(file)
     if not settings.unrestored:
-        done = f"has been put back already; nothing was written; {_conclusion(settings)}"
-        shared.out.print(f"{file}: {done}", soft_wrap=True, markup=False, highlight=False)
+        _say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
         return
     failed = False
     with ExitStack() as stack:
@@ -144,14 +143,15 @@ def restore(
             changes_view.render(each.label, rows, shared.out, "put back")
             settings = settings.with_drives([each.drive])
             write_file(file, dump_found_settings(settings).encode())
+            for line in each.left:
+                _say(line, style="yellow")
             if each.problem:
                 typer.echo(each.problem, err=True)
                 failed = True
     if settings.restored and channel is not None:
         bus_state.forget_run(interface, channel, file)
     if settings.restored:
-        done = f"{file}: {_conclusion(settings)}"
-        shared.out.print(done, soft_wrap=True, markup=False, highlight=False)
+        _say(f"{file}: {_conclusion(settings)}")
     if failed:
         raise typer.Exit(1)
 
@@ -161,9 +161,13 @@ def _conclusion(settings: FoundSettings) -> str:
     if not refused:
         return "all drives hold again what they held"
     return (
-        f"all drives hold again what they held, but what they do not take back: {', '.join(refused)}"
-        "; set it with the maker's commissioning tool"
+        "all drives hold again what they held, but what they do not take back:"
+        f" {', '.join(refused)}; set it with the maker's commissioning tool"
     )
+
+
+def _say(text: str, style: str | None = None) -> None:
+    shared.out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) -> None:
