@@ -104,6 +104,7 @@ def admit(
     collisions = find_collisions(communications, drives.master_node)
     if collisions:
         raise _joined(collisions)
+    keeper.configured(servers)
     return tuple(info for info, _ in admitted), tuple(held for _, held in admitted)
 
 

@@ -3,8 +3,8 @@
 A drive that was only borrowed is left as it was found. So each value is read before it is first
 overwritten, and all of them are on the disk before anything is written: after a crash the file is
 the only place where they stand. It names each drive by its identity, since values of another drive
-must never be written. What only commands a drive (controlword, targets) is no setting, and an
-object that stores or loads parameters, or is about firmware, is never written from a file.
+must never be written. Nor does a file make more of a drive's dictionary writable than a session
+changes itself: an object that is not in `SETTINGS` is refused.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drivers.sdo import Entry
 from drivers.yaml_file import FileModel, load_yaml
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
     from drivers.sdo import SdoServer
@@ -31,8 +31,31 @@ NAME = "found-settings.yaml"
 
 COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
 """Controlword and targets: they command, and are neither kept nor put back."""
-LOWEST, HIGHEST = 0x1005, 0x9FFF
-_NEVER = (range(0x1010, 0x1012), range(0x1F00, 0x6000))
+SETTINGS = frozenset(
+    {
+        *(0x1005, 0x1006, 0x1019),  # SYNC
+        *(0x100C, 0x100D, 0x1016, 0x1017),  # who watches whom
+        *range(0x1400, 0x1C00),  # PDOs
+        *(0x6007, 0x605A, 0x605D),  # reactions
+        0x6060,  # mode
+        *(0x6065, 0x6066, 0x6067, 0x6068),  # windows
+        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),  # limits
+        *(0x6081, 0x6083, 0x6084, 0x6085, 0x6086),  # profile
+        *(0x607C, 0x6098, 0x6099, 0x609A),  # homing
+        0x60C2,  # period of a streamed path
+    }
+)
+"""Index of every object that start-up, motions, streaming or homing write, beside commands."""
+
+WRITTEN_ONCE = frozenset(
+    {
+        *(0x6007, 0x605A, 0x605D),
+        *(0x6065, 0x6066, 0x6067, 0x6068),
+        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),
+        *(0x6085, 0x6086),
+    }
+)
+"""Those of which a session holds one value from the end of start-up to its own end."""
 _RANGES = {
     kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
     for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
@@ -51,31 +74,55 @@ Name = Annotated[str, BeforeValidator(_printable)]
 
 
 class FoundObject(FileModel):
-    """One object of a drive, and the value that it held."""
+    """One object of a drive, and the value that it held.
 
-    index: Annotated[int, Field(ge=LOWEST, le=HIGHEST)]
+    Attributes
+    ----------
+    written : int or None
+        What the drive held once a session had written to it. A drive that holds neither this nor
+        `value` has been set up anew since. None where no session got that far, and for what a
+        session goes on changing.
+    refused : bool
+        The drive did not take it back, which has been reported.
+    """
+
+    index: int
     subindex: Annotated[int, Field(ge=0, le=0xFF)]
     type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
     value: int
     name: Name = ""
+    written: int | None = None
+    refused: bool = False
 
     @model_validator(mode="after")
     def _a_setting(self) -> Self:
-        if self.index in COMMANDS or any(self.index in indices for indices in _NEVER):
+        if self.index not in SETTINGS:
             raise ValueError(
                 f"index {self.index:04X}h is no setting that a run changes; remove this object"
             )
         low, high = _RANGES[self.type]
-        if not low <= self.value <= high:
-            raise ValueError(
-                f"value {self.value} must be in [{low}, {high}] of a {self.type}; correct either"
-            )
+        for value in (self.value, self.value if self.written is None else self.written):
+            if not low <= value <= high:
+                raise ValueError(
+                    f"value {value} must be in [{low}, {high}] of a {self.type}; correct either"
+                )
         return self
 
     @property
     def entry(self) -> Entry:
         """Where it stands in the drive's object dictionary."""
         return Entry(self.index, self.subindex, self.type, self.name)
+
+    def set_anew(self, present: int | None) -> bool:
+        """Whether a drive that holds `present` has been given it by somebody else since."""
+        return self.written is not None and present not in {None, self.value, self.written}
+
+    def comparison(self, present: int) -> str:
+        """State what was found, what was written, and what is there."""
+        return (
+            f"object {self.entry} held {self.value} when it was found and {self.written} in a"
+            f" session that was ended; it holds {present}, so it has been set up anew since"
+        )
 
     @property
     def place(self) -> tuple[int, int]:
@@ -103,7 +150,7 @@ class FoundDrive(FileModel):
     name : str
         Of its axis.
     restored : bool
-        The drive holds all of them again.
+        The drive holds all of them again that it takes back.
     objects : tuple of FoundObject
         In the order in which they were first written.
     """
@@ -113,6 +160,19 @@ class FoundDrive(FileModel):
     identity: FoundIdentity
     restored: bool = False
     objects: tuple[FoundObject, ...] = ()
+
+    def done(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
+        """Return this drive as one that holds everything again but what it did not take back."""
+        objects = tuple(
+            each.model_copy(update={"written": None, "refused": each.place in refused})
+            for each in self.objects
+        )
+        return self.model_copy(update={"restored": True, "objects": objects})
+
+    @property
+    def refused(self) -> tuple[Entry, ...]:
+        """What the drive did not take back."""
+        return tuple(each.entry for each in self.objects if each.refused)
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
@@ -221,12 +281,17 @@ def _drive_lines(drive: FoundDrive) -> Sequence[str]:
         f"  identity: {{{identity}}}",
         f"  restored: {_shown(drive.restored)}",
         "  objects:" if drive.objects else "  objects: []",
-        *(
-            f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
-            f" value: {each.value}, name: {_quoted(each.name)}}}"
-            for each in drive.objects
-        ),
+        *map(_object_line, drive.objects),
     ]
+
+
+def _object_line(each: FoundObject) -> str:
+    written = "" if each.written is None else f", written: {each.written}"
+    refused = ", refused: true" if each.refused else ""
+    return (
+        f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
+        f" value: {each.value}{written}{refused}, name: {_quoted(each.name)}}}"
+    )
 
 
 def _quoted(text: str) -> str:

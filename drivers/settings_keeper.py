@@ -4,7 +4,9 @@ A `SettingsKeeper` stands in front of every write of a session: the first one to
 what it held. What start-up will overwrite is known beforehand (`announcement`), so that all of it
 is on the disk before the first write; an object that is first written later, in the middle of a
 session, is added by itself. Where the file of an earlier session is there that never put back what
-it had found, its values stand: what the drives hold by now is ours.
+it had found, its values stand: what the drives hold by now is ours. But where a drive holds neither
+what was found nor what that session wrote, it has been set up anew: then it is the drive's that
+stands.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING
 from drivers.drive_bus import DriveRefused
 from drivers.found_settings import (
     COMMANDS,
+    WRITTEN_ONCE,
     FoundDrive,
     FoundObject,
     FoundSettings,
@@ -107,7 +110,8 @@ class SettingsKeeper:
         kept = self._drive(server.node)
         for each in kept.objects if kept else ():
             if each.place == (entry.index, entry.subindex):
-                return each.value
+                present = None if each.written is None else server.find(entry)
+                return present if each.set_anew(present) else each.value
         return server.find(entry)
 
     def take(self, server: SdoServer, axis: AxisDrive, found: Mapping[Entry, int]) -> None:
@@ -127,7 +131,9 @@ class SettingsKeeper:
                 f" put back: {differs}; connect that drive and put it back with hil drives restore"
                 f" {self.path}, or remove the file if the drive is gone"
             )
-        kept = earlier or FoundDrive(name=axis.name, node=axis.node, identity=identity)
+        kept = FoundDrive(name=axis.name, node=axis.node, identity=identity)
+        if earlier is not None:
+            kept = _standing(server, earlier)
         self._settings = self.settings.with_drives([_extended(kept, found)])
         server.saved = {each.place for each in self.drive(server).objects}
 
@@ -143,6 +149,25 @@ class SettingsKeeper:
         self._announced = True
         for server in servers:
             self.guard(server)
+
+    def configured(self, servers: Iterable[SdoServer]) -> None:
+        """Note what drives hold once start-up has written to them, and put that on the disk.
+
+        Raises
+        ------
+        NodeSilent
+            No answer.
+        FileError
+            The file cannot be written.
+        """
+        if self.path is None:
+            return
+        for server in servers:
+            kept = self.drive(server)
+            objects = tuple(_with_written(server, each) for each in kept.objects)
+            changed = kept.model_copy(update={"objects": objects})
+            self._settings = self.settings.with_drives([changed])
+        self.save()
 
     def guard(self, server: SdoServer) -> None:
         """Keep what `server` holds before each first write to it."""
@@ -215,8 +240,7 @@ class SettingsKeeper:
             self._write(self.path, dump_found_settings(self.settings).encode())
 
     def _note_restored(self, server: SdoServer) -> None:
-        restored = self.drive(server).model_copy(update={"restored": True})
-        self._settings = self.settings.with_drives([restored])
+        self._settings = self.settings.with_drives([self.drive(server).done()])
 
     def _drive(self, node: int) -> FoundDrive | None:
         return next((drive for drive in self.settings.drives if drive.node == node), None)
@@ -250,6 +274,25 @@ def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
     fresh = {(each.index, each.subindex): each for each in entries}
     values = {e: _read(server, e) for place, e in fresh.items() if place not in server.saved}
     return {each: value for each, value in values.items() if value is not None}
+
+
+def _standing(server: SdoServer, earlier: FoundDrive) -> FoundDrive:
+    """Take what an earlier session found, but the drive's value where it has been set up anew."""
+    objects = []
+    for each in earlier.objects:
+        present = None if each.written is None else _read(server, each.entry)
+        update: dict[str, int | None] = {"written": None}
+        if present is not None and each.set_anew(present):
+            server.notes.append(f"{server.label}: {each.comparison(present)} and stands")
+            update["value"] = present
+        objects.append(each.model_copy(update=update))
+    return earlier.model_copy(update={"objects": tuple(objects)})
+
+
+def _with_written(server: SdoServer, each: FoundObject) -> FoundObject:
+    if each.index not in WRITTEN_ONCE:
+        return each
+    return each.model_copy(update={"written": _read(server, each.entry)})
 
 
 def _mapped(server: SdoServer, index: int) -> list[Entry]:

@@ -3,7 +3,8 @@
 The order is that of the standard: a mapping can be changed only while its PDO is off. What watches
 our heartbeat comes last, for until then it is what stops the axis when this process dies. A value
 that a drive refuses keeps no other from being put back. Each is read first, and written only where
-the drive holds another, so doing it again is harmless.
+the drive holds another, so doing it again is harmless. The mode is put back where the drive takes
+it: many show one at power-on that cannot be written, and every master chooses its own.
 """
 
 from __future__ import annotations
@@ -35,26 +36,46 @@ _ROUNDS = 2
 Place = tuple[int, int]
 
 
+class NotTakenBack(DriveRefused):
+    """A drive holds again what it held but for some values that it does not take.
+
+    Attributes
+    ----------
+    places : frozenset of (int, int)
+        Index and sub-index of their objects.
+    """
+
+    def __init__(self, problems: Mapping[Entry, str]) -> None:
+        super().__init__("\n".join(problems.values()))
+        self.places = frozenset((each.index, each.subindex) for each in problems)
+
+
 def restore_drive(server: SdoServer, found: FoundDrive) -> None:
     """Put back what a drive held that is shown off, and read it back.
 
     Raises
     ------
+    NotTakenBack
+        It does not take values, a line each; all others were put back.
     DriveRefused
-        It is energised, so nothing was written; or it does not take values, a line each.
+        It is energised, so nothing was written.
     NodeSilent, BusUnavailable
         No answer: what was not reached is as it was, the watchdog included.
     """
     refuse_energised(server)
     server.enter_pre_operational()
     values = {each.entry: each.value for each in found.objects}
-    problems = [problem for pdo in _pdos(values) for problem in _restore_pdo(server, pdo)]
+    problems: dict[Entry, str] = {}
+    for pdo in _pdos(values):
+        problems |= _restore_pdo(server, pdo)
     others = {e: v for e, v in values.items() if not 0x1400 <= e.index < _PDO_SPAN}
     _free_sync_counter(server, others)
-    problems += _restore(server, {e: v for e, v in others.items() if e.index not in WATCHDOGS})
-    problems += _restore(server, {e: v for e, v in others.items() if e.index in WATCHDOGS})
+    last = {objects.MODE.index, *WATCHDOGS}
+    problems |= _restore(server, {e: v for e, v in others.items() if e.index not in last})
+    _restore(server, {e: v for e, v in others.items() if e.index == objects.MODE.index})
+    problems |= _restore(server, {e: v for e, v in others.items() if e.index in WATCHDOGS})
     if problems:
-        raise DriveRefused("\n".join(problems))
+        raise NotTakenBack(problems)
 
 
 def refuse_energised(server: SdoServer) -> None:
@@ -93,26 +114,26 @@ def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
             yield {e: v for e, v in values.items() if e.index in {index, index + _MAPPING}}
 
 
-def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
+def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, str]:
     """Off, count 0, entries, count, transmission type and the like, COB-ID."""
     if not any(_differs(server, entry, value) for entry, value in values.items()):
-        return []
+        return {}
     mapping = {e: v for e, v in values.items() if _is_mapping(e.index)}
     cob = {e: v for e, v in values.items() if e not in mapping and e.subindex == 1}
     count = {e: v for e, v in mapping.items() if e.subindex == 0}
     rest = {e: v for e, v in values.items() if e not in mapping and e not in cob}
-    problems: list[str] = []
+    problems: dict[Entry, str] = {}
     for entry, value in cob.items():
         if _differs(server, entry, value | OFF):
             _try(server, entry, value | OFF)  # a read-only COB-ID need not be off
     if any(_differs(server, entry, value) for entry, value in mapping.items()):
-        problems += _restore_mapping(server, mapping, count)
-    return problems + _restore(server, rest) + _restore(server, cob)
+        problems |= _restore_mapping(server, mapping, count)
+    return problems | _restore(server, rest) | _restore(server, cob)
 
 
 def _restore_mapping(
     server: SdoServer, mapping: Mapping[Entry, int], count: Mapping[Entry, int]
-) -> list[str]:
+) -> dict[Entry, str]:
     for entry in count:
         _try(server, entry, 0)
     active = max(count.values(), default=0)
@@ -120,15 +141,15 @@ def _restore_mapping(
     # Beyond its count a mapping means nothing, and not every drive takes what stood there.
     _restore(server, {e: v for e, v in entries.items() if e.subindex > active})
     problems = _restore(server, {e: v for e, v in entries.items() if e.subindex <= active})
-    return problems + _restore(server, count)
+    return problems | _restore(server, count)
 
 
 def _is_mapping(index: int) -> bool:
     return 0x1600 <= index < 0x1800 or 0x1A00 <= index < _PDO_SPAN
 
 
-def _restore(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
-    """Put values back; return why not, a line each."""
+def _restore(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, str]:
+    """Put values back; return why not, by object."""
     refused: dict[Entry, str] = {}
     pending: Sequence[Entry] = list(values)
     for _ in range(_ROUNDS):
@@ -141,7 +162,7 @@ def _restore(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
         pending = list(refused)
         if not pending:
             break
-    return list(refused.values())
+    return refused
 
 
 def _put_back(server: SdoServer, entry: Entry, value: int) -> None:

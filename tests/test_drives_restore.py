@@ -10,23 +10,28 @@ import time
 from typing import TYPE_CHECKING
 
 import can
+import local_drives
 import pytest
 from probing_bench import DRIVES, spoilt_plant
 from rich.console import Console
+from test_canopen_bus import NODES, drives_file
 from test_found_settings import downloads
 from two_processes import open_bus, plant_process
 
 from drivers.announcement import announce
+from drivers.canopen_bus import CanopenDriveBus
 from drivers.drives_file import load_drives
 from drivers.found_settings import NAME, load_found_settings
+from drivers.probing import put_back
 from drivers.probing.standing import StandingDrives
+from drivers.yaml_file import FileError
 from hil import cli
-from hil.cli import drive_commands, drive_settings
+from hil.cli import bus_state, drive_commands, drive_settings
 from hil.measuring.run_folder import RunFolder
 from hil.planning.plan import Plan, dump_plan
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     Hil = Callable[..., tuple[int, str, str]]
@@ -194,7 +199,7 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
         assert load_found_settings(folder / NAME).restored
         status, out, _ = hil("drives", "restore", folder / NAME, *where)
         assert (status, "nothing was written" in out) == (0, True)
-        drive_settings._refuse_left_behind(*PLACE, None)
+        bus_state.refuse_left_behind(*PLACE, None)
 
 
 @pytest.mark.slow
@@ -207,7 +212,7 @@ def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
     slow = tmp_path / "slow.drives.yaml"
     slow.write_text(text.replace("heartbeat_timeout: 0.5", "heartbeat_timeout: 2"))
     where = ("--interface", PLACE[0], "--channel", PLACE[1])
-    path = drive_settings.state_file(*PLACE)
+    path = bus_state.state_file(*PLACE)
     assert path.is_relative_to(tmp_path)
     seen: list[bool] = []
     real = drive_settings.SettingsKeeper.close
@@ -223,6 +228,136 @@ def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
     assert "off" in out
     assert seen == [True]
     assert not path.exists()
+
+
+def test_restoring_states_what_drives_do_not_take_back_and_is_done(
+    hil: Hil, tmp_path: Path
+) -> None:
+    path = tmp_path / NAME
+    identity = "{vendor: 0x4D2, product: 0x402, revision: 0x10000, serial: 1}"
+    path.write_text(
+        f"bitrate: 1000000\ndrives:\n- name: joint 1\n  node: 1\n  identity: {identity}\n"
+        "  objects:\n"
+        "  - {index: 0x6072, subindex: 0, type: u16, value: 65535, name: max torque}\n"
+        "  - {index: 0x6065, subindex: 0, type: u32, value: 7}\n"
+    )
+    status, out, err = hil("drives", "restore", path)
+    assert status == 1
+    assert "joint 1 (node 1): cannot write 65535 to object 6072:00 (max torque)" in err
+    assert "but what they do not take back: joint 1 6072:00 (max torque)" in out
+    assert load_found_settings(path).restored
+    status, out, err = hil("drives", "restore", path)
+    assert (status, err) == (0, "")
+    assert "nothing was written" in out
+    assert "joint 1 6072:00 (max torque)" in out
+
+
+# What sessions leave for the next one on their bus
+
+
+BUS = ("virtual", "bench")
+ON_BUS = ("--interface", BUS[0], "--channel", BUS[1])
+
+
+@pytest.fixture
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Have a state directory of one's own."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "hil" / "found-settings"
+
+
+def killed_run(folder: Path) -> None:
+    """Leave what a run leaves that is killed while its drives have power."""
+    folder.mkdir()
+    with (
+        drive_settings.keeper_of_run(folder, *BUS) as keeper,
+        local_drives.LocalBus(NODES, {}) as can_bus,
+        CanopenDriveBus(can_bus, drives_file(), keeper=keeper),
+    ):
+        files = {p: p.read_bytes() for p in (folder / NAME, bus_state.word_file(*BUS))}
+    for path, content in files.items():
+        path.write_bytes(content)
+
+
+def test_where_the_folder_of_a_killed_run_is_gone_its_bus_is_refused_until_it_is_back(
+    state: Path, tmp_path: Path
+) -> None:
+    folder, elsewhere = tmp_path / "run", tmp_path / "renamed"
+    killed_run(folder)
+    folder.rename(elsewhere)
+    word = bus_state.word_file(*BUS)
+    assert word.is_relative_to(state)
+    for keeper in (
+        drive_settings.keeper_of_bus(*BUS),
+        drive_settings.keeper_of_run(tmp_path / "other", *BUS),
+        drive_settings.keeper_of_run(folder, *BUS),
+    ):
+        with pytest.raises(FileError, match="put its folder back") as caught, keeper:
+            pass
+        assert f"{folder / NAME}: is missing" in str(caught.value)
+        assert f"remove {word}" in str(caught.value)
+    elsewhere.rename(folder)
+    with drive_settings.keeper_of_run(folder, *BUS):
+        pass
+    assert word.exists(), "nothing was put back"
+
+
+def test_a_run_that_writes_to_no_drive_leaves_nothing(state: Path, tmp_path: Path) -> None:
+    with drive_settings.keeper_of_run(tmp_path / "run", *BUS):
+        assert not bus_state.word_file(*BUS).exists(), "a kill leaves nothing either"
+    assert [path.suffix for path in state.iterdir()] == [".lock"]
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"\xff\xfe", b"run/found-settings.yaml\n"])
+def test_a_damaged_name_of_a_run_is_refused_with_the_remedy(
+    content: bytes, state: Path, tmp_path: Path
+) -> None:
+    killed_run(tmp_path / "run")
+    word = bus_state.word_file(*BUS)
+    word.write_bytes(content)
+    with (
+        pytest.raises(FileError, match=r"hil drives restore FOLDER/found-settings\.yaml") as caught,
+        drive_settings.keeper_of_bus(*BUS),
+    ):
+        pass
+    assert str(caught.value).startswith(f"{word}:")
+    assert str(caught.value).endswith(f"then remove {word}")
+
+
+@pytest.mark.parametrize("command", ["run", "check", "jog", "home", "restore"])
+def test_beside_a_session_on_its_bus_every_command_to_drives_is_refused(
+    command: str, hil: Hil, plan_file: Path, state: Path, tmp_path: Path
+) -> None:
+    killed_run(tmp_path / "killed")
+    arguments = {
+        "run": ("run", plan_file, "-o", tmp_path / "run"),
+        "check": ("check", DRIVES),
+        "jog": ("jog", DRIVES, 6, "--by", 1),
+        "home": ("home", DRIVES, 5),
+        "restore": ("drives", "restore", tmp_path / "killed" / NAME),
+    }[command]
+    with bus_state.bus_locked(*BUS):
+        status, out, err = hil(*arguments, *ON_BUS)
+    assert (status, out) == (1, "")
+    assert "virtual bench: another process commands the drives of this bus now" in err
+    assert f"{state / 'virtual-bench.lock'}; wait for its end" in err
+
+
+def test_no_session_begins_while_settings_are_put_back(
+    hil: Hil, state: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed_run(tmp_path / "killed")
+    refused: list[str] = []
+
+    def begin(*_: object) -> Iterator[None]:
+        with pytest.raises(FileError) as caught, drive_settings.keeper_of_bus(*BUS):
+            pass
+        refused.append(str(caught.value))
+        return iter(())
+
+    monkeypatch.setattr(put_back, "put_back", begin)
+    hil("drives", "restore", tmp_path / "killed" / NAME, *ON_BUS)
+    assert "another process commands the drives" in refused[0]
 
 
 def test_on_the_virtual_plant_commands_without_a_folder_keep_nothing(

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import can
+import canopen
 import local_drives
 import pytest
 from hypothesis import given
@@ -311,6 +312,48 @@ def test_a_value_that_a_drive_does_not_take_back_keeps_no_other_from_it(tmp_path
     assert not kept.restored
 
 
+def aborting(drive: Any, index: int, code: int = 0x06090030) -> None:
+    """Have a drive take no more value for an object."""
+    fixed = index
+
+    def refuse(index: int, **_: object) -> None:
+        if index == fixed:
+            raise canopen.SdoAbortedError(code)
+
+    drive.node.add_write_callback(refuse)
+
+
+def test_a_mode_that_cannot_be_written_is_left_as_the_session_chose_it(tmp_path: Path) -> None:
+    path = tmp_path / "found.yaml"
+    can_bus = local_drives.LocalBus(NODES, {})
+    with can_bus:
+        with CanopenDriveBus(
+            can_bus, drives_file(), keeper=SettingsKeeper(path, write_file)
+        ) as axes:
+            aborting(can_bus.drives[1], 0x6060)
+        assert can_bus.drives[1].value(0x6060) == 1
+    assert load_found_settings(path).restored
+    assert not any("does not hold" in note for note in axes.notes)
+
+
+def test_what_a_drive_does_not_take_back_is_reported_once_and_keeps_no_session_away(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "found.yaml"
+    with crashed(path, SERIALS) as can_bus:
+        settings = load_found_settings(path)
+        aborting(can_bus.drives[2], 0x607F)
+        first, second, third = put_back(can_bus, settings)
+        assert (first.problem, third.problem) == ("", "")
+        assert "joint 2 (node 2): cannot write 0 to object 607F:00" in second.problem
+        done = settings.with_drives([first.drive, second.drive, third.drive])
+        assert done.restored
+        assert [each.refused for each in done.drives][0::2] == [(), ()]
+        assert [entry.index for entry in done.drives[1].refused] == [0x607F]
+        assert parse_yaml(dump_found_settings(done), FoundSettings, "found.yaml") == done
+        assert can_bus.drives[2].value(0x1016, 1) == 0
+
+
 # A session that was killed
 
 
@@ -422,6 +465,90 @@ def test_limits_that_a_killed_session_wrote_are_not_taken_for_the_drives_own(
             assert not any("own max profile velocity" in note for note in axes.notes)
 
 
+def set_anew(drive: Any) -> None:
+    """Narrow limits with the maker's tool."""
+    drive.node.set_data(0x6072, 0, (300).to_bytes(2, "little"))
+    drive.node.set_data(0x607D, 2, (60_000).to_bytes(4, "little"))
+
+
+def test_limits_that_were_set_anew_after_a_kill_hold_in_the_next_session_and_after_it(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "found.yaml"
+    ends = {(0x607D, 1): ("i32", -900_000), (0x607D, 2): ("i32", 900_000)}
+    wide = {1: {(0x6072, 0): ("u16", 5000), **ends}}
+    with crashed(path, wide) as can_bus:
+        drive = can_bus.drives[1]
+        assert drive.value(0x6072) == 3000
+        set_anew(drive)
+        keeper = SettingsKeeper(path, write_file)
+        with CanopenDriveBus(can_bus, drives_file(), keeper=keeper) as axes:
+            assert (drive.value(0x6072), drive.value(0x607D, 2)) == (300, 60_000)
+            assert axes.limits[0].own == {"torque": "6072", "q_max": "607D"}
+        assert (drive.value(0x6072), drive.value(0x607D, 2)) == (300, 60_000)
+        assert can_bus.drives[2].value(0x6072) == 0
+    assert load_found_settings(path).restored
+    (note,) = [note for note in axes.notes if "6072:00" in note]
+    assert "held 5000 when it was found and 3000 in a session that was ended" in note
+    assert "joint 1 (node 1)" in note
+    assert "300" in note
+
+
+def test_what_was_set_anew_after_a_kill_is_not_put_back_and_reported(tmp_path: Path) -> None:
+    path = tmp_path / "found.yaml"
+    with crashed(path) as can_bus:
+        set_anew(can_bus.drives[1])
+        first, *others = put_back(can_bus, load_found_settings(path))
+        assert can_bus.drives[1].value(0x6072) == 300
+        assert can_bus.drives[1].value(0x607D, 2) == 60_000
+        assert can_bus.drives[1].value(0x6065) == 0
+        assert can_bus.drives[2].value(0x6072) == 0
+    assert first.drive.restored
+    assert [line.split(" held ")[0] for line in first.left] == [
+        "joint 1 (node 1): object 607D:02 (max position limit)",
+        "joint 1 (node 1): object 6072:00 (max torque)",
+    ]
+    assert not {(0x6072, 0), (0x607D, 2)} & {(e.index, e.subindex) for e, *_ in first.written}
+    assert [each.left for each in others] == [(), ()]
+
+
+def test_a_value_that_a_drive_rounds_is_ours_and_not_set_anew(tmp_path: Path) -> None:
+    path = tmp_path / "found.yaml"
+    can_bus = local_drives.LocalBus(NODES, {})
+    can_bus.drives[1].insists[0x6065, 0] = 3_258
+    with (
+        can_bus,
+        CanopenDriveBus(can_bus, drives_file(), keeper=SettingsKeeper(path, write_file)),
+    ):
+        kept = load_found_settings(path).drives[0].objects
+        (window,) = [each for each in kept if each.index == 0x6065]
+        assert (window.value, window.written) == (3_258, 3_258)
+
+
+def test_what_a_session_wrote_is_forgotten_before_the_next_one_writes(tmp_path: Path) -> None:
+    path = tmp_path / "found.yaml"
+    at_first: list[FoundSettings] = []
+    with crashed(path) as can_bus:
+
+        def look(frame: can.Message) -> None:
+            if not at_first and any(place[1] not in COMMANDS for place in downloads([frame])):
+                at_first.append(load_found_settings(path))
+
+        can_bus.on_send = look
+        before = written(load_found_settings(path))
+        with CanopenDriveBus(can_bus, drives_file(), keeper=SettingsKeeper(path, write_file)):
+            again = written(load_found_settings(path))
+    assert {0x6072, 0x607D, 0x607F, 0x6065} <= before == again
+    assert before.isdisjoint({0x6060, 0x6081, 0x6083, 0x6084, 0x1016}), "which change in a session"
+    assert written(at_first[0]) == set()
+
+
+def written(settings: FoundSettings) -> set[int]:
+    """Index of the objects of which a file holds what a session wrote."""
+    kept = [each for drive in settings.drives for each in drive.objects]
+    return {each.index for each in kept if each.written is not None}
+
+
 def test_a_file_about_another_drive_stops_a_session_before_anything_is_written(
     tmp_path: Path,
 ) -> None:
@@ -455,7 +582,16 @@ def objects(draw: Any) -> FoundObject:
     kind = draw(st.sampled_from(sorted(NUMBERS)))
     value = draw(st.integers(*NUMBERS[kind]))
     name = draw(st.text(max_size=20))
-    return FoundObject(index=index, subindex=subindex, type=kind, value=value, name=name)
+    written = draw(st.none() | st.integers(*NUMBERS[kind]))
+    return FoundObject(
+        index=index,
+        subindex=subindex,
+        type=kind,
+        value=value,
+        name=name,
+        written=written,
+        refused=draw(st.booleans()),
+    )
 
 
 @st.composite
@@ -490,8 +626,12 @@ def test_what_is_kept_is_read_again_as_it_was(settings: FoundSettings) -> None:
         ({"index": 0x1010}, "1010h is no setting"),
         ({"index": 0x1F51}, "1F51h is no setting"),
         ({"index": 0x2000}, "2000h is no setting"),
-        ({"index": 0x1000}, "greater than or equal to 4101"),
+        ({"index": 0x1000}, "1000h is no setting"),
+        ({"index": 0x1200}, "1200h is no setting"),
+        ({"index": 0x6410}, "6410h is no setting"),
+        ({"index": 0x6840}, "6840h is no setting"),
         ({"type": "u8", "value": 256}, r"value 256 must be in \[0, 255\] of a u8"),
+        ({"written": 1 << 32}, r"value 4294967296 must be in"),
         ({"type": "i8", "value": 128}, r"value 128 must be in \[-128, 127\] of a i8"),
     ],
 )

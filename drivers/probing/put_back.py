@@ -1,7 +1,9 @@
 """`hil drives restore`: what drives held before a session that never put it back.
 
 A process that was killed leaves its values in the drives, and the file that it kept. Before
-anything is written, every drive of the file must be there, be the one that it was, and be off.
+anything is written, every drive of the file must be there, be the one that it was, and be off. A
+value that a drive does not take back is reported and marked, and the drive is done with: it must
+not keep every later session from its bus.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from drivers.found_settings import difference, read_identity
 from drivers.network import PumpedNetwork
 from drivers.pacing import choose_pacing
 from drivers.sdo import Entry, SdoServer
-from drivers.settings_restore import refuse_energised, restore_drive
+from drivers.settings_restore import NotTakenBack, refuse_energised, restore_drive
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -38,13 +40,17 @@ class Returned(NamedTuple):
         With `restored` as it is by now.
     written : tuple of (Entry, int or None, int)
         What differed: object, value on the drive (None: missing), value that it held before.
+    left : tuple of str
+        What has been set up anew since and is not put back, in words.
     problem : str
-        Why some of it could not be put back; empty if all was.
+        Why some of it could not be put back; empty if all was. Where `drive.restored` is true, it
+        is about values that the drive does not take.
     """
 
     label: str
     drive: FoundDrive
     written: tuple[tuple[Entry, int | None, int], ...]
+    left: tuple[str, ...]
     problem: str
 
 
@@ -108,11 +114,21 @@ def _refuse_other(server: SdoServer, drive: FoundDrive) -> None:
 
 def _returned(server: SdoServer, drive: FoundDrive) -> Returned:
     written: tuple[tuple[Entry, int | None, int], ...] = ()
+    left: tuple[str, ...] = ()
     try:
-        present = [(each.entry, server.find(each.entry), each.value) for each in drive.objects]
-        written = tuple(row for row in present if row[1] != row[2])
-        restore_drive(server, drive)
+        present = {each: server.find(each.entry) for each in drive.objects}
+        anew = {each: value for each, value in present.items() if each.set_anew(value)}
+        left = tuple(
+            f"{server.label}: {each.comparison(value)} and is left as it is"
+            for each, value in anew.items()
+            if value is not None
+        )
+        ours = tuple(each for each in drive.objects if each not in anew)
+        rows = ((each.entry, present[each], each.value) for each in ours)
+        written = tuple(row for row in rows if row[1] != row[2])
+        restore_drive(server, drive.model_copy(update={"objects": ours}))
+    except NotTakenBack as error:
+        return Returned(server.label, drive.done(error.places), written, left, str(error))
     except DriveError as error:
-        return Returned(server.label, drive, written, str(error))
-    done = drive.model_copy(update={"restored": True})
-    return Returned(server.label, done, written, "")
+        return Returned(server.label, drive, written, left, str(error))
+    return Returned(server.label, drive.done(), written, left, "")

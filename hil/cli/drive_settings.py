@@ -1,19 +1,16 @@
 """What drives held before they were written to: where it is kept, shown, and put back.
 
 `hil run` keeps it in its run's folder. Other commands that power drives have no folder; theirs is
-in the user's state directory, one file a bus, and goes once everything has been put back. There a
-run leaves word of its folder as long as its drives hold values of ours, so that no later session on
-that bus takes them for found ones. For the virtual plant, which is made anew by each command,
-nothing is kept there.
+in the user's state directory (`bus_state`), one file a bus, and goes once everything has been put
+back. Whoever commands the drives of a bus holds its lock. For the virtual plant, which is made anew
+by each command, nothing is kept there and nothing is locked.
 """
 
 from __future__ import annotations
 
-import os
-import re
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from pathlib import Path
+from pathlib import Path  # noqa: TC003 - typer reads the annotation
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,7 +18,7 @@ import typer
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings import NAME, dump_found_settings, load_found_settings
 from drivers.settings_keeper import SettingsKeeper
-from drivers.yaml_file import FileError
+from hil.cli import bus_state
 from hil.cli import drive_commands as shared
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_journal import SIMULATED
@@ -41,7 +38,6 @@ if TYPE_CHECKING:
 
 PLANT = "manutec-r15"
 REPLAY = "replay"
-STATE = "XDG_STATE_HOME"
 
 
 def kept_in(folder: Path) -> SettingsKeeper:
@@ -56,87 +52,69 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
     Raises
     ------
     FileError
-        The drives hold values of a session that was killed.
+        The drives hold values of a session that was killed, or another process commands them.
     """
     if interface == REPLAY:
         yield SettingsKeeper()
         return
-    keeper = kept_in(folder)
-    word = None if interface == SIMULATED else word_file(interface, channel)
-    if word is not None:
-        _refuse_left_behind(interface, channel, folder / NAME)
-        _write_with_folder(word, f"{(folder / NAME).resolve()}\n".encode())
-    try:
-        yield keeper
-    finally:
-        _report_unrestored(keeper)
-        if word is not None and not _left_behind(folder / NAME):
-            word.unlink(missing_ok=True)
+    kept = folder / NAME
+    if interface == SIMULATED:
+        with _reported(kept_in(folder)) as keeper:
+            yield keeper
+        return
+
+    def write(path: Path, content: bytes) -> None:
+        write_file(path, content)
+        bus_state.name_run(interface, channel, kept)  # from here on the drives are written to
+
+    with bus_state.bus_locked(interface, channel):
+        bus_state.refuse_left_behind(interface, channel, kept)
+        keeper = SettingsKeeper(kept, write)
+        try:
+            with _reported(keeper):
+                yield keeper
+        finally:
+            if not keeper.unrestored and not bus_state.left_behind(kept):
+                bus_state.forget_run(interface, channel, kept)
 
 
 @contextmanager
 def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeeper]:
-    """Keep the drives' settings while a command without a folder has them powered."""
+    """Keep the drives' settings while a command without a folder has them powered.
+
+    Raises
+    ------
+    FileError
+        The drives hold values of a session that was killed, or another process commands them.
+    """
     if interface == SIMULATED:
         yield SettingsKeeper()
         return
-    _refuse_left_behind(interface, channel or "", None)
-    keeper = SettingsKeeper(state_file(interface, channel or ""), _write_with_folder)
+    channel = channel or ""
+    with bus_state.bus_locked(interface, channel):
+        bus_state.refuse_left_behind(interface, channel, None)
+        path = bus_state.state_file(interface, channel)
+        keeper = SettingsKeeper(path, bus_state.write_with_folder)
+        try:
+            with _reported(keeper):
+                yield keeper
+        finally:
+            if path.exists() and not keeper.unrestored:
+                _remove_restored(path)
+
+
+@contextmanager
+def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
+    """State on standard error where the settings are that drives do not hold again."""
     try:
         yield keeper
     finally:
-        _report_unrestored(keeper)
-        if keeper.path is not None and keeper.path.exists() and not keeper.unrestored:
-            _remove_restored(keeper.path)
-
-
-def state_file(interface: str, channel: str) -> Path:
-    """Where the settings found on a bus are kept by commands without a folder of their own."""
-    stated = os.environ.get(STATE, "")
-    home = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "state"
-    name = re.sub(r"[^\w.-]+", "_", f"{interface}-{channel}")
-    return home / "hil" / "found-settings" / f"{name}.yaml"
-
-
-def word_file(interface: str, channel: str) -> Path:
-    """Where a run on a bus says in which file its drives' settings are."""
-    return state_file(interface, channel).with_suffix(".run")
-
-
-def _refuse_left_behind(interface: str, channel: str, ours: Path | None) -> None:
-    """Refuse a bus whose drives still hold what a session wrote that was killed.
-
-    A session that was kept in `ours` itself may go on: there the values found first stand.
-    """
-    word, left = word_file(interface, channel), []
-    if word.exists():
-        left.append(Path(word.read_text(encoding="utf-8").strip()))
-    if ours is not None:
-        left.append(state_file(interface, channel))
-    for path in left:
-        same = ours is not None and path == ours.resolve()
-        if not same and _left_behind(path):
-            raise FileError(
-                f"{path}: drives on {interface} {channel} hold what an earlier session wrote, which"
-                f" was ended before it could put back what it had found; with the drives off, put"
-                f" it back: hil drives restore {path} --interface {interface} --channel {channel}"
-                " (or remove the file if the drives have been set up anew)"
+        if keeper.unrestored and keeper.path is not None:
+            typer.echo(
+                f"not all drives hold again what they held before; it is kept in {keeper.path}:"
+                f" with the drives off, put it back with hil drives restore {keeper.path}",
+                err=True,
             )
-
-
-def _left_behind(path: Path) -> bool:
-    """Whether drives may hold values of the session that was kept in a file."""
-    return path.exists() and bool(load_found_settings(path).unrestored)
-
-
-def _report_unrestored(keeper: SettingsKeeper) -> None:
-    """State on standard error where the settings are that drives do not hold again."""
-    if keeper.unrestored and keeper.path is not None:
-        typer.echo(
-            f"not all drives hold again what they held before; it is kept in {keeper.path}: with"
-            f" the drives off, put it back with hil drives restore {keeper.path}",
-            err=True,
-        )
 
 
 def restore(
@@ -150,11 +128,13 @@ def restore(
 
     settings = load_found_settings(file)
     if not settings.unrestored:
-        shared.out.print(f"{file}: has been put back already; nothing was written", soft_wrap=True)
+        _say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
         return
     failed = False
     with ExitStack() as stack:
         stack.enter_context(locked(file.parent))
+        if interface != SIMULATED and channel is not None:
+            stack.enter_context(bus_state.bus_locked(interface, channel))
         bus = stack.enter_context(_opened(settings, interface, channel, bus_option))
         ended = "stopped; run the same command again to go on"
         stack.enter_context(interruptible(lambda: ended))
@@ -163,12 +143,31 @@ def restore(
             changes_view.render(each.label, rows, shared.out, "put back")
             settings = settings.with_drives([each.drive])
             write_file(file, dump_found_settings(settings).encode())
+            for line in each.left:
+                _say(line, style="yellow")
             if each.problem:
                 typer.echo(each.problem, err=True)
                 failed = True
+    if settings.restored and channel is not None:
+        bus_state.forget_run(interface, channel, file)
+    if settings.restored:
+        _say(f"{file}: {_conclusion(settings)}")
     if failed:
         raise typer.Exit(1)
-    shared.out.print(f"{file}: all drives hold again what they held", soft_wrap=True)
+
+
+def _conclusion(settings: FoundSettings) -> str:
+    refused = [f"{drive.name} {each}" for drive in settings.drives for each in drive.refused]
+    if not refused:
+        return "all drives hold again what they held"
+    return (
+        "all drives hold again what they held, but what they do not take back:"
+        f" {', '.join(refused)}; set it with the maker's commissioning tool"
+    )
+
+
+def _say(text: str, style: str | None = None) -> None:
+    shared.out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) -> None:
@@ -217,12 +216,6 @@ def _opened(
     options = {"bitrate": settings.bitrate, **bus_options(pairs or [])}
     with open_can_bus(interface, channel or PLANT, options) as bus:
         yield bus
-
-
-def _write_with_folder(path: Path, content: bytes) -> None:
-    with operator_told(path.parent, "made"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-    write_file(path, content)
 
 
 def _remove_restored(path: Path) -> None:
