@@ -1,9 +1,9 @@
 """Putting back what a drive held, once it is off.
 
-The order is that of the standard: a mapping can be changed only while its PDO is off. What watches
-our heartbeat comes last, for until then it is what stops the axis when this process dies. A value
-that a drive refuses keeps no other from being put back. Each is read first, and written only where
-the drive holds another, so doing it again is harmless.
+The order is that of the standard: a mapping and an identifier can be changed only while their PDO
+is off. What watches our heartbeat comes last, for until then it is what stops the axis when this
+process dies. A value that a drive refuses keeps no other from being put back. Each is read first,
+and written only where the drive holds another, so doing it again is harmless.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
 
 
 def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
-    """Off, count 0, entries, count, transmission type and the like, COB-ID."""
+    """Off, identifier, count 0, entries, count, transmission type and the like, COB-ID."""
     if not any(_differs(server, entry, value) for entry, value in values.items()):
         return []
     mapping = {e: v for e, v in values.items() if _is_mapping(e.index)}
@@ -103,11 +103,18 @@ def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> list[str]:
     rest = {e: v for e, v in values.items() if e not in mapping and e not in cob}
     problems: list[str] = []
     for entry, value in cob.items():
-        if _differs(server, entry, value | OFF):
-            _try(server, entry, value | OFF)  # a read-only COB-ID need not be off
+        _switch_off(server, entry, value)
     if any(_differs(server, entry, value) for entry, value in mapping.items()):
         problems += _restore_mapping(server, mapping, count)
     return problems + _restore(server, rest) + _restore(server, cob)
+
+
+def _switch_off(server: SdoServer, cob: Entry, value: int) -> None:
+    """Switch a PDO off, then give it the identifier that it had."""
+    with suppress(Aborted):  # a read-only COB-ID need not be off
+        for word in (server.get(cob) | OFF, value | OFF):
+            if server.get(cob) != word:
+                server.put(cob, word)
 
 
 def _restore_mapping(

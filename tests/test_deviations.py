@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Objects = dict[tuple[int, int], Any]
 
 OFF = 1 << 31
+IDENTIFIER_AND_FRAME = (1 << 30) - 1
 STATUS, POSITION, CURRENT, MODE = 0x60410010, 0x60640020, 0x60780010, 0x60610008
 
 
@@ -137,6 +138,28 @@ def test_a_fixed_rpdo_in_another_order_is_refused() -> None:
 def test_a_fixed_tpdo_that_does_not_answer_each_sync_is_refused() -> None:
     message = refused(*fixed(tpdo(1, 2, POSITION, STATUS, CURRENT, kind=255)))
     assert "1800:02 (transmission type of TPDO 1) is fixed at 255, 1 is needed" in message
+
+
+@pytest.mark.parametrize("found", [0x40000191, 0x191, 0x20000191, 0xC0000191])
+def test_an_identifier_that_is_locked_while_its_pdo_is_valid_is_changed_and_put_back(
+    found: int,
+) -> None:
+    can_bus, drive_bus = build({2: {(0x1800, 1): ("u32", found), (0x1400, 1): ("u32", 0x222)}})
+    drive = can_bus.drives[2]
+
+    def locked(index: int, sub: int, value: int) -> int | None:
+        if index not in {0x1400, 0x1800} or sub != 1 or drive.value(index, 1) & OFF:
+            return None
+        return 0x06090030 if (drive.value(index, 1) ^ value) & IDENTIFIER_AND_FRAME else None
+
+    drive.forbids = locked
+    with can_bus:
+        with drive_bus:
+            assert drive_bus.sample().flags == (0, 0, 0)
+            assert drive.value(0x1800, 1) == found & 1 << 30 | 0x182
+            assert drive.value(0x1400, 1) == 0x202
+        assert drive.value(0x1800, 1) == found
+        assert drive.value(0x1400, 1) == 0x222
 
 
 def stated(*tpdos: tuple[int, ...]) -> DrivesFile:
