@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from drivers.sdo import SdoServer
 
 PDO_BYTES = 8
+SYNC_PRODUCER, SYNC_RESERVED = 1 << 30, 1 << 31
+"""Bits of 1005; the latter means nothing, and once meant that the drive consumes SYNC."""
 
 
 def set_up_communication(
@@ -49,13 +51,24 @@ def set_up_communication(
 
 
 def _set_up_sync(server: SdoServer, period: float) -> None:
-    present = server.find(objects.SYNC_COB_ID)
-    if present is not None and present & IDENTIFIER != SYNC:
-        server.set(objects.SYNC_COB_ID, SYNC)
+    _listen_to_sync(server)
     _stop_counting(server)
     server.set_if_present(
         objects.CYCLE_PERIOD, round(1e6 * period), "it does not know the period of SYNC"
     )
+
+
+def _listen_to_sync(server: SdoServer) -> None:
+    """Have the drive listen to our SYNC and produce none, before it has a period to do so."""
+    present = server.find(objects.SYNC_COB_ID)
+    if present is None:
+        return
+    wanted = present & SYNC_RESERVED | SYNC
+    if present & SYNC_PRODUCER and present & ~SYNC_PRODUCER != wanted:
+        present &= ~SYNC_PRODUCER  # its identifier is locked as long as it produces SYNC
+        server.set(objects.SYNC_COB_ID, present)
+    if present != wanted:
+        server.set(objects.SYNC_COB_ID, wanted)
 
 
 def _stop_counting(server: SdoServer) -> None:

@@ -1,9 +1,10 @@
 """Putting back what a drive held, once it is off.
 
 The order is that of the standard: a mapping and an identifier can be changed only while their PDO
-is off. What watches our heartbeat comes last, for until then it is what stops the axis when this
-process dies. A value that a drive refuses keeps no other from being put back. Each is read first,
-and written only where the drive holds another, so doing it again is harmless.
+is off, and what makes a drive produce SYNC waits for its period. What watches our heartbeat comes
+last, for until then it is what stops the axis when this process dies. A value that a drive refuses
+keeps no other from being put back. Each is read first, and written only where the drive holds
+another, so doing it again is harmless.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ if TYPE_CHECKING:
     from drivers.found_settings import FoundDrive
     from drivers.sdo import SdoServer
 
-WATCHDOGS = (0x100C, 0x100D, 0x1016)
+WATCHDOGS = frozenset({0x100C, 0x100D, 0x1016})
 """Life guarding and consumer heartbeat."""
+_SYNC = frozenset({objects.SYNC_COB_ID.index})
+"""May make the drive produce SYNC, which it must not do with our period."""
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _MAPPING = 0x200
 _PDO_SPAN = 0x1C00
@@ -51,10 +54,15 @@ def restore_drive(server: SdoServer, found: FoundDrive) -> None:
     problems = [problem for pdo in _pdos(values) for problem in _restore_pdo(server, pdo)]
     others = {e: v for e, v in values.items() if not 0x1400 <= e.index < _PDO_SPAN}
     _free_sync_counter(server, others)
-    problems += _restore(server, {e: v for e, v in others.items() if e.index not in WATCHDOGS})
-    problems += _restore(server, {e: v for e, v in others.items() if e.index in WATCHDOGS})
+    for late in (frozenset[int](), _SYNC, WATCHDOGS):
+        problems += _restore(server, {e: v for e, v in others.items() if _late(e.index) == late})
     if problems:
         raise DriveRefused("\n".join(problems))
+
+
+def _late(index: int) -> frozenset[int]:
+    """Return with which others an object waits until the rest is put back; with none at once."""
+    return next((late for late in (_SYNC, WATCHDOGS) if index in late), frozenset())
 
 
 def refuse_energised(server: SdoServer) -> None:

@@ -210,6 +210,48 @@ def test_a_drive_whose_counter_cannot_be_switched_off_is_refused_with_the_reason
         drive_bus.__enter__()
 
 
+@pytest.mark.parametrize(
+    ("found", "written"),
+    [
+        (0x40000080, [0x80]),
+        (0x20000080, [0x80]),
+        (0x00000090, [0x80]),
+        (0x40000090, [0x90, 0x80]),
+        (0xC0000080, [0x80000080]),
+        (0x80000080, []),
+    ],
+)
+def test_a_drive_produces_no_sync_of_its_own_from_before_our_period_until_its_own_is_back(
+    found: int, written: list[int]
+) -> None:
+    can_bus, drive_bus = build({2: {(0x1005, 0): ("u32", found), (0x1006, 0): ("u32", 10_000)}})
+    drive = can_bus.drives[2]
+    asked: list[tuple[int, int]] = []
+
+    def strict(index: int, _: int, value: int) -> int | None:
+        if index not in {0x1005, 0x1006}:
+            return None
+        asked.append((index, value))
+        produces = drive.value(0x1005) & 1 << 30
+        locked = produces and index == 0x1005 and (drive.value(0x1005) ^ value) & 0x3FFFFFFF
+        return 0x06090030 if locked else None
+
+    drive.forbids = strict
+    with can_bus:
+        with drive_bus:
+            assert asked == [*((0x1005, value) for value in written), (0x1006, 4000)]
+            asked.clear()
+        assert asked == [(0x1006, 10_000), *([(0x1005, found)] if written else [])]
+        assert drive.value(0x1005) == found
+
+
+def test_a_drive_that_insists_on_producing_sync_is_refused() -> None:
+    can_bus, drive_bus = build({2: {(0x1005, 0): ("u32", 0x40000080)}})
+    can_bus.drives[2].insists[0x1005, 0] = 0x40000080
+    with can_bus, pytest.raises(DriveRefused, match=r"joint 2 .*1005:00 .*reads back"):
+        drive_bus.__enter__()
+
+
 def test_the_cycle_period_is_zero_while_the_counter_is_switched_off(tmp_path: Path) -> None:
     channel = plant_file(tmp_path, "sync-counter")
     with (
