@@ -94,12 +94,14 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
     stated, readings = axis.increments_per_revolution, position_readings(factors)
     if not readings:
         silent = "no encoder resolution (608F) nor feed (6092)"
+        if factors.resolution is not None:
+            silent = f"608F = {factors.resolution}{factors.caveat}"
         if factors.unit:
             silent += f", and 60A8 says {factors.unit_in_words}"
         return unsettled(POSITION, silent, _COUNTS, str(stated), f"{_COUNTS} is taken on trust")
-    found = " or ".join(map(str, readings))
+    found = " or ".join(map(str, readings)) + factors.caveat
     agrees = any(same(reading.per_revolution, stated) for reading in readings)
-    if agrees and len(readings) > 1:
+    if agrees and (len(readings) > 1 or factors.assumed):
         remedy = f"the drive leaves it open, {_COUNTS}: {shown(stated)} is taken on trust"
         return unsettled(POSITION, found, _COUNTS, shown(stated), remedy)
     return compared(

@@ -128,6 +128,27 @@ HABITS = {
         [],
         {"increments_per_revolution", "velocity_unit"},
     ),
+    "an encoder without revolutions": Habit(
+        words(x608F_1=4096) | {(0x608F, 2): None},
+        {"increments_per_revolution": None},
+        {"increments_per_revolution": 4096},
+        [({"increments_per_revolution": 2000}, "608F:02 is 0 or not stated, 1 is assumed")],
+        {"increments_per_revolution"},
+    ),
+    "a gear of 0 shaft revolutions": Habit(
+        words(x6091_1=100, x6091_2=0, x6092_1=360_000, x6092_2=1) | {(0x608F, 1): None},
+        {"increments_per_revolution": None},
+        {"increments_per_revolution": 3600},
+        [({"increments_per_revolution": 36_000}, "3600 counts per motor revolution (feed 6092")],
+        {"increments_per_revolution"},
+    ),
+    "a feed without shaft revolutions": Habit(
+        words(x608F_1=4096, x608F_2=1, x6092_1=3600),
+        {"increments_per_revolution": None},
+        {"increments_per_revolution": 3600},
+        [({"increments_per_revolution": 2000}, "4096 counts per motor revolution (608F = 4096")],
+        {"increments_per_revolution"},
+    ),
     "a drive that contradicts itself": Habit(
         words(x608F_1=2000, x608F_2=1, x6092_1=3600, x6092_2=1, x60A8=0x00B50000),
         {"increments_per_revolution": None},

@@ -71,11 +71,11 @@ def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
     readings = position_readings(factors)
     by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
     counts = {reading.per_revolution for reading in (*readings, *by_default)}
-    if readings and len(counts) == 1:
+    if readings and len(counts) == 1 and not factors.assumed:
         return shown(readings[0].per_revolution), readings[0].reason, hint
     if readings:
         either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
-        return None, "", f"{hint}; the drive leaves it open: {either}"
+        return None, "", f"{hint}; the drive leaves it open: {either}{factors.caveat}"
     if factors.unit and factors.unit_in_words != "inc":
         hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
     if by_default:
