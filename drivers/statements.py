@@ -65,15 +65,16 @@ def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
     factors = PositionFactors.read(partial(_said, server))
     yield compare_positions(factors, axis)
     gear = factors.gear or Fraction(1)
+    units = factors.unit, factors.stated.resolution
     stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
     if word := _said(server, objects.VELOCITY_UNIT):
-        said = velocity_of(word, factors.unit)
+        said = velocity_of(word, *units)
         yield _compare_rate(objects.VELOCITY_UNIT, word, said, stated, gear, axis)
     else:
         yield from _factor(server, objects.VELOCITY_FACTOR, objects.VELOCITY_DIVISOR, stated)
     stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
     if word := _said(server, objects.ACCELERATION_UNIT):
-        said = acceleration_of(word, factors.unit)
+        said = acceleration_of(word, *units)
         yield _compare_rate(objects.ACCELERATION_UNIT, word, said, stated, gear, axis)
     else:
         factor, divisor = objects.ACCELERATION_FACTOR, objects.ACCELERATION_DIVISOR

@@ -255,6 +255,32 @@ def test_codes_of_acceleration_units_are_those_that_the_file_can_state(
     assert name is None or acceleration_unit(name).size > 0
 
 
+@pytest.mark.parametrize(
+    ("position", "resolution", "velocity", "acceleration"),
+    [
+        (INCREMENTS, 2000, "inc/s", "inc/s^2"),
+        (None, 2000, "inc/s", "inc/s^2"),
+        (0, 2000, "inc/s", "inc/s^2"),
+        (TENTH_DEGREE, 2000, "1/2000 rps", "1/2000 rps/s"),
+        (TENTH_DEGREE, Fraction(8193, 2), "2/8193 rps", "2/8193 rps/s"),
+        (TENTH_DEGREE, None, None, None),
+        (0x00AC0000, 2000, None, None),
+    ],
+)
+def test_increments_beside_positions_in_another_unit_are_those_of_the_encoder(
+    position: int | None, resolution: Fraction | None, velocity: str, acceleration: str
+) -> None:
+    assert velocity_of(0x00B50300, position, resolution) == velocity
+    assert acceleration_of(0x00B55700, position, resolution) == acceleration
+    for name, unit_of in ((velocity, velocity_unit), (acceleration, acceleration_unit)):
+        assert name is None or unit_of(name).size > 0
+
+
+def test_a_power_of_ten_of_increments_of_the_encoder_is_kept() -> None:
+    assert velocity_of(0xFFB50300, TENTH_DEGREE, Fraction(2000)) == "1/20000 rps"
+    assert velocity_of(0x03B50300, TENTH_DEGREE, Fraction(2000)) == "1/2 rps"
+
+
 def test_a_position_code_with_a_denominator_is_unknown() -> None:
     assert position_of(0xFF410000) == "0.1 deg"
     assert position_of(0xFF410300) is None
