@@ -12,7 +12,7 @@ from test_canopen_bus import build, drives_file, never_energised
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import State
-from drivers.drive_bus import DriveFault, DriveRefused
+from drivers.drive_bus import DriveFault, DriveRefused, Move
 from drivers.drives_file import AxisDrive, DrivesFile
 from drivers.probing.bus_load import achievable_rate, cycle_time
 from drivers.probing.watch import BusPicture
@@ -380,3 +380,38 @@ def test_fixed_software_limits_that_keep_the_axis_from_nothing_are_refused(
     message = refused(*limits(low, high))
     assert message.startswith("joint 2 (node 2): software limits (607D) are fixed at ")
     assert words in message
+
+
+# Limits that depend on each other
+
+
+@pytest.mark.parametrize(
+    ("limit", "profile"),
+    [(0x607F, 0x6081), (0x60C5, 0x6083), (0x60C6, 0x6084), (0x6085, 0x6084)],
+)
+def test_a_limit_that_must_not_be_below_the_present_profile_is_written_and_put_back(
+    limit: int, profile: int
+) -> None:
+    found: Objects = {(limit, 0): ("u32", 10_000_000), (profile, 0): ("u32", 5_000_000)}
+    can_bus, drive_bus = build({2: found})
+    drive = can_bus.drives[2]
+
+    def interlocked(index: int, _: int, value: int) -> int | None:
+        below = index == limit and value < drive.value(profile)
+        above = index == profile and value > drive.value(limit)
+        return 0x06090030 if below or above else None
+
+    drive.forbids = interlocked
+    with can_bus:
+        with drive_bus:
+            drive_bus.move({1: Move(0.1, 0.5, 5.0)})
+            assert 0 < drive.value(profile) <= drive.value(limit) < 5_000_000
+        assert (drive.value(limit), drive.value(profile)) == (10_000_000, 5_000_000)
+
+
+def test_a_profile_within_the_limits_is_written_once() -> None:
+    can_bus, drive_bus = build({2: {(0x6081, 0): ("u32", 10)}})
+    written: list[int] = []
+    can_bus.drives[2].forbids = lambda index, *_: written.append(index)
+    with can_bus, drive_bus:
+        assert written.count(0x6081) == 1
