@@ -8,6 +8,7 @@ on.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from drivers import objects
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from drivers.communication import Communication
-    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.drives_file import AxisDrive, AxisLimits, DrivesFile
     from drivers.effective_limits import EffectiveLimits
     from drivers.sdo import Entry, SdoServer
 
@@ -81,6 +82,7 @@ def commission(
     _take_profile_position(server, wait)
     compare_statements(server, axis)
     _require_current(server, axis)
+    _lower_profile(server, axis, limits.limits)
     _write_limits(server, axis, limits)
     _write_reactions(server, drives)
     set_up_communication(server, axis, drives, period, communication)
@@ -138,6 +140,21 @@ def _require_current(server: SdoServer, axis: AxisDrive) -> None:
             f"{error}; torques cannot be measured without it: name the object that shows the "
             "drive's current or torque as current in the drives file"
         ) from error
+
+
+def _lower_profile(server: SdoServer, axis: AxisDrive, limits: AxisLimits) -> None:
+    """Lower what is above our limits first: some drives refuse a limit below their profile."""
+    scale = AxisScale.of(axis)
+    acceleration = scale.acceleration_to_counts(limits.acceleration)
+    for entry, value in (
+        (objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity)),
+        (objects.PROFILE_ACCELERATION, acceleration),
+        (objects.PROFILE_DECELERATION, acceleration),
+    ):
+        present = server.find(entry)
+        if present is not None and present > value:
+            with suppress(Aborted):  # what it keeps is judged where the limits are written
+                server.put(entry, value)
 
 
 def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) -> None:

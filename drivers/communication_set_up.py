@@ -7,6 +7,7 @@ drives file states what else stops the axis.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from drivers import objects
@@ -15,6 +16,7 @@ from drivers.drive_bus import DriveRefused
 from drivers.frame_length import frame_bits
 from drivers.life_guarding import can_be_guarded, set_up_life_guarding
 from drivers.pdo_set_up import OFF, set_up_pdos
+from drivers.sdo import Aborted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,9 +24,14 @@ if TYPE_CHECKING:
     from drivers.communication import Communication
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.pdo_set_up import OtherTpdo
-    from drivers.sdo import SdoServer
+    from drivers.sdo import Entry, SdoServer
 
 PDO_BYTES = 8
+NODE_SHIFT, TIME_MASK = 16, 0xFFFF
+"""A consumer heartbeat (1016): node and time [ms], which is 0 where the entry is not in use."""
+WATCHED_MAX = 127
+SYNC_PRODUCER, SYNC_RESERVED = 1 << 30, 1 << 31
+"""Bits of 1005; the latter means nothing, and once meant that the drive consumes SYNC."""
 
 
 def set_up_communication(
@@ -49,13 +56,24 @@ def set_up_communication(
 
 
 def _set_up_sync(server: SdoServer, period: float) -> None:
-    present = server.find(objects.SYNC_COB_ID)
-    if present is not None and present & IDENTIFIER != SYNC:
-        server.set(objects.SYNC_COB_ID, SYNC)
+    _listen_to_sync(server)
     _stop_counting(server)
     server.set_if_present(
         objects.CYCLE_PERIOD, round(1e6 * period), "it does not know the period of SYNC"
     )
+
+
+def _listen_to_sync(server: SdoServer) -> None:
+    """Have the drive listen to our SYNC and produce none, before it has a period to do so."""
+    present = server.find(objects.SYNC_COB_ID)
+    if present is None:
+        return
+    wanted = present & SYNC_RESERVED | SYNC
+    if present & SYNC_PRODUCER and present & ~SYNC_PRODUCER != wanted:
+        present &= ~SYNC_PRODUCER  # its identifier is locked as long as it produces SYNC
+        server.set(objects.SYNC_COB_ID, present)
+    if present != wanted:
+        server.set(objects.SYNC_COB_ID, wanted)
 
 
 def _stop_counting(server: SdoServer) -> None:
@@ -114,7 +132,7 @@ def _set_up_watch(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> boo
         return True
     server.set(objects.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
     if watches or axis.allow_no_heartbeat is None:
-        _watch_us(server, drives.master_node << 16 | round(1000 * drives.heartbeat_timeout))
+        _watch_us(server, drives.master_node, round(1000 * drives.heartbeat_timeout))
     else:
         server.notes.append(
             f"{server.label}: no object {objects.CONSUMER_HEARTBEAT}: if this process dies, the "
@@ -123,11 +141,31 @@ def _set_up_watch(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> boo
     return False
 
 
-def _watch_us(server: SdoServer, watch: int) -> None:
+def _watch_us(server: SdoServer, node: int, time: int) -> None:
+    entry = _watching(server, node)
     try:
-        server.set(objects.CONSUMER_HEARTBEAT, watch)
+        server.set(entry, node << NODE_SHIFT | time)
     except DriveRefused as error:
+        remedy = (
+            "state allow_no_heartbeat with the reason in the drives file if something else stops it"
+            if isinstance(error, Aborted) and error.missing
+            else f"free an entry of 1016 with the maker's commissioning tool, for node {node}"
+        )
         raise DriveRefused(
-            f"{error}; without it the axis goes on when this process dies: state "
-            "allow_no_heartbeat with the reason in the drives file if something else stops it"
+            f"{error}; without it the axis goes on when this process dies: {remedy}"
         ) from error
+
+
+def _watching(server: SdoServer, node: int) -> Entry:
+    """Return the entry of 1016 by which a drive watches us already; by default the first.
+
+    A node may stand in one entry only.
+    """
+    for number in range(1, WATCHED_MAX + 1):
+        entry = replace(objects.CONSUMER_HEARTBEAT, subindex=number)
+        present = server.find(entry)
+        if present is None:
+            break
+        if present >> NODE_SHIFT & 0xFF == node and present & TIME_MASK:
+            return entry
+    return objects.CONSUMER_HEARTBEAT

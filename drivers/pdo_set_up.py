@@ -1,11 +1,11 @@
 """PDO set-up by explicit SDO, each step read back.
 
-A mapping may be changed only while its PDO is off: off (bit 31 of the COB-ID), transmission type,
-count 0, entries, count n, on. Some drives have fixed PDOs, in part or as a whole; what is fixed is
-taken as it is if it carries what we need, and the drive is refused otherwise. A fixed TPDO may
-carry it in any order, with other objects beside it. A fixed RPDO must be the very one, since its
-target has to come before the controlword that makes it valid; it may also act on SYNC: set-points
-and stops then take effect with the next one.
+A mapping may be changed only while its PDO is off, and so may its identifier: off (bit 31 of the
+COB-ID), identifier, transmission type, count 0, entries, count n, on. Some drives have fixed PDOs,
+in part or as a whole; what is fixed is taken as it is if it carries what we need, and the drive is
+refused otherwise. A fixed TPDO may carry it in any order, with other objects beside it. A fixed
+RPDO must be the very one, since its target has to come before the controlword that makes it valid;
+it may also act on SYNC: set-points and stops then take effect with the next one.
 
 What a drive sends beside that is switched off. A TPDO that cannot be is reported, for it may be
 harmless.
@@ -129,8 +129,11 @@ def _set_up(server: SdoServer, pdo: Pdo) -> Pdo:
     """Set up one PDO; return it with what it carries in the end."""
     cob = Entry(pdo.communication, 1, "u32", f"COB-ID of {pdo.name}")
     # Drives differ in whether bit 30 can be changed, so it stays as it is.
-    identifier = server.get(cob) & NO_REMOTE | pdo.cob_id
-    off = server.set_unless_fixed(cob, identifier | OFF)
+    present = server.get(cob)
+    identifier = present & NO_REMOTE | pdo.cob_id
+    off = server.set_unless_fixed(cob, present | OFF)
+    if off and present | OFF != identifier | OFF:
+        server.set(cob, identifier | OFF)
     _set_transmission(server, pdo)
     carried = _set_mapping(server, pdo, off=off)
     if server.get(cob) != identifier:

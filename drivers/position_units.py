@@ -12,23 +12,31 @@ the factory, say that nothing was configured: then a count is an increment.
 From all these follow the readings that are admissible, each with its reason; a unit coarser than a
 motor revolution is none. One reading is a fact. Several that differ leave the choice among them to
 the drives file: the drive contradicts itself, or states a gear and no feed, which may be counted
-before or behind that gear. None leaves the file on trust. Draft, check and commissioning all ask
-here.
+before or behind that gear. A ratio whose divisor is missing or 0 is no fact either: the divisor may
+be meant to be 1, or the whole ratio may mean nothing. None leaves the file on trust. Draft, check
+and commissioning all ask here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from drivers import objects, unit_codes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from drivers.sdo import Entry
 
+RATIOS = {
+    "encoder": (objects.ENCODER_INCREMENTS, objects.ENCODER_REVOLUTIONS),
+    "gear": (objects.GEAR_MOTOR, objects.GEAR_SHAFT),
+    "feed": (objects.FEED, objects.FEED_SHAFT),
+    "factor": (objects.POSITION_FACTOR, objects.POSITION_DIVISOR),
+}
+"""Fields of `PositionFactors`: numerator and divisor."""
 ROUNDED = Fraction(1, 10**9)
 """Readings that differ by less are one: a radian is no ratio."""
 
@@ -62,6 +70,8 @@ class PositionFactors:
         608F, 6091, 6092, and 6093 of the profile's older edition.
     unit : int or None
         60A8.
+    assumed : mapping of str to Entry
+        Ratios by name of which only the numerator is stated, and the divisor that was taken for 1.
     """
 
     encoder: Fraction | None = None
@@ -69,21 +79,36 @@ class PositionFactors:
     feed: Fraction | None = None
     factor: Fraction | None = None
     unit: int | None = None
+    assumed: Mapping[str, Entry] = field(default_factory=dict)
 
     @classmethod
     def read(cls, read: Callable[[Entry], int | None]) -> PositionFactors:
         """Ask a live drive (`SdoServer.find`) or a dictionary (`Dictionary.value`)."""
+        assumed: dict[str, Entry] = {}
 
-        def ratio(over: Entry, under: Entry) -> Fraction | None:
+        def ratio(name: str) -> Fraction | None:
+            over, under = RATIOS[name]
             numerator, denominator = read(over), read(under)
-            return Fraction(numerator, denominator) if numerator and denominator else None
+            if not numerator or not (denominator or numerator > 1):
+                return None
+            if not denominator:
+                assumed[name] = under
+            return Fraction(numerator, denominator or 1)
 
-        return cls(
-            ratio(objects.ENCODER_INCREMENTS, objects.ENCODER_REVOLUTIONS),
-            ratio(objects.GEAR_MOTOR, objects.GEAR_SHAFT),
-            ratio(objects.FEED, objects.FEED_SHAFT),
-            ratio(objects.POSITION_FACTOR, objects.POSITION_DIVISOR),
-            read(objects.POSITION_UNIT),
+        ratios = {name: ratio(name) for name in RATIOS}
+        return cls(**ratios, unit=read(objects.POSITION_UNIT), assumed=assumed)
+
+    @property
+    def stated(self) -> PositionFactors:
+        """The same without the ratios of which a divisor was assumed."""
+        return replace(self, **dict.fromkeys(self.assumed), assumed={})
+
+    @property
+    def caveat(self) -> str:
+        """Which divisors were assumed, as the end of a sentence; empty where none was."""
+        return "".join(
+            f"; {entry.index:04X}:{entry.subindex:02X} is 0 or not stated, 1 is assumed"
+            for entry in self.assumed.values()
         )
 
     @property
@@ -102,11 +127,12 @@ class PositionFactors:
 def position_readings(factors: PositionFactors) -> tuple[Reading, ...]:
     """Return the admissible readings, each value once, the strongest first."""
     distinct: list[Reading] = []
-    for reading in _readings(factors):
+    for reading in (*_readings(factors), *_readings(factors.stated)):
         for place, other in enumerate(distinct):
             if same(other.per_revolution, reading.per_revolution):
-                merged = f"{other.reason}; {reading.reason}"
-                distinct[place] = Reading(other.per_revolution, merged)
+                if reading.reason not in other.reason:
+                    merged = f"{other.reason}; {reading.reason}"
+                    distinct[place] = Reading(other.per_revolution, merged)
                 break
         else:
             distinct.append(reading)

@@ -111,7 +111,7 @@ class Readback:
             return (kept - written) * INWARDS[entry] >= -1
         if entry == objects.PRODUCER_HEARTBEAT:
             return 0 < kept <= self._timeout / 2
-        if entry == objects.CONSUMER_HEARTBEAT:
+        if entry.index == objects.CONSUMER_HEARTBEAT.index:
             watched, time = kept >> 16, kept & 0xFFFF
             longest = LONGER_WATCH * self._timeout
             return watched == written >> 16 and 2 * self._period <= time <= longest

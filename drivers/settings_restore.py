@@ -1,10 +1,11 @@
 """Putting back what a drive held, once it is off.
 
-The order is that of the standard: a mapping can be changed only while its PDO is off. What watches
-our heartbeat comes last, for until then it is what stops the axis when this process dies. A value
-that a drive refuses keeps no other from being put back. Each is read first, and written only where
-the drive holds another, so doing it again is harmless. The mode is put back where the drive takes
-it: many show one at power-on that cannot be written, and every master chooses its own.
+The order is that of the standard: a mapping and an identifier can be changed only while their PDO
+is off, and what makes a drive produce SYNC waits for its period. What watches our heartbeat comes
+last, for until then it is what stops the axis when this process dies. A value that a drive refuses
+keeps no other from being put back. Each is read first, and written only where the drive holds
+another, so doing it again is harmless. The mode is put back where the drive takes it: many show one
+at power-on that cannot be written, and every master chooses its own.
 """
 
 from __future__ import annotations
@@ -25,8 +26,11 @@ if TYPE_CHECKING:
     from drivers.found_settings import FoundDrive
     from drivers.sdo import SdoServer
 
-WATCHDOGS = (0x100C, 0x100D, 0x1016)
+WATCHDOGS = frozenset({0x100C, 0x100D, 0x1016})
 """Life guarding and consumer heartbeat."""
+_SYNC = frozenset({objects.SYNC_COB_ID.index})
+"""May make the drive produce SYNC, which it must not do with our period."""
+_MODE = frozenset({objects.MODE.index})
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _MAPPING = 0x200
 _PDO_SPAN = 0x1C00
@@ -70,12 +74,18 @@ def restore_drive(server: SdoServer, found: FoundDrive) -> None:
         problems |= _restore_pdo(server, pdo)
     others = {e: v for e, v in values.items() if not 0x1400 <= e.index < _PDO_SPAN}
     _free_sync_counter(server, others)
-    last = {objects.MODE.index, *WATCHDOGS}
-    problems |= _restore(server, {e: v for e, v in others.items() if e.index not in last})
-    _restore(server, {e: v for e, v in others.items() if e.index == objects.MODE.index})
-    problems |= _restore(server, {e: v for e, v in others.items() if e.index in WATCHDOGS})
+    for late in (frozenset[int](), _SYNC, _MODE, WATCHDOGS):
+        group = {e: v for e, v in others.items() if _late(e.index) == late}
+        refused = _restore(server, group)
+        if late != _MODE:
+            problems |= refused
     if problems:
         raise NotTakenBack(problems)
+
+
+def _late(index: int) -> frozenset[int]:
+    """Return with which others an object waits until the rest is put back; with none at once."""
+    return next((late for late in (_SYNC, _MODE, WATCHDOGS) if index in late), frozenset())
 
 
 def refuse_energised(server: SdoServer) -> None:
@@ -115,7 +125,7 @@ def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
 
 
 def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, str]:
-    """Off, count 0, entries, count, transmission type and the like, COB-ID."""
+    """Off, identifier, count 0, entries, count, transmission type and the like, COB-ID."""
     if not any(_differs(server, entry, value) for entry, value in values.items()):
         return {}
     mapping = {e: v for e, v in values.items() if _is_mapping(e.index)}
@@ -124,11 +134,18 @@ def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, 
     rest = {e: v for e, v in values.items() if e not in mapping and e not in cob}
     problems: dict[Entry, str] = {}
     for entry, value in cob.items():
-        if _differs(server, entry, value | OFF):
-            _try(server, entry, value | OFF)  # a read-only COB-ID need not be off
+        _switch_off(server, entry, value)
     if any(_differs(server, entry, value) for entry, value in mapping.items()):
         problems |= _restore_mapping(server, mapping, count)
     return problems | _restore(server, rest) | _restore(server, cob)
+
+
+def _switch_off(server: SdoServer, cob: Entry, value: int) -> None:
+    """Switch a PDO off, then give it the identifier that it had."""
+    with suppress(Aborted):  # a read-only COB-ID need not be off
+        for word in (server.get(cob) | OFF, value | OFF):
+            if server.get(cob) != word:
+                server.put(cob, word)
 
 
 def _restore_mapping(

@@ -65,15 +65,16 @@ def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
     factors = PositionFactors.read(partial(_said, server))
     yield compare_positions(factors, axis)
     gear = factors.gear or Fraction(1)
+    units = factors.unit, factors.stated.resolution
     stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
     if word := _said(server, objects.VELOCITY_UNIT):
-        said = velocity_of(word, factors.unit)
+        said = velocity_of(word, *units)
         yield _compare_rate(objects.VELOCITY_UNIT, word, said, stated, gear, axis)
     else:
         yield from _factor(server, objects.VELOCITY_FACTOR, objects.VELOCITY_DIVISOR, stated)
     stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
     if word := _said(server, objects.ACCELERATION_UNIT):
-        said = acceleration_of(word, factors.unit)
+        said = acceleration_of(word, *units)
         yield _compare_rate(objects.ACCELERATION_UNIT, word, said, stated, gear, axis)
     else:
         factor, divisor = objects.ACCELERATION_FACTOR, objects.ACCELERATION_DIVISOR
@@ -94,12 +95,14 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
     stated, readings = axis.increments_per_revolution, position_readings(factors)
     if not readings:
         silent = "no encoder resolution (608F) nor feed (6092)"
+        if factors.resolution is not None:
+            silent = f"608F = {factors.resolution}{factors.caveat}"
         if factors.unit:
             silent += f", and 60A8 says {factors.unit_in_words}"
         return unsettled(POSITION, silent, _COUNTS, str(stated), f"{_COUNTS} is taken on trust")
-    found = " or ".join(map(str, readings))
+    found = " or ".join(map(str, readings)) + factors.caveat
     agrees = any(same(reading.per_revolution, stated) for reading in readings)
-    if agrees and len(readings) > 1:
+    if agrees and (len(readings) > 1 or factors.assumed):
         remedy = f"the drive leaves it open, {_COUNTS}: {shown(stated)} is taken on trust"
         return unsettled(POSITION, found, _COUNTS, shown(stated), remedy)
     return compared(

@@ -78,24 +78,50 @@ def codes_of(word: int) -> tuple[int, int, int]:
     return word >> 16 & 0xFF, word >> 8 & 0xFF, word & 0xFF
 
 
-def velocity_of(word: int, position: int | None = None) -> str | None:
+def velocity_of(
+    word: int, position: int | None = None, resolution: Fraction | None = None
+) -> str | None:
     """Return a unit of velocity (60A9) as the drives file names it; None where it is unknown.
 
     One that is made of the unit of positions (60A8, `position`) is named after counts, since both
-    are of the same shaft: 0.1 deg/s beside 0.1 deg is ``inc/s``.
+    are of the same shaft: 0.1 deg/s beside 0.1 deg is ``inc/s``. Increments beside another unit of
+    positions are the encoder's, of which a motor revolution has `resolution` (608F).
     """
-    return _named(*_in_counts(word, position), VELOCITIES)
+    return _rate(word, position, resolution, VELOCITIES)
 
 
-def acceleration_of(word: int, position: int | None = None) -> str | None:
+def acceleration_of(
+    word: int, position: int | None = None, resolution: Fraction | None = None
+) -> str | None:
     """Return a unit of acceleration (60AA) as `velocity_of` does one of velocity."""
-    return _named(*_in_counts(word, position), ACCELERATIONS)
+    return _rate(word, position, resolution, ACCELERATIONS)
 
 
 def position_of(word: int) -> str | None:
     """Return a unit of position (60A8) in words; None where it is unknown."""
     numerator, *rest = codes_of(word)
     return None if any(rest) else _named(power_of(word), numerator, POSITIONS)
+
+
+def _of_the_encoder(word: int, position: int | None) -> bool:
+    """Whether a unit (60A9, 60AA) is made of increments, and that of positions is another."""
+    others = position and codes_of(position) != (INCREMENT, 0, 0)
+    return bool(others) and codes_of(word)[0] == INCREMENT
+
+
+def _rate(
+    word: int,
+    position: int | None,
+    resolution: Fraction | None,
+    names: Mapping[tuple[int, int, int], str],
+) -> str | None:
+    if not _of_the_encoder(word, position):
+        return _named(*_in_counts(word, position), names)
+    symbol = names.get((REVOLUTION, *codes_of(word)[1:]))
+    known = position and position_of(position) and power_of(word) in POWERS
+    if resolution is None or symbol is None or not known:
+        return None
+    return f"{Fraction(10) ** power_of(word) / resolution} {symbol}"
 
 
 def _in_counts(word: int, position: int | None) -> tuple[int, tuple[int, int, int]]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import canopen
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
+from canopen.sdo.exceptions import SdoAbortedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -123,7 +124,7 @@ class LocalDrive:
     `state` is a key of STATES; `history` holds all states it was in. `stuck` states are not left
     by command; what is in `insists` reads back whatever was written. A drive that `stays_stopped`
     does not switch off by itself after a stop; one that `sags` goes on by so many increments when
-    it is off.
+    it is off. `forbids(index, sub-index, value)` returns the code with which a write is aborted.
     """
 
     def __init__(
@@ -142,6 +143,7 @@ class LocalDrive:
         self.deaf_to_set_points = self.immobile = self.ignores_mode = False
         self.stuck: set[str] = set()
         self.insists: dict[tuple[int, int], int] = {}
+        self.forbids: Callable[[int, int, int], int | None] = lambda *_: None
         self.heart_beats = self.powered = True
         self.stays_stopped = False
         self.sags = 0.0
@@ -257,6 +259,9 @@ class LocalDrive:
         return None
 
     def _write(self, index: int, subindex: int, od: Any, data: bytes) -> None:
+        code = self.forbids(index, subindex, int.from_bytes(data, "little"))
+        if code is not None:
+            raise SdoAbortedError(code)
         if index == 0x6040:
             self.control(int.from_bytes(data, "little"))
 

@@ -12,7 +12,7 @@ from test_canopen_bus import build, drives_file, never_energised
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import State
-from drivers.drive_bus import DriveFault, DriveRefused
+from drivers.drive_bus import DriveFault, DriveRefused, Move
 from drivers.drives_file import AxisDrive, DrivesFile
 from drivers.probing.bus_load import achievable_rate, cycle_time
 from drivers.probing.watch import BusPicture
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Objects = dict[tuple[int, int], Any]
 
 OFF = 1 << 31
+IDENTIFIER_AND_FRAME = (1 << 30) - 1
 STATUS, POSITION, CURRENT, MODE = 0x60410010, 0x60640020, 0x60780010, 0x60610008
 
 
@@ -137,6 +138,28 @@ def test_a_fixed_rpdo_in_another_order_is_refused() -> None:
 def test_a_fixed_tpdo_that_does_not_answer_each_sync_is_refused() -> None:
     message = refused(*fixed(tpdo(1, 2, POSITION, STATUS, CURRENT, kind=255)))
     assert "1800:02 (transmission type of TPDO 1) is fixed at 255, 1 is needed" in message
+
+
+@pytest.mark.parametrize("found", [0x40000191, 0x191, 0x20000191, 0xC0000191])
+def test_an_identifier_that_is_locked_while_its_pdo_is_valid_is_changed_and_put_back(
+    found: int,
+) -> None:
+    can_bus, drive_bus = build({2: {(0x1800, 1): ("u32", found), (0x1400, 1): ("u32", 0x222)}})
+    drive = can_bus.drives[2]
+
+    def locked(index: int, sub: int, value: int) -> int | None:
+        if index not in {0x1400, 0x1800} or sub != 1 or drive.value(index, 1) & OFF:
+            return None
+        return 0x06090030 if (drive.value(index, 1) ^ value) & IDENTIFIER_AND_FRAME else None
+
+    drive.forbids = locked
+    with can_bus:
+        with drive_bus:
+            assert drive_bus.sample().flags == (0, 0, 0)
+            assert drive.value(0x1800, 1) == found & 1 << 30 | 0x182
+            assert drive.value(0x1400, 1) == 0x202
+        assert drive.value(0x1800, 1) == found
+        assert drive.value(0x1400, 1) == 0x222
 
 
 def stated(*tpdos: tuple[int, ...]) -> DrivesFile:
@@ -357,3 +380,38 @@ def test_fixed_software_limits_that_keep_the_axis_from_nothing_are_refused(
     message = refused(*limits(low, high))
     assert message.startswith("joint 2 (node 2): software limits (607D) are fixed at ")
     assert words in message
+
+
+# Limits that depend on each other
+
+
+@pytest.mark.parametrize(
+    ("limit", "profile"),
+    [(0x607F, 0x6081), (0x60C5, 0x6083), (0x60C6, 0x6084), (0x6085, 0x6084)],
+)
+def test_a_limit_that_must_not_be_below_the_present_profile_is_written_and_put_back(
+    limit: int, profile: int
+) -> None:
+    found: Objects = {(limit, 0): ("u32", 10_000_000), (profile, 0): ("u32", 5_000_000)}
+    can_bus, drive_bus = build({2: found})
+    drive = can_bus.drives[2]
+
+    def interlocked(index: int, _: int, value: int) -> int | None:
+        below = index == limit and value < drive.value(profile)
+        above = index == profile and value > drive.value(limit)
+        return 0x06090030 if below or above else None
+
+    drive.forbids = interlocked
+    with can_bus:
+        with drive_bus:
+            drive_bus.move({1: Move(0.1, 0.5, 5.0)})
+            assert 0 < drive.value(profile) <= drive.value(limit) < 5_000_000
+        assert (drive.value(limit), drive.value(profile)) == (10_000_000, 5_000_000)
+
+
+def test_a_profile_within_the_limits_is_written_once() -> None:
+    can_bus, drive_bus = build({2: {(0x6081, 0): ("u32", 10)}})
+    written: list[int] = []
+    can_bus.drives[2].forbids = lambda index, *_: written.append(index)
+    with can_bus, drive_bus:
+        assert written.count(0x6081) == 1

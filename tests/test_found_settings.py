@@ -289,7 +289,8 @@ def test_pdos_are_put_back_in_the_order_that_the_standard_asks_for() -> None:
         with CanopenDriveBus(can_bus, drives_file()):
             can_bus.sent.clear()
         written = [p[1:] for p in downloads(can_bus.sent) if p[0] == 1 and p[1] in {0x1800, 0x1A00}]
-    order = [(0x1800, 1), (0x1A00, 0), (0x1A00, 1), (0x1A00, 0), (0x1800, 2), (0x1800, 1)]
+    off, identifier = (0x1800, 1), (0x1800, 1)
+    order = [off, identifier, (0x1A00, 0), (0x1A00, 1), (0x1A00, 0), (0x1800, 2), (0x1800, 1)]
     assert [place for place in written if place[1] < 2 or place == (0x1800, 2)] == order
     assert can_bus.drives[1].value(0x1800, 1) == 0x1A1
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
@@ -22,6 +22,8 @@ from sim_plant.slave_network import SlaveNetwork
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+Objects = dict[tuple[int, int], Any]
 
 OPERATIONAL, PRE_OPERATIONAL, TOGGLE = 5, 127, 0x80
 GUARDED = {
@@ -207,6 +209,93 @@ def test_a_drive_whose_counter_cannot_be_switched_off_is_refused_with_the_reason
     can_bus, drive_bus = build({2: {(0x1019, 0): ("u8", 240)}})
     can_bus.drives[2].node.object_dictionary[0x1019].access_type = "ro"
     with can_bus, pytest.raises(DriveRefused, match=r"joint 2 .*a counter in SYNC .* is 240\)"):
+        drive_bus.__enter__()
+
+
+def watching_once(drive: Any) -> None:
+    """Have a drive take each node once for its consumer heartbeats, as CiA 301 has it."""
+
+    def twice(index: int, sub: int, value: int) -> int | None:
+        others = [drive.value(0x1016, n) for n in (1, 2) if index == 0x1016 and n != sub]
+        taken = [other >> 16 for other in others if other & 0xFFFF]
+        return 0x06040043 if value & 0xFFFF and value >> 16 in taken else None
+
+    drive.forbids = twice
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "held"),
+    [
+        (0, 127 << 16 | 2000, (0, 127 << 16 | 500)),
+        (5 << 16 | 100, 127 << 16 | 2000, (5 << 16 | 100, 127 << 16 | 500)),
+        (0, 5 << 16 | 100, (127 << 16 | 500, 5 << 16 | 100)),
+        (0, 127 << 16, (127 << 16 | 500, 127 << 16)),
+    ],
+)
+def test_a_drive_that_watches_us_by_another_entry_is_set_there_and_gets_its_time_back(
+    first: int, second: int, held: tuple[int, int]
+) -> None:
+    found: Objects = {(0x1016, 1): ("u32", first), (0x1016, 2): ("u32", second)}
+    can_bus, drive_bus = build({2: found})
+    drive = can_bus.drives[2]
+    watching_once(drive)
+    with can_bus:
+        with drive_bus:
+            assert (drive.value(0x1016, 1), drive.value(0x1016, 2)) == held
+            drive_bus.move({1: Move(0.1, 0.5, 5.0)})
+        assert (drive.value(0x1016, 1), drive.value(0x1016, 2)) == (first, second)
+
+
+def test_a_drive_that_takes_no_consumer_heartbeat_is_not_excused_by_a_reason() -> None:
+    can_bus, drive_bus = build({2: {}})
+    can_bus.drives[2].forbids = lambda index, *_: 0x06040043 if index == 0x1016 else None
+    with can_bus:
+        with pytest.raises(DriveRefused) as caught:
+            drive_bus.__enter__()
+        assert never_energised(can_bus)
+    assert "free an entry of 1016 with the maker's commissioning tool" in str(caught.value)
+    assert "allow_no_heartbeat" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("found", "written"),
+    [
+        (0x40000080, [0x80]),
+        (0x20000080, [0x80]),
+        (0x00000090, [0x80]),
+        (0x40000090, [0x90, 0x80]),
+        (0xC0000080, [0x80000080]),
+        (0x80000080, []),
+    ],
+)
+def test_a_drive_produces_no_sync_of_its_own_from_before_our_period_until_its_own_is_back(
+    found: int, written: list[int]
+) -> None:
+    can_bus, drive_bus = build({2: {(0x1005, 0): ("u32", found), (0x1006, 0): ("u32", 10_000)}})
+    drive = can_bus.drives[2]
+    asked: list[tuple[int, int]] = []
+
+    def strict(index: int, _: int, value: int) -> int | None:
+        if index not in {0x1005, 0x1006}:
+            return None
+        asked.append((index, value))
+        produces = drive.value(0x1005) & 1 << 30
+        locked = produces and index == 0x1005 and (drive.value(0x1005) ^ value) & 0x3FFFFFFF
+        return 0x06090030 if locked else None
+
+    drive.forbids = strict
+    with can_bus:
+        with drive_bus:
+            assert asked == [*((0x1005, value) for value in written), (0x1006, 4000)]
+            asked.clear()
+        assert asked == [(0x1006, 10_000), *([(0x1005, found)] if written else [])]
+        assert drive.value(0x1005) == found
+
+
+def test_a_drive_that_insists_on_producing_sync_is_refused() -> None:
+    can_bus, drive_bus = build({2: {(0x1005, 0): ("u32", 0x40000080)}})
+    can_bus.drives[2].insists[0x1005, 0] = 0x40000080
+    with can_bus, pytest.raises(DriveRefused, match=r"joint 2 .*1005:00 .*reads back"):
         drive_bus.__enter__()
 
 

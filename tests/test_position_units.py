@@ -82,6 +82,12 @@ def readings(says: Says) -> list[str]:
         # a gear and no feed: counted before it or behind it
         (encoder(4096) | gear(105), ["4096", "4096/105"]),
         (encoder(131_072) | gear(131_072, 10_000) | feed(1), ["131072", "10000"]),
+        # a divisor that is missing or 0: 1, or the whole ratio means nothing
+        ({(0x608F, 1): 4096}, ["4096"]),
+        (encoder(4096, 0), ["4096"]),
+        ({(0x6091, 1): 100} | feed(360_000), ["3600", "360000"]),
+        ({(0x6092, 1): 3600}, ["3600"]),
+        (encoder(4096) | feed(3600, 0), ["3600", "4096"]),
         # the drive contradicts itself
         (encoder(2000) | gear(1) | feed(3600) | unit(INCREMENTS), ["3600", "2000"]),
         (encoder(2000) | gear(1) | feed(2000) | unit(TENTH_DEGREE), ["2000", "3600"]),
@@ -138,12 +144,17 @@ def configurations(draw: st.DrawFn) -> tuple[Says, Fraction, Fraction]:
     return says, resolution, per_output * shaft / motor
 
 
+def can_be_stated(counts: Fraction) -> bool:
+    """Whether the drives file takes a ratio of so many digits."""
+    return max(counts.numerator, counts.denominator) < 10**12
+
+
 @given(configurations(), st.integers(1, 1 << 30))
 def test_the_scale_that_follows_from_a_drive_s_objects_is_that_of_its_motor(
     configuration: tuple[Says, Fraction, Fraction], turned: int
 ) -> None:
     says, resolution, expected = configuration
-    assume(resolution > 1 and expected > 1)
+    assume(resolution > 1 and 1 < expected < 1 << 26 and can_be_stated(expected))
     (reading,) = position_readings(factors(says))
     assert reading.per_revolution == expected
     scale = AxisScale.of(one_axis(increments_per_revolution=expected, gear_ratio=50.0, zero=0))
@@ -158,6 +169,7 @@ def test_a_file_that_differs_is_refused_with_both_numbers_and_the_objects(
 ) -> None:
     says, resolution, expected = configuration
     assume(resolution > 1 and 1 < expected * factor < 1 << 30 and 1 < expected < 1 << 30)
+    assume(can_be_stated(expected) and can_be_stated(expected * factor))
     right = compare_positions(
         factors(says), one_axis(increments_per_revolution=expected, gear_ratio=1e-3)
     )
@@ -182,6 +194,21 @@ def test_a_drive_that_contradicts_itself_leaves_the_choice_to_the_file() -> None
         assert found.agreement is agreement
         assert "3600 counts" in found.found
         assert "2000 counts" in found.found
+
+
+@pytest.mark.parametrize("says", [encoder(4096, 0), encoder(4096) | feed(3600, 0)])
+def test_a_divisor_that_is_not_stated_leaves_the_right_file_on_trust(says: Says) -> None:
+    found = compare_positions(factors(says), one_axis(increments_per_revolution=4096))
+    assert found.agreement is Agreement.UNSETTLED
+    assert ":02 is 0 or not stated, 1 is assumed" in found.found
+    other = compare_positions(factors(says), one_axis(increments_per_revolution=2000))
+    assert other.agreement is Agreement.CONTRADICTED
+
+
+def test_an_encoder_resolution_that_leads_to_no_unit_is_not_called_missing() -> None:
+    found = compare_positions(factors(encoder(2000) | unit(0x00AC0000)), one_axis())
+    assert found.agreement is Agreement.UNSETTLED
+    assert found.found == "608F = 2000, and 60A8 says 00AC0000h, an unknown unit"
 
 
 @pytest.mark.parametrize(
@@ -226,6 +253,32 @@ def test_codes_of_acceleration_units_are_those_that_the_file_can_state(
 ) -> None:
     assert acceleration_of(word) == name
     assert name is None or acceleration_unit(name).size > 0
+
+
+@pytest.mark.parametrize(
+    ("position", "resolution", "velocity", "acceleration"),
+    [
+        (INCREMENTS, 2000, "inc/s", "inc/s^2"),
+        (None, 2000, "inc/s", "inc/s^2"),
+        (0, 2000, "inc/s", "inc/s^2"),
+        (TENTH_DEGREE, 2000, "1/2000 rps", "1/2000 rps/s"),
+        (TENTH_DEGREE, Fraction(8193, 2), "2/8193 rps", "2/8193 rps/s"),
+        (TENTH_DEGREE, None, None, None),
+        (0x00AC0000, 2000, None, None),
+    ],
+)
+def test_increments_beside_positions_in_another_unit_are_those_of_the_encoder(
+    position: int | None, resolution: Fraction | None, velocity: str, acceleration: str
+) -> None:
+    assert velocity_of(0x00B50300, position, resolution) == velocity
+    assert acceleration_of(0x00B55700, position, resolution) == acceleration
+    for name, unit_of in ((velocity, velocity_unit), (acceleration, acceleration_unit)):
+        assert name is None or unit_of(name).size > 0
+
+
+def test_a_power_of_ten_of_increments_of_the_encoder_is_kept() -> None:
+    assert velocity_of(0xFFB50300, TENTH_DEGREE, Fraction(2000)) == "1/20000 rps"
+    assert velocity_of(0x03B50300, TENTH_DEGREE, Fraction(2000)) == "1/2 rps"
 
 
 def test_a_position_code_with_a_denominator_is_unknown() -> None:

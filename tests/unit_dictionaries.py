@@ -128,6 +128,47 @@ HABITS = {
         [],
         {"increments_per_revolution", "velocity_unit"},
     ),
+    "an encoder without revolutions": Habit(
+        words(x608F_1=4096) | {(0x608F, 2): None},
+        {"increments_per_revolution": None},
+        {"increments_per_revolution": 4096},
+        [({"increments_per_revolution": 2000}, "608F:02 is 0 or not stated, 1 is assumed")],
+        {"increments_per_revolution"},
+    ),
+    "a gear of 0 shaft revolutions": Habit(
+        words(x6091_1=100, x6091_2=0, x6092_1=360_000, x6092_2=1) | {(0x608F, 1): None},
+        {"increments_per_revolution": None},
+        {"increments_per_revolution": 3600},
+        [({"increments_per_revolution": 36_000}, "3600 counts per motor revolution (feed 6092")],
+        {"increments_per_revolution"},
+    ),
+    "a feed without shaft revolutions": Habit(
+        words(x608F_1=4096, x608F_2=1, x6092_1=3600),
+        {"increments_per_revolution": None},
+        {"increments_per_revolution": 3600},
+        [({"increments_per_revolution": 2000}, "4096 counts per motor revolution (608F = 4096")],
+        {"increments_per_revolution"},
+    ),
+    "increments of the encoder beside tenths of a degree": Habit(
+        words(x608F_1=2000, x608F_2=1, x60A8=0xFF410000, x60A9=0x00B50300, x60AA=0x00B55700),
+        {
+            "increments_per_revolution": "3600",
+            "velocity_unit": "1/2000 rps",
+            "acceleration_unit": "1/2000 rps/s",
+        },
+        TENTH_DEGREES | {"velocity_unit": "1/2000 rps", "acceleration_unit": "1/2000 rps/s"},
+        [
+            ({"velocity_unit": "inc/s"}, "(60A9) is 1/2000 rps (00B50300h), the drives file"),
+            ({"acceleration_unit": "inc/s^2"}, "(60AA) is 1/2000 rps/s (00B55700h), the drives"),
+        ],
+    ),
+    "increments of an encoder that is not stated": Habit(
+        words(x60A8=0xFF410000, x60A9=0x00B50300) | {(0x608F, 1): None},
+        {"increments_per_revolution": "3600", "velocity_unit": None},
+        TENTH_DEGREES | {"velocity_unit": "1/2000 rps"},
+        [],
+        {"velocity_unit"},
+    ),
     "a drive that contradicts itself": Habit(
         words(x608F_1=2000, x608F_2=1, x6092_1=3600, x6092_2=1, x60A8=0x00B50000),
         {"increments_per_revolution": None},

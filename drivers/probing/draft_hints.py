@@ -16,6 +16,7 @@ from drivers.position_units import PositionFactors, position_readings, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from fractions import Fraction
 
     from drivers.probing.current_candidates import CurrentCandidate
     from drivers.probing.dictionary import Declared, Dictionary
@@ -46,18 +47,19 @@ def acceleration_unit(dictionary: Dictionary) -> tuple[str | None, str]:
 def _unit(
     dictionary: Dictionary,
     entry: Entry,
-    decode: Callable[[int, int | None], str | None],
+    decode: Callable[[int, int | None, Fraction | None], str | None],
     choice: str,
 ) -> tuple[str | None, str]:
     word, default = dictionary.value(entry), _default(dictionary, entry)
     factors = PositionFactors.read(dictionary.value)
-    gear, said = factors.gear, decode(word, factors.unit) if word else None
+    gear, resolution = factors.gear, factors.stated.resolution
+    said = decode(word, factors.unit, resolution) if word else None
     if said and gear not in {None, 1} and not said.endswith(("inc/s", "inc/s^2")):
         place = f"{entry.index:04X} says {said}"
         return None, f"{choice}; {place}, of the motor or of the output of gear 6091 = {gear}"
     if word and said is None:
         return None, f"{choice}; {entry.index:04X} is {word:08X}h, an unknown unit"
-    by_default = decode(default, None) if default else None
+    by_default = decode(default, None, None) if default else None
     return said, f"{choice}; by default {by_default} ({entry.index:04X})" if by_default else choice
 
 
@@ -71,11 +73,11 @@ def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
     readings = position_readings(factors)
     by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
     counts = {reading.per_revolution for reading in (*readings, *by_default)}
-    if readings and len(counts) == 1:
+    if readings and len(counts) == 1 and not factors.assumed:
         return shown(readings[0].per_revolution), readings[0].reason, hint
     if readings:
         either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
-        return None, "", f"{hint}; the drive leaves it open: {either}"
+        return None, "", f"{hint}; the drive leaves it open: {either}{factors.caveat}"
     if factors.unit and factors.unit_in_words != "inc":
         hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
     if by_default:

@@ -100,7 +100,7 @@ def _gear(server: SdoServer, axis: AxisDrive) -> Verdict:
     check, stated, gear = "gear (6091)", axis.gear_ratio, factors.gear
     if gear is None or gear == 1:
         return unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
-    alone = factors.feed in {None, 1} and not factors.unit
+    alone = (factors.feed in {None, 1} and not factors.unit) or "gear" in factors.assumed
     return graded(
         math.isclose(float(gear), stated, rel_tol=SAME),
         Grade.WARNING if alone else Grade.REFUSED,
