@@ -19,6 +19,7 @@ from drivers.effective_limits import effective_limits
 from drivers.pdo_mapping import mapping_count
 from drivers.sdo import Entry
 from drivers.settings_keeper import before
+from drivers.statements import compare_statements
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -107,7 +108,6 @@ def announce(
         Why the drive cannot serve.
     """
     check_identity(server, axis)
-    limits = effective_limits(find or server.find, axis, server.label)
     layers: list[_Layer] = []
 
     def layer(client: SdoClient) -> SdoClient:
@@ -115,6 +115,8 @@ def announce(
         return layers[0]
 
     shown = server.seen_through(layer)
+    compare_statements(shown, axis)  # a limit in a wrong unit says nothing
+    limits = effective_limits(find or server.find, axis, server.label)
     found: dict[Entry, int] = {}
     entries: dict[Place, Entry] = {}
 
