@@ -2,12 +2,14 @@
 
 The very code that configures drives (`commissioning`) runs on a layer over the object dictionary:
 reading goes to the drive, what is written stays in the layer and is read from there. So the list of
-what will change cannot part from what is done, but where a drive itself refuses a value.
+what will change cannot part from what is done, but where a drive itself refuses a value. Only such
+a refusal shows that TPDO 1 takes two objects at most, so what is done then is found out too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from canopen.sdo.exceptions import SdoAbortedError
@@ -15,8 +17,10 @@ from canopen.sdo.exceptions import SdoAbortedError
 from drivers import objects
 from drivers.commissioning import check_identity, commission
 from drivers.communication import Communication
+from drivers.drive_bus import DriveRefused
 from drivers.effective_limits import effective_limits
-from drivers.pdo_mapping import mapping_count
+from drivers.pdo_mapping import arrangements, mapping_count
+from drivers.pdo_set_up import set_up_pdos
 from drivers.sdo import Entry
 from drivers.settings_keeper import before
 from drivers.statements import compare_statements
@@ -37,6 +41,10 @@ LATER = (
     mapping_count(0x1A01),
 )
 """What may be written beside: where a path is streamed, where TPDO 1 turns out to be fixed."""
+FURTHEST: Place = (0x1A00, 3)
+"""The entry of TPDO 1 that drives with room for two objects refuse."""
+IF_SHORT = "if TPDO 1 takes fewer objects"
+_NO_ENTRY = 0x06090011
 _WRITE_ONLY = 0x06010001
 _SHOWN_BY = {objects.MODE: objects.MODE_DISPLAY}
 
@@ -59,6 +67,11 @@ class Change:
     present: int | None
     value: int
 
+    def only(self, condition: str) -> Change:
+        """Return the same with the condition under which it is made."""
+        named = replace(self.entry, name=f"{self.entry.name}, {condition}")
+        return replace(self, entry=named)
+
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
@@ -71,7 +84,8 @@ class Announcement:
     found : mapping of Entry to int
         What the drive holds of all that will or may be written.
     changes : tuple of Change
-        In the order in which they are first written.
+        In the order in which they are first written; then those of a drive whose TPDO 1 turns out
+        to take fewer objects.
     """
 
     limits: EffectiveLimits
@@ -108,43 +122,57 @@ def announce(
         Why the drive cannot serve.
     """
     check_identity(server, axis)
-    layers: list[_Layer] = []
-
-    def layer(client: SdoClient) -> SdoClient:
-        layers.append(_Layer(client))
-        return layers[0]
-
-    shown = server.seen_through(layer)
-    compare_statements(shown, axis)  # a limit in a wrong unit says nothing
+    usual = _Rehearsal(server, _Layer)
+    compare_statements(usual.shown, axis)  # a limit in a wrong unit says nothing
     limits = effective_limits(find or server.find, axis, server.label)
-    found: dict[Entry, int] = {}
-    entries: dict[Place, Entry] = {}
-
-    def keep(entry: Entry) -> None:
-        held = before(shown, entry)
-        for each in (*held, entry):
-            entries.setdefault((each.index, each.subindex), each)
-        found.update(held)
-        shown.saved.update(entries)
-
-    shown.first_write = keep
     communication = Communication.predefined(axis, server.label)
-    commission(shown, axis, drives, period, lambda holds, _: holds(), limits, communication)
+    commission(usual.shown, axis, drives, period, lambda holds, _: holds(), limits, communication)
     for entry in (*LATER, *later):
-        found.update(before(shown, entry))
-    changes = _changes(entries, found, layers[0].written)
-    return Announcement(limits, found, tuple(changes))
+        usual.found.update(before(usual.shown, entry))
+    changes = list(usual.changes())
+    if FURTHEST in usual.written and len(arrangements(axis)) > 1:
+        shorter = _Rehearsal(server, usual.layer.shorter)
+        with suppress(DriveRefused):  # without it there is no other arrangement
+            set_up_pdos(shorter.shown, axis)
+            changes += [each.only(IF_SHORT) for each in shorter.changes(besides=usual.written)]
+        usual.found.update({e: v for e, v in shorter.found.items() if e not in usual.found})
+    return Announcement(limits, usual.found, tuple(changes))
 
 
-def _changes(
-    entries: Mapping[Place, Entry], found: Mapping[Entry, int], written: Mapping[Place, bytes]
-) -> Iterator[Change]:
-    held = {(entry.index, entry.subindex): value for entry, value in found.items()}
-    for place, data in written.items():
-        entry = entries[place]
-        value = int.from_bytes(data, "little", signed=entry.signed)
-        if held.get(place) != value:
-            yield Change(entry, held.get(place), value)
+class _Rehearsal:
+    """What is written to a drive behind a layer, and what the drive holds of it."""
+
+    def __init__(self, server: SdoServer, layer: Callable[[SdoClient], _Layer]) -> None:
+        self.found: dict[Entry, int] = {}
+        self._entries: dict[Place, Entry] = {}
+
+        def behind(client: SdoClient) -> SdoClient:
+            self.layer = layer(client)
+            return self.layer
+
+        self.shown = server.seen_through(behind)
+        self.shown.first_write = self._keep
+
+    @property
+    def written(self) -> Mapping[Place, bytes]:
+        """What the layer keeps to itself."""
+        return self.layer.written
+
+    def changes(self, besides: Mapping[Place, bytes] | None = None) -> Iterator[Change]:
+        """Yield what would be another value on the drive, but what is in `besides`."""
+        held = {(entry.index, entry.subindex): value for entry, value in self.found.items()}
+        for place, data in self.written.items():
+            entry = self._entries[place]
+            value = int.from_bytes(data, "little", signed=entry.signed)
+            if held.get(place) != value and (besides or {}).get(place) != data:
+                yield Change(entry, held.get(place), value)
+
+    def _keep(self, entry: Entry) -> None:
+        held = before(self.shown, entry)
+        for each in (*held, entry):
+            self._entries.setdefault((each.index, each.subindex), each)
+        self.found.update(held)
+        self.shown.saved.update(self._entries)
 
 
 class _Layer:
@@ -155,6 +183,13 @@ class _Layer:
         self._drive = drive
         self._answers: dict[Place, bytes | SdoAbortedError] = {}
         self._shown = {(by.index, by.subindex): what for what, by in _SHOWN_BY.items()}
+        self._lacks: frozenset[Place] = frozenset()
+
+    def shorter(self, _: SdoClient) -> _Layer:
+        """Return another one over the same drive, if its TPDO 1 took two objects only."""
+        other = _Layer(self._drive)
+        other._answers, other._lacks = self._answers, frozenset({FURTHEST})
+        return other
 
     def upload_number(self, index: int, subindex: int, size: int) -> bytes:
         """Read an object: what was written to it, else what the drive holds."""
@@ -166,6 +201,8 @@ class _Layer:
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Keep a value; raise as the drive would where it lacks the object."""
+        if (index, subindex) in self._lacks:
+            raise SdoAbortedError(_NO_ENTRY)
         try:
             self._ask(index, subindex, len(data))
         except SdoAbortedError as error:

@@ -36,6 +36,7 @@ DISPARATE = 100.0
 
 _KEY = "rated_torque"
 _TORQUE = f"{objects.RATED_TORQUE.name} ({objects.RATED_TORQUE.index:04X})"
+_UNSET, _SET = "0, not configured", "set it with the maker's commissioning tool"
 _PRODUCT = "rated torque against rated current"
 
 
@@ -102,6 +103,11 @@ def _current(entry: Entry, present: int | None, axis: AxisDrive) -> Comparison:
     stated = f"{axis.rated_current:g} A"
     if present is None:
         return unsettled(check, f"no object {entry}", key, stated, f"{key} is taken on trust")
+    if present == 0 and axis.current.basis is Basis.MILLIAMPERE:
+        found = f"{entry} is {_UNSET}"
+        return unsettled(check, found, key, stated, f"{key} is taken on trust")
+    if present == 0:
+        return compared(False, check, _UNSET, key, stated, f"per mille refer to it: {_SET}")
     return compared(
         abs(present - 1000 * axis.rated_current) <= 1,
         check,
@@ -117,6 +123,8 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
     if present is None:
         silent = f"no object {objects.RATED_TORQUE}"
         return unsettled(_TORQUE, silent, _KEY, stated, f"{_KEY} is taken on trust")
+    if present == 0:
+        return compared(False, _TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
     remedy = f"correct {_KEY} or the drive's parameter: torques scale with it"
     (other,) = set(TorqueUnit) - {unit}
     if _agrees(present, axis.rated_torque, other) and not _disparate(axis):

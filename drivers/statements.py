@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 POSITION = "position unit (6064)"
 _COUNTS = "increments_per_revolution"
+_POSITION_RANGE = (objects.POSITION_RANGE_MIN, objects.POSITION_RANGE_MAX)
+_ALL_COUNTS = (1 << 32) - 1
+"""A range of positions (607B) that is as wide as 32 bits wraps around as any counter does."""
 _SAME = Fraction(1, 10**6)
 """Units that differ by less than this share are one."""
 _SPINDLE = Fraction(1, 1000)
@@ -51,6 +54,22 @@ def compare_statements(server: SdoServer, axis: AxisDrive) -> None:
             )
         if comparison.agreement is Agreement.UNSETTLED:
             server.notes.append(f"{server.label}: {comparison.found}: {comparison.remedy}")
+    _note_positions(server)
+
+
+def _note_positions(server: SdoServer) -> None:
+    """Note what shifts positions or makes them wrap around; `zero` and the limits allow for it."""
+    if offset := _said(server, objects.HOME_OFFSET):
+        server.notes.append(
+            f"{server.label}: {objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
+            " the next homing or power-up on; zero in the drives file must allow for it"
+        )
+    low, high = (_said(server, entry) for entry in _POSITION_RANGE)
+    if low is not None and high is not None and low < high and high - low < _ALL_COUNTS:
+        server.notes.append(
+            f"{server.label}: positions wrap around in [{low}, {high}] (607B): keep the limits of"
+            " the drives file within, or set both to 0 with the maker's commissioning tool"
+        )
 
 
 def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:

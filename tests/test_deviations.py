@@ -415,3 +415,39 @@ def test_a_profile_within_the_limits_is_written_once() -> None:
     can_bus.drives[2].forbids = lambda index, *_: written.append(index)
     with can_bus, drive_bus:
         assert written.count(0x6081) == 1
+
+
+# Positions that are shifted or wrap
+
+
+def noted(objects: Objects) -> list[str]:
+    can_bus, drive_bus = build({2: objects})
+    with can_bus, drive_bus:
+        return [note for note in drive_bus.notes if note.startswith("joint 2") and "607" in note]
+
+
+@pytest.mark.parametrize(
+    ("objects", "words"),
+    [
+        ({(0x607C, 0): ("i32", -70)}, "607C:00 (home offset) is -70: positions are shifted by it"),
+        (
+            {(0x607B, 1): ("i32", 0), (0x607B, 2): ("i32", 35_999)},
+            "positions wrap around in [0, 35999] (607B)",
+        ),
+    ],
+)
+def test_positions_that_are_shifted_or_wrap_around_are_noted(objects: Objects, words: str) -> None:
+    assert sum(words in note for note in noted(objects)) == 1
+
+
+@pytest.mark.parametrize(
+    "objects",
+    [
+        {},
+        {(0x607C, 0): ("i32", 0)},
+        {(0x607B, 1): ("i32", 0), (0x607B, 2): ("i32", 0)},
+        {(0x607B, 1): ("i32", -(2**31)), (0x607B, 2): ("i32", 2**31 - 1)},
+    ],
+)
+def test_positions_that_are_neither_are_not(objects: Objects) -> None:
+    assert not any("607B" in note or "607C" in note for note in noted(objects))

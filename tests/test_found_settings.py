@@ -183,6 +183,36 @@ def test_what_will_change_is_announced_without_writing_anything(name: str, tmp_p
             assert change.present == present
 
 
+def two_at_most(index: int, sub: int, value: int) -> int | None:
+    """Abort as a drive does whose TPDOs take two objects."""
+    too_many = sub > 2 or (sub == 0 and value > 2)
+    return 0x06090011 if index in {0x1A00, 0x1A01} and too_many else None
+
+
+def test_what_a_drive_with_room_for_two_objects_will_hold_is_announced_as_a_condition() -> None:
+    can_bus, drives = local_drives.LocalBus(NODES, {}), drives_file()
+    drive = can_bus.drives[2]
+    drive.forbids = two_at_most
+    with can_bus:
+        server = StandingDrives(can_bus, drives).servers[1]
+        announced = announce(server, drives.axes[1], drives, drives.sync_period)
+        found = dict(values(drive))
+        keeper = SettingsKeeper()
+        with CanopenDriveBus(can_bus, drives, keeper=keeper):
+            held = {place: data for place, data in values(drive) if data != found[place]}
+        assert dict(values(drive)) == found
+    assert keeper.unannounced == []
+    last = {(c.entry.index, c.entry.subindex): c for c in announced.changes}
+    pdos = {place for place in held if 0x1800 <= place[0] < 0x1C00}
+    assert pdos >= {(0x1801, 1), (0x1801, 2), (0x1A01, 0), (0x1A01, 1), (0x1A00, 0)}
+    for place in pdos:
+        assert last[place].value.to_bytes(len(held[place]), "little") == held[place]
+    conditional = {
+        place for place, c in last.items() if c.entry.name.endswith("if TPDO 1 takes fewer objects")
+    }
+    assert conditional == {(0x1801, 1), (0x1801, 2), (0x1A01, 0), (0x1A01, 1), (0x1A00, 0)}
+
+
 @pytest.mark.parametrize("name", UNFIT)
 def test_a_drive_that_is_refused_has_not_been_changed(name: str, tmp_path: Path) -> None:
     with heard(plant_file(tmp_path, name)) as (bus, _):

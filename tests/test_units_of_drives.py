@@ -136,3 +136,47 @@ def test_a_position_in_millidegrees_is_the_angle_that_the_joint_turned() -> None
     habit = HABITS["millidegrees behind a gear"]
     scale = AxisScale.of(drives(habit, gear_ratio=100).axes[0])
     assert scale.position_from_counts(90_000.0) == pytest.approx(math.pi / 2)
+
+
+CURRENT = axis(1)["current"]
+MILLIAMPERE = {"current": CURRENT | {"basis": "mA"}}
+OF_TORQUE = {
+    "current": {"index": 0x6077, "type": "i16", "basis": "per mille of rated torque"},
+}
+
+
+@pytest.mark.parametrize(
+    ("index", "changes", "words"),
+    [
+        (0x6075, {}, "rated current (6075) is 0, not configured, the drives file states rated_cur"),
+        (0x6075, OF_TORQUE, "motor rated current (6075) is 0, not configured"),
+        (
+            0x6076,
+            {},
+            "motor rated torque (6076) is 0, not configured, the drives file states rated",
+        ),
+        (0x6076, MILLIAMPERE, "6072 refers to it: set it with the maker's commissioning tool"),
+    ],
+)
+def test_a_rating_of_0_is_refused_as_not_configured_where_per_mille_refer_to_it(
+    index: int, changes: dict[str, Any], words: str
+) -> None:
+    habit = Habit({(index, 0): ("u32", 0), (0x6077, 0): ("i16", 0)}, {}, {}, [])
+    with local_drives.LocalBus(1, {1: habit.objects}) as bus:
+        with pytest.raises(DriveRefused) as caught:
+            CanopenDriveBus(bus, drives(habit, **changes)).__enter__()
+        assert never_energised(bus)
+    assert words in str(caught.value)
+    assert any("0, not configured" in str(v) for v in checked(habit, **changes))
+
+
+def test_a_rated_current_of_0_leaves_the_file_on_trust_where_currents_are_in_milliampere() -> None:
+    habit = Habit({(0x6075, 0): ("u32", 0)}, {}, {}, [])
+    with (
+        local_drives.LocalBus(1, {1: habit.objects}) as bus,
+        CanopenDriveBus(bus, drives(habit, **MILLIAMPERE)) as drive_bus,
+    ):
+        noted = list(drive_bus.notes)
+    assert any("(motor rated current) is 0, not configured: rated_current is" in n for n in noted)
+    assert "rated_current" in trusted(noted)
+    assert not any(v.grade is Grade.REFUSED for v in checked(habit, **MILLIAMPERE))

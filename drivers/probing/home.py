@@ -40,7 +40,7 @@ POLLED = 0.05
 
 _WRITTEN = (
     probed.HOMING_METHOD,
-    probed.HOME_OFFSET,
+    objects.HOME_OFFSET,
     probed.HOMING_SPEED,
     probed.HOMING_CREEP,
     probed.HOMING_ACCELERATION,
@@ -132,7 +132,7 @@ def _refuse(server: SdoServer, axis: AxisDrive, homing: Homing) -> None:
 def _configure(server: SdoServer, axis: AxisDrive, homing: Homing) -> None:
     scale = AxisScale.of(axis)
     server.set(probed.HOMING_METHOD, homing.method)
-    server.set(probed.HOME_OFFSET, scale.position_to_counts(homing.position))
+    server.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
     for entry, value in (
         (probed.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
         (probed.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
