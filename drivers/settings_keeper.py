@@ -50,6 +50,8 @@ class SettingsKeeper:
         The file; None to keep everything in memory only.
     write : callable, optional
         ``write(path, content)`` puts a file on the disk, whole or not at all. Needed with `path`.
+    bus : tuple of str, optional
+        Interface and channel that the drives are on, for who puts them back.
 
     Attributes
     ----------
@@ -61,12 +63,16 @@ class SettingsKeeper:
     """
 
     def __init__(
-        self, path: Path | None = None, write: Callable[[Path, bytes], None] | None = None
+        self,
+        path: Path | None = None,
+        write: Callable[[Path, bytes], None] | None = None,
+        bus: tuple[str | None, str | None] = (None, None),
     ) -> None:
         self.path = path
         self.later: tuple[Entry, ...] = ()
         self.unannounced: list[str] = []
         self._write = write
+        self._interface, self._channel = bus
         self._settings: FoundSettings | None = None
         self._announced = False
         self._earlier: frozenset[int] = frozenset()
@@ -97,7 +103,12 @@ class SettingsKeeper:
         FileError
             There is a file that cannot be used.
         """
-        self._settings = FoundSettings(bitrate=drives.bitrate, sdo_timeout=drives.sdo_timeout)
+        self._settings = FoundSettings(
+            bitrate=drives.bitrate,
+            sdo_timeout=drives.sdo_timeout,
+            interface=self._interface or None,
+            channel=self._channel or None,
+        )
         self._announced = False
         self.unannounced.clear()
         if self.path is not None and self.path.exists():

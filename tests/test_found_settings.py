@@ -609,7 +609,13 @@ def settings_of_drives(draw: Any) -> FoundSettings:
         )
         for node in nodes
     ]
-    empty = FoundSettings(bitrate=500_000, sdo_timeout=draw(st.floats(0.01, 30)))
+    interface, channel = draw(st.sampled_from([(None, None), ("pcan", 'PCAN_USBBUS1: "a"')]))
+    empty = FoundSettings(
+        bitrate=500_000,
+        sdo_timeout=draw(st.floats(0.01, 30)),
+        interface=interface,
+        channel=channel,
+    )
     return empty.with_drives(drives)
 
 
