@@ -174,6 +174,16 @@ class FoundDrive(FileModel):
         return self.model_copy(update={"restored": True, "objects": objects})
 
     @property
+    def doubt(self) -> str:
+        """Why this may be another drive in spite of its identity, in words; empty if it is not."""
+        if self.identity.serial:
+            return ""
+        return (
+            f"{self.name} (node {self.node}): has no serial number (1018:04), so its values cannot"
+            " be kept from another drive of its type; make sure that no drives were swapped"
+        )
+
+    @property
     def refused(self) -> tuple[Entry, ...]:
         """What the drive did not take back."""
         return tuple(each.entry for each in self.objects if each.refused)

@@ -144,6 +144,7 @@ class SettingsKeeper:
             )
         kept = FoundDrive(name=axis.name, node=axis.node, identity=identity)
         if earlier is not None:
+            server.notes += [earlier.doubt] if earlier.doubt else []
             kept = _standing(server, earlier)
         self._settings = self.settings.with_drives([_extended(kept, found)])
         server.saved = {each.place for each in self.drive(server).objects}

@@ -351,7 +351,7 @@ def buses(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
 
     def bus(interface: str, channel: str, _: object) -> can.BusABC:
         opened.append((interface, channel))
-        return local_drives.LocalBus(NODES, {})
+        return local_drives.LocalBus(NODES, {1: {(0x1016, 1): ("u32", 1)}})
 
     monkeypatch.setattr(open_bus_module, "open_can_bus", bus)
     return opened
@@ -368,7 +368,9 @@ def test_settings_are_put_back_on_the_bus_of_the_killed_session(
         assert f"{path}: is about drives on virtual bench, not on " in err
         assert "add --other-bus" in err
     assert buses == []
-    assert hil("drives", "restore", path)[0] == 0
+    status, out, _ = hil("drives", "restore", path)
+    assert status == 0
+    assert out.index("joint 1 (node 1): has no serial number") < out.index("1016:01")
     assert buses == [BUS]
     assert not bus_state.word_file(*BUS).exists()
 

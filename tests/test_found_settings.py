@@ -543,6 +543,18 @@ def test_what_a_session_wrote_is_forgotten_before_the_next_one_writes(tmp_path: 
     assert written(at_first[0]) == set()
 
 
+@pytest.mark.parametrize(("identity", "doubtful"), [({}, True), (SERIALS, False)])
+def test_values_of_a_killed_session_are_noted_where_drives_without_serial_number_may_be_swapped(
+    identity: dict[int, Any], doubtful: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "found.yaml"
+    with crashed(path, identity) as can_bus:
+        keeper = SettingsKeeper(path, write_file)
+        with CanopenDriveBus(can_bus, drives_file(), keeper=keeper) as axes:
+            noted = [note for note in axes.notes if "has no serial number" in note]
+    assert len(noted) == (NODES if doubtful else 0)
+
+
 def written(settings: FoundSettings) -> set[int]:
     """Index of the objects of which a file holds what a session wrote."""
     kept = [each for drive in settings.drives for each in drive.objects]

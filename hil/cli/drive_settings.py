@@ -132,14 +132,11 @@ def restore(
     ] = False,
 ) -> None:
     """Put back what drives held before a session that was killed; they must be off."""
-    from drivers.probing.put_back import put_back  # noqa: PLC0415 - slow to import
-
     settings = load_found_settings(file)
     if not settings.unrestored:
         _say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
         return
     bus_name = _bus_of(file, settings, interface, channel, other_bus=other_bus)
-    failed = False
     with ExitStack() as stack:
         stack.enter_context(locked(file.parent))
         if bus_name[0] != SIMULATED:
@@ -147,22 +144,34 @@ def restore(
         bus = stack.enter_context(_opened(settings, *bus_name, bus_option))
         ended = "stopped; run the same command again to go on"
         stack.enter_context(interruptible(lambda: ended))
-        for each in put_back(bus, settings):
-            rows = [_row(entry, present, value) for entry, present, value in each.written]
-            changes_view.render(each.label, rows, shared.out, "put back")
-            settings = settings.with_drives([each.drive])
-            write_file(file, dump_found_settings(settings).encode())
-            for line in each.left:
-                _say(line, style="yellow")
-            if each.problem:
-                typer.echo(each.problem, err=True)
-                failed = True
+        settings, failed = _put_back(bus, settings, file)
         if settings.restored:
             bus_state.forget_run(*_kept_bus(settings, bus_name), file)
     if settings.restored:
         _say(f"{file}: {_conclusion(settings)}")
     if failed:
         raise typer.Exit(1)
+
+
+def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
+    """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
+    from drivers.probing.put_back import put_back  # noqa: PLC0415 - slow to import
+
+    failed = False
+    for drive in settings.unrestored:
+        if drive.doubt:
+            _say(drive.doubt, style="yellow")
+    for each in put_back(bus, settings):
+        rows = [_row(entry, present, value) for entry, present, value in each.written]
+        changes_view.render(each.label, rows, shared.out, "put back")
+        settings = settings.with_drives([each.drive])
+        write_file(file, dump_found_settings(settings).encode())
+        for line in each.left:
+            _say(line, style="yellow")
+        if each.problem:
+            typer.echo(each.problem, err=True)
+            failed = True
+    return settings, failed
 
 
 def _kept_bus(settings: FoundSettings, otherwise: tuple[str, str]) -> tuple[str, str]:
