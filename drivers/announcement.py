@@ -18,7 +18,7 @@ from drivers.communication import Communication
 from drivers.effective_limits import effective_limits
 from drivers.pdo_mapping import mapping_count
 from drivers.sdo import Entry
-from drivers.settings_keeper import before
+from drivers.settings_reading import before
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
