@@ -22,7 +22,7 @@ from drivers.found_settings import (
     load_found_settings,
     read_identity,
 )
-from drivers.settings_reading import before, extended, standing, with_written
+from drivers.settings_reading import before, extended, standing, with_planned, with_written
 from drivers.settings_restore import restore_drive
 
 if TYPE_CHECKING:
@@ -117,8 +117,14 @@ class SettingsKeeper:
                 return present if each.set_anew(present) else each.value
         return server.find(entry)
 
-    def take(self, server: SdoServer, axis: AxisDrive, found: Mapping[Entry, int]) -> None:
-        """Add what one drive holds; values of an earlier session that are there stay.
+    def take(
+        self,
+        server: SdoServer,
+        axis: AxisDrive,
+        found: Mapping[Entry, int],
+        planned: Mapping[Entry, int],
+    ) -> None:
+        """Add what one drive holds, and what will be written; values of an earlier session stay.
 
         Raises
         ------
@@ -138,7 +144,8 @@ class SettingsKeeper:
         if earlier is not None:
             server.notes += [earlier.doubt] if earlier.doubt else []
             kept = standing(server, earlier)
-        self._settings = self.settings.with_drives([extended(kept, found)])
+        kept = with_planned(extended(kept, found), {**found, **planned})
+        self._settings = self.settings.with_drives([kept])
         server.saved = {each.place for each in self.drive(server).objects}
 
     def announced(self, servers: Iterable[SdoServer]) -> None:

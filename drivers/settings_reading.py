@@ -56,6 +56,18 @@ def standing(server: SdoServer, earlier: FoundDrive) -> FoundDrive:
     return earlier.model_copy(update={"objects": tuple(objects)})
 
 
+def with_planned(drive: FoundDrive, planned: Mapping[Entry, int]) -> FoundDrive:
+    """Add what a drive will hold, for a session that is killed during start-up."""
+    values = {(entry.index, entry.subindex): value for entry, value in planned.items()}
+    objects = tuple(
+        each.model_copy(update={"written": values.get(each.place)})
+        if each.index in WRITTEN_ONCE
+        else each
+        for each in drive.objects
+    )
+    return drive.model_copy(update={"objects": objects})
+
+
 def with_written(server: SdoServer, each: FoundObject) -> FoundObject:
     """Add what a drive holds once start-up has written to it, if that is to stay."""
     if each.index not in WRITTEN_ONCE:
