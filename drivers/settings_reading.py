@@ -48,7 +48,7 @@ def standing(server: SdoServer, earlier: FoundDrive) -> FoundDrive:
     objects = []
     for each in earlier.objects:
         present = None if each.written is None else _read(server, each.entry)
-        update: dict[str, int | None] = {"written": None}
+        update = {"written": present}
         if present is not None and each.set_anew(present):
             server.notes.append(f"{server.label}: {each.comparison(present)} and stands")
             update["value"] = present
@@ -60,7 +60,7 @@ def with_planned(drive: FoundDrive, planned: Mapping[Entry, int]) -> FoundDrive:
     """Add what a drive will hold, for a session that is killed during start-up."""
     values = {(entry.index, entry.subindex): value for entry, value in planned.items()}
     objects = tuple(
-        each.model_copy(update={"written": values.get(each.place)})
+        each.model_copy(update={"written": values.get(each.place, each.written)})
         if each.index in WRITTEN_ONCE
         else each
         for each in drive.objects

@@ -540,7 +540,7 @@ def test_what_a_session_will_write_is_on_the_disk_before_it_writes(tmp_path: Pat
             again = written(load_found_settings(path))
     assert {0x6072, 0x607D, 0x607F, 0x6065} <= before == again
     assert before.isdisjoint({0x6060, 0x6081, 0x6083, 0x6084, 0x1016}), "which change in a session"
-    assert written(at_first[0]) == before
+    assert again <= written(at_first[0])
     (torque,) = [o for o in at_first[0].drives[0].objects if o.index == 0x6072]
     assert (torque.value, torque.written) == (0, 3000)
 
