@@ -85,7 +85,8 @@ def admit(
         power.make_safe(server, reset_fault=reset_faults)
         held = partial(keeper.found, server)
         announcement = announce(server, axis, drives, period, held, keeper.later)
-        keeper.take(server, axis, announcement.found)
+        planned = {change.entry: change.value for change in announcement.changes}
+        keeper.take(server, axis, announcement.found, planned)
         return announcement
 
     expected = tuple(each.limits for each in _all(look, pairs))

@@ -22,7 +22,7 @@ from drivers.effective_limits import effective_limits
 from drivers.pdo_mapping import arrangements, mapping_count
 from drivers.pdo_set_up import set_up_pdos
 from drivers.sdo import Entry
-from drivers.settings_keeper import before
+from drivers.settings_reading import before
 from drivers.statements import compare_statements
 
 if TYPE_CHECKING:

@@ -73,6 +73,10 @@ LONGEST_NAME = 200
 Name = Annotated[str, BeforeValidator(_printable)]
 
 
+Place = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
+"""Name of an interface or a channel: of such characters as a terminal does not obey."""
+
+
 class FoundObject(FileModel):
     """One object of a drive, and the value that it held.
 
@@ -170,6 +174,16 @@ class FoundDrive(FileModel):
         return self.model_copy(update={"restored": True, "objects": objects})
 
     @property
+    def doubt(self) -> str:
+        """Why this may be another drive in spite of its identity, in words; empty if it is not."""
+        if self.identity.serial:
+            return ""
+        return (
+            f"{self.name} (node {self.node}): has no serial number (1018:04), so its values cannot"
+            " be kept from another drive of its type; make sure that no drives were swapped"
+        )
+
+    @property
     def refused(self) -> tuple[Entry, ...]:
         """What the drive did not take back."""
         return tuple(each.entry for each in self.objects if each.refused)
@@ -194,12 +208,16 @@ class FoundSettings(FileModel):
         Of the bus [bit/s].
     sdo_timeout : float
         How long a drive may take to answer [s].
+    interface, channel : str or None
+        The bus that the drives are on, as python-can names it; None where that is not stated.
     """
 
     format: Literal[1] = 1
     restored: bool = False
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
     sdo_timeout: Annotated[float, Field(ge=0.01, le=30)] = 0.5
+    interface: Place | None = None
+    channel: Place | None = None
     drives: tuple[FoundDrive, ...] = ()
 
     @model_validator(mode="after")
@@ -246,6 +264,11 @@ def dump_found_settings(settings: FoundSettings) -> str:
         f"restored: {_shown(settings.restored)}",
         f"bitrate: {settings.bitrate} # bit/s",
         f"sdo_timeout: {settings.sdo_timeout!r} # s",
+        *(
+            f"{key}: {_quoted(value)}"
+            for key, value in (("interface", settings.interface), ("channel", settings.channel))
+            if value is not None
+        ),
         "drives:" if settings.drives else "drives: []",
     ]
     for drive in settings.drives:

@@ -15,30 +15,22 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
 from drivers.found_settings import (
-    COMMANDS,
-    WRITTEN_ONCE,
     FoundDrive,
-    FoundObject,
     FoundSettings,
     difference,
     dump_found_settings,
     load_found_settings,
     read_identity,
 )
-from drivers.pdo_mapping import mapping_count, mapping_slot
-from drivers.sdo import Aborted
+from drivers.settings_reading import before, extended, standing, with_planned, with_written
 from drivers.settings_restore import restore_drive
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.sdo import Entry, SdoServer
-
-MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
-ENTRIES_MAX = 64
-"""Most objects in a PDO (CiA 301)."""
 
 
 class SettingsKeeper:
@@ -50,6 +42,8 @@ class SettingsKeeper:
         The file; None to keep everything in memory only.
     write : callable, optional
         ``write(path, content)`` puts a file on the disk, whole or not at all. Needed with `path`.
+    bus : tuple of str, optional
+        Interface and channel that the drives are on, for who puts them back.
 
     Attributes
     ----------
@@ -61,12 +55,16 @@ class SettingsKeeper:
     """
 
     def __init__(
-        self, path: Path | None = None, write: Callable[[Path, bytes], None] | None = None
+        self,
+        path: Path | None = None,
+        write: Callable[[Path, bytes], None] | None = None,
+        bus: tuple[str | None, str | None] = (None, None),
     ) -> None:
         self.path = path
         self.later: tuple[Entry, ...] = ()
         self.unannounced: list[str] = []
         self._write = write
+        self._interface, self._channel = bus
         self._settings: FoundSettings | None = None
         self._announced = False
         self._earlier: frozenset[int] = frozenset()
@@ -97,7 +95,12 @@ class SettingsKeeper:
         FileError
             There is a file that cannot be used.
         """
-        self._settings = FoundSettings(bitrate=drives.bitrate, sdo_timeout=drives.sdo_timeout)
+        self._settings = FoundSettings(
+            bitrate=drives.bitrate,
+            sdo_timeout=drives.sdo_timeout,
+            interface=self._interface or None,
+            channel=self._channel or None,
+        )
         self._announced = False
         self.unannounced.clear()
         if self.path is not None and self.path.exists():
@@ -114,8 +117,14 @@ class SettingsKeeper:
                 return present if each.set_anew(present) else each.value
         return server.find(entry)
 
-    def take(self, server: SdoServer, axis: AxisDrive, found: Mapping[Entry, int]) -> None:
-        """Add what one drive holds; values of an earlier session that are there stay.
+    def take(
+        self,
+        server: SdoServer,
+        axis: AxisDrive,
+        found: Mapping[Entry, int],
+        planned: Mapping[Entry, int],
+    ) -> None:
+        """Add what one drive holds, and what will be written; values of an earlier session stay.
 
         Raises
         ------
@@ -133,8 +142,10 @@ class SettingsKeeper:
             )
         kept = FoundDrive(name=axis.name, node=axis.node, identity=identity)
         if earlier is not None:
-            kept = _standing(server, earlier)
-        self._settings = self.settings.with_drives([_extended(kept, found)])
+            server.notes += [earlier.doubt] if earlier.doubt else []
+            kept = standing(server, earlier)
+        kept = with_planned(extended(kept, found), {**found, **planned})
+        self._settings = self.settings.with_drives([kept])
         server.saved = {each.place for each in self.drive(server).objects}
 
     def announced(self, servers: Iterable[SdoServer]) -> None:
@@ -164,7 +175,7 @@ class SettingsKeeper:
             return
         for server in servers:
             kept = self.drive(server)
-            objects = tuple(_with_written(server, each) for each in kept.objects)
+            objects = tuple(with_written(server, each) for each in kept.objects)
             changed = kept.model_copy(update={"objects": objects})
             self._settings = self.settings.with_drives([changed])
         self.save()
@@ -248,79 +259,7 @@ class SettingsKeeper:
     def _keep(self, server: SdoServer, entry: Entry) -> None:
         found = before(server, entry)
         if found:
-            extended = _extended(self.drive(server), found)
-            self._settings = self.settings.with_drives([extended])
+            self._settings = self.settings.with_drives([extended(self.drive(server), found)])
             self.save()
             self.unannounced.append(f"{server.label}: {entry}")
         server.saved.update((each.index, each.subindex) for each in (*found, entry))
-
-
-def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
-    """Read what must be kept before `entry` is written, beside what `server` has kept already.
-
-    Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
-    together: whoever changes one loses them all.
-
-    Raises
-    ------
-    NodeSilent, DriveRefused
-        No answer, or another length than expected.
-    """
-    if entry.index in COMMANDS:
-        return {}
-    entries: Sequence[Entry] = [entry]
-    if any(entry.index in mappings for mappings in MAPPINGS):
-        entries = [*_mapped(server, entry.index), entry]
-    fresh = {(each.index, each.subindex): each for each in entries}
-    values = {e: _read(server, e) for place, e in fresh.items() if place not in server.saved}
-    return {each: value for each, value in values.items() if value is not None}
-
-
-def _standing(server: SdoServer, earlier: FoundDrive) -> FoundDrive:
-    """Take what an earlier session found, but the drive's value where it has been set up anew."""
-    objects = []
-    for each in earlier.objects:
-        present = None if each.written is None else _read(server, each.entry)
-        update: dict[str, int | None] = {"written": None}
-        if present is not None and each.set_anew(present):
-            server.notes.append(f"{server.label}: {each.comparison(present)} and stands")
-            update["value"] = present
-        objects.append(each.model_copy(update=update))
-    return earlier.model_copy(update={"objects": tuple(objects)})
-
-
-def _with_written(server: SdoServer, each: FoundObject) -> FoundObject:
-    if each.index not in WRITTEN_ONCE:
-        return each
-    return each.model_copy(update={"written": _read(server, each.entry)})
-
-
-def _mapped(server: SdoServer, index: int) -> list[Entry]:
-    count = mapping_count(index)
-    present = min(_read(server, count) or 0, ENTRIES_MAX)
-    return [count, *(mapping_slot(index, n) for n in range(1, present + 1))]
-
-
-def _read(server: SdoServer, entry: Entry) -> int | None:
-    try:
-        return server.get(entry)
-    except Aborted:  # missing or write-only: the write itself will say what is wrong with it
-        return None
-
-
-def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
-    places = {each.place for each in drive.objects}
-    objects = tuple(
-        FoundObject.model_validate(
-            {
-                "index": entry.index,
-                "subindex": entry.subindex,
-                "type": entry.type,
-                "value": value,
-                "name": entry.name,
-            }
-        )
-        for entry, value in found.items()
-        if (entry.index, entry.subindex) not in places
-    )
-    return drive.model_copy(update={"objects": (*drive.objects, *objects), "restored": False})

@@ -18,6 +18,7 @@ from test_canopen_bus import NODES, drives_file
 from test_found_settings import downloads
 from two_processes import open_bus, plant_process
 
+from drivers import open_bus as open_bus_module
 from drivers.announcement import announce
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drives_file import load_drives
@@ -341,6 +342,48 @@ def test_beside_a_session_on_its_bus_every_command_to_drives_is_refused(
     assert (status, out) == (1, "")
     assert "virtual bench: another process commands the drives of this bus now" in err
     assert f"{state / 'virtual-bench.lock'}; wait for its end" in err
+
+
+@pytest.fixture
+def buses(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
+    """Which buses are opened; the drives of a killed run are on each."""
+    opened: list[tuple[str, str]] = []
+
+    def bus(interface: str, channel: str, _: object) -> can.BusABC:
+        opened.append((interface, channel))
+        return local_drives.LocalBus(NODES, {1: {(0x1016, 1): ("u32", 1)}})
+
+    monkeypatch.setattr(open_bus_module, "open_can_bus", bus)
+    return opened
+
+
+def test_settings_are_put_back_on_the_bus_of_the_killed_session(
+    hil: Hil, state: Path, tmp_path: Path, buses: list[tuple[str, str]]
+) -> None:
+    killed_run(tmp_path / "killed")
+    path = tmp_path / "killed" / NAME
+    for where in (("--channel", "other"), ("--interface", "pcan", "--channel", BUS[1])):
+        status, _, err = hil("drives", "restore", path, *where)
+        assert status == 1
+        assert f"{path}: is about drives on virtual bench, not on " in err
+        assert "add --other-bus" in err
+    assert buses == []
+    status, out, _ = hil("drives", "restore", path)
+    assert status == 0
+    assert out.index("joint 1 (node 1): has no serial number") < out.index("1016:01")
+    assert buses == [BUS]
+    assert not bus_state.word_file(*BUS).exists()
+
+
+def test_settings_are_put_back_on_another_bus_where_that_is_stated(
+    hil: Hil, state: Path, tmp_path: Path, buses: list[tuple[str, str]]
+) -> None:
+    killed_run(tmp_path / "killed")
+    path = tmp_path / "killed" / NAME
+    where = ("--interface", "pcan", "--channel", "PCAN_USBBUS2", "--other-bus")
+    assert hil("drives", "restore", path, *where)[0] == 0
+    assert buses == [("pcan", "PCAN_USBBUS2")]
+    assert not bus_state.word_file(*BUS).exists(), "the run's own bus may be used again"
 
 
 def test_no_session_begins_while_settings_are_put_back(

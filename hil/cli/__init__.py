@@ -194,7 +194,7 @@ def run(
     _dry_run(plan_file, the_plan, the_robot, drives.bitrate, quiet=True)
     options = bus_options(bus_option or [])
     if what_changes:
-        kept = drive_settings.kept_in(output)
+        kept = drive_settings.kept_in(output, interface, channel)
         _show_changes(drives, interface, channel, options, kept)
         return
     with drive_settings.keeper_of_run(output, interface, channel) as keeper:

@@ -18,6 +18,7 @@ import typer
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings import NAME, dump_found_settings, load_found_settings
 from drivers.settings_keeper import SettingsKeeper
+from drivers.yaml_file import FileError
 from hil.cli import bus_state
 from hil.cli import drive_commands as shared
 from hil.measuring.atomic_file import operator_told, write_file
@@ -40,9 +41,9 @@ PLANT = "manutec-r15"
 REPLAY = "replay"
 
 
-def kept_in(folder: Path) -> SettingsKeeper:
+def kept_in(folder: Path, interface: str, channel: str) -> SettingsKeeper:
     """Return what keeps the drives' settings in the folder of a run."""
-    return SettingsKeeper(folder / NAME, write_file)
+    return SettingsKeeper(folder / NAME, write_file, (interface, channel))
 
 
 @contextmanager
@@ -59,7 +60,7 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
         return
     kept = folder / NAME
     if interface == SIMULATED:
-        with _reported(kept_in(folder)) as keeper:
+        with _reported(kept_in(folder, interface, channel)) as keeper:
             yield keeper
         return
 
@@ -69,7 +70,7 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
 
     with bus_state.bus_locked(interface, channel):
         bus_state.refuse_left_behind(interface, channel, kept)
-        keeper = SettingsKeeper(kept, write)
+        keeper = SettingsKeeper(kept, write, (interface, channel))
         try:
             with _reported(keeper):
                 yield keeper
@@ -94,7 +95,7 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
     with bus_state.bus_locked(interface, channel):
         bus_state.refuse_left_behind(interface, channel, None)
         path = bus_state.state_file(interface, channel)
-        keeper = SettingsKeeper(path, bus_state.write_with_folder)
+        keeper = SettingsKeeper(path, bus_state.write_with_folder, (interface, channel))
         try:
             with _reported(keeper):
                 yield keeper
@@ -119,41 +120,87 @@ def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
 
 def restore(
     file: Annotated[Path, typer.Argument(help=f"File of found settings, such as RUN/{NAME}.")],
-    interface: shared.Interface = SIMULATED,
-    channel: shared.Channel = None,
+    interface: Annotated[
+        str | None, typer.Option(help="python-can's interface; by default that of the file.")
+    ] = None,
+    channel: Annotated[
+        str | None, typer.Option(help="Its channel; by default that of the file.")
+    ] = None,
     bus_option: shared.BusOptions = None,
+    other_bus: Annotated[
+        bool, typer.Option("--other-bus", help="Take another bus than that of the file.")
+    ] = False,
 ) -> None:
     """Put back what drives held before a session that was killed; they must be off."""
-    from drivers.probing.put_back import put_back  # noqa: PLC0415 - slow to import
-
     settings = load_found_settings(file)
     if not settings.unrestored:
         _say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
         return
-    failed = False
+    bus_name = _bus_of(file, settings, interface, channel, other_bus=other_bus)
     with ExitStack() as stack:
         stack.enter_context(locked(file.parent))
-        if interface != SIMULATED and channel is not None:
-            stack.enter_context(bus_state.bus_locked(interface, channel))
-        bus = stack.enter_context(_opened(settings, interface, channel, bus_option))
+        if bus_name[0] != SIMULATED:
+            stack.enter_context(bus_state.bus_locked(*bus_name))
+        bus = stack.enter_context(_opened(settings, *bus_name, bus_option))
         ended = "stopped; run the same command again to go on"
         stack.enter_context(interruptible(lambda: ended))
-        for each in put_back(bus, settings):
-            rows = [_row(entry, present, value) for entry, present, value in each.written]
-            changes_view.render(each.label, rows, shared.out, "put back")
-            settings = settings.with_drives([each.drive])
-            write_file(file, dump_found_settings(settings).encode())
-            for line in each.left:
-                _say(line, style="yellow")
-            if each.problem:
-                typer.echo(each.problem, err=True)
-                failed = True
-    if settings.restored and channel is not None:
-        bus_state.forget_run(interface, channel, file)
+        settings, failed = _put_back(bus, settings, file)
+        if settings.restored:
+            bus_state.forget_run(*_kept_bus(settings, bus_name), file)
     if settings.restored:
         _say(f"{file}: {_conclusion(settings)}")
     if failed:
         raise typer.Exit(1)
+
+
+def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
+    """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
+    from drivers.probing.put_back import put_back  # noqa: PLC0415 - slow to import
+
+    failed = False
+    for drive in settings.unrestored:
+        if drive.doubt:
+            _say(drive.doubt, style="yellow")
+    for each in put_back(bus, settings):
+        rows = [_row(entry, present, value) for entry, present, value in each.written]
+        changes_view.render(each.label, rows, shared.out, "put back")
+        settings = settings.with_drives([each.drive])
+        write_file(file, dump_found_settings(settings).encode())
+        for line in each.left:
+            _say(line, style="yellow")
+        if each.problem:
+            typer.echo(each.problem, err=True)
+            failed = True
+    return settings, failed
+
+
+def _kept_bus(settings: FoundSettings, otherwise: tuple[str, str]) -> tuple[str, str]:
+    interface, channel = otherwise
+    return settings.interface or interface, settings.channel or channel
+
+
+def _bus_of(
+    file: Path,
+    settings: FoundSettings,
+    interface: str | None,
+    channel: str | None,
+    *,
+    other_bus: bool,
+) -> tuple[str, str]:
+    """Return interface and channel: what is stated, else those of the file, else the plant."""
+    kept = settings.interface, settings.channel
+    interface = interface or settings.interface or SIMULATED
+    if channel is None and interface == settings.interface:
+        channel = settings.channel
+    if channel is None and interface != SIMULATED:
+        raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
+    bus = interface, channel or PLANT
+    if None not in kept and bus != kept and not other_bus:
+        raise FileError(
+            f"{file}: is about drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; leave"
+            " --interface and --channel out, or add --other-bus if these drives are there by now"
+        )
+    return bus
 
 
 def _conclusion(settings: FoundSettings) -> str:
@@ -207,14 +254,12 @@ def _row(entry: Entry, present: int | None, value: int) -> changes_view.Row:
 
 @contextmanager
 def _opened(
-    settings: FoundSettings, interface: str, channel: str | None, pairs: list[str] | None
+    settings: FoundSettings, interface: str, channel: str, pairs: list[str] | None
 ) -> Iterator[can.BusABC]:
     from drivers.open_bus import open_can_bus  # noqa: PLC0415 - slow to import
 
-    if channel is None and interface != SIMULATED:
-        raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
     options = {"bitrate": settings.bitrate, **bus_options(pairs or [])}
-    with open_can_bus(interface, channel or PLANT, options) as bus:
+    with open_can_bus(interface, channel, options) as bus:
         yield bus
 
 
