@@ -171,8 +171,6 @@ class SettingsKeeper:
         FileError
             The file cannot be written.
         """
-        if self.path is None:
-            return
         for server in servers:
             kept = self.drive(server)
             objects = tuple(with_written(server, each) for each in kept.objects)

@@ -18,6 +18,8 @@ TROUBLE = 1e-4
 """Share of frames that tell, in a drive's name, of a reason to end the session."""
 SYNC, TPDO, RPDO, NEW_SET_POINT = 0x80, 0x180, 0x200, 0x10
 TPDO_SIZE = 8
+OUR_HEARTBEAT = 0x77F
+"""From another master it would keep the drives going when we die."""
 _CONTENT = struct.Struct("<Hih")
 
 
@@ -118,9 +120,11 @@ class StormBus(can.BusABC):
 
 
 def ends_session(frame: can.Message) -> bool:
-    """Whether a frame, taken for a drive's, tells that it is in trouble."""
+    """Whether a frame, taken for a drive's, tells that it is in trouble; or is our heartbeat."""
     if not plain(frame):
         return False
+    if frame.arbitration_id == OUR_HEARTBEAT:
+        return True
     service, node = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F
     if node not in NODES:
         return False
