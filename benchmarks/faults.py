@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -101,6 +102,7 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=DOCS)
     given = parser.parse_args()
     logging.disable()  # what the driver logs stands in the table
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background it is ignored
     rows = []
     for case in CASES:
         row = tried(case)
