@@ -11,7 +11,7 @@ import math
 from contextlib import closing
 from functools import partial
 from itertools import chain
-from pathlib import Path  # noqa: TC003 - typer reads the annotation
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -20,9 +20,11 @@ import typer
 from drivers.drives_file import load_drives
 from drivers.yaml_file import FileError
 from hil.cli import drive_commands as shared
+from hil.cli.arguments import BusOptions, RealTime
 from hil.cli.drive_settings import keeper_of_bus
 from hil.measuring.run_journal import SIMULATED
 from hil.terminal import check_view, jitter_view
+from hil.terminal.console import out
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,7 +45,7 @@ def check(
     drives_file: shared.Drives,
     interface: shared.Interface = SIMULATED,
     channel: shared.Channel = None,
-    bus_option: shared.BusOptions = None,
+    bus_option: BusOptions = None,
     axis: Annotated[
         list[str] | None, typer.Option(help="Check this one alone, may be repeated.")
     ] = None,
@@ -57,7 +59,7 @@ def check(
         Path | None,
         typer.Option(help="Run folder whose identified model predicts gravity, for the direction."),
     ] = None,
-    realtime: shared.RealTime = False,
+    realtime: RealTime = False,
     jitter_time: Annotated[
         float,
         typer.Option(min=0, max=600, help="How long to measure this computer's wake-ups \\[s]."),
@@ -81,9 +83,9 @@ def check(
         ) as verdicts,
     ):
         for line in granted:
-            shared.out.print(line, highlight=False, markup=False, soft_wrap=True)
+            out.print(line, highlight=False, markup=False, soft_wrap=True)
         computer = _wake_ups(bus, drives.sync_period, jitter_time, realtime=realtime)
-        serves = check_view.show(map(_line, chain(computer, verdicts)), shared.out)
+        serves = check_view.show(map(_line, chain(computer, verdicts)), out)
     if not serves:
         raise typer.Exit(1)
 
@@ -98,7 +100,7 @@ def jog(
     ] = 5,
     interface: shared.Interface = SIMULATED,
     channel: shared.Channel = None,
-    bus_option: shared.BusOptions = None,
+    bus_option: BusOptions = None,
     yes: shared.Yes = False,
 ) -> None:
     """Move one axis by a small relative way, slowly; no other axis is powered."""
@@ -114,7 +116,7 @@ def jog(
         way, velocity = _si(drive, by), _si(drive, speed)
         stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
     torque = "N m" if drive.joint == "revolute" else "N"
-    shared.out.print(
+    out.print(
         f"{drive.name}: from {jogging.shown(drive, stroke.q[0])} to"
         f" {jogging.shown(drive, stroke.q[-1])}, torque at most {stroke.peak_torque:.3g} {torque},"
         f" following error at most {jogging.shown(drive, stroke.following_error)}; off",
@@ -133,7 +135,7 @@ def home(
     patience: Annotated[float, typer.Option(min=1, help="How long it may take \\[s].")] = 60,
     interface: shared.Interface = SIMULATED,
     channel: shared.Channel = None,
-    bus_option: shared.BusOptions = None,
+    bus_option: BusOptions = None,
     yes: shared.Yes = False,
 ) -> None:
     """Let one drive find its reference by its own homing mode; no other axis is powered."""
@@ -152,7 +154,7 @@ def home(
         keeper_of_bus(interface, channel) as keeper,
     ):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
-    shared.out.print(
+    out.print(
         f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off",
         highlight=False,
         soft_wrap=True,
@@ -190,7 +192,7 @@ def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool
         found.longest,
         classes.tolist(),
     )
-    jitter_view.render(jitter, shared.out)
+    jitter_view.render(jitter, out)
     by_kernel = can_send_sync(bus)
     return [wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=by_kernel)]
 

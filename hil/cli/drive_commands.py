@@ -7,23 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from drivers.drives_file import AxisDrive, DrivesFile, load_drives
+from drivers.open_bus import open_can_bus
 from drivers.yaml_file import FileError
-from hil.measuring.run_journal import SIMULATED
+from hil.cli.arguments import bus_options, refuse_no_channel
 from hil.model.robot import ROBOTS
+from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 from hil.terminal.operator import TerminalOperator
-from hil.terminal.run_command import bus_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import can
-
-out = Console()
 
 SUFFIX = ".drives.yaml"
 
@@ -34,13 +32,6 @@ AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number fr
 Interface = Annotated[str, typer.Option(help="python-can's interface.")]
 Channel = Annotated[
     str | None, typer.Option(help="Its channel; by default the plant with these drives.")
-]
-BusOptions = Annotated[
-    list[str] | None,
-    typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
-]
-RealTime = Annotated[
-    bool, typer.Option("--realtime", help="Use what this system grants of real time.")
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; ask nothing.")]
 
@@ -107,20 +98,19 @@ def _product(axis: AxisDrive) -> tuple[int, int, int]:
     return axis.node, axis.identity.vendor, axis.identity.product
 
 
-@contextmanager
 def opened_bus(
     name: str, drives: DrivesFile, interface: str, channel: str | None, pairs: list[str] | None
-) -> Iterator[can.BusABC]:
-    """Open a bus, and shut it down whatever happens."""
-    from drivers.open_bus import open_can_bus  # noqa: PLC0415 - slow to import
+) -> can.BusABC:
+    """Open the bus of a drives file, by default that of the plant with these drives."""
+    refuse_no_channel(interface, channel)
+    return opened(interface, channel or _plant_of(drives, name), drives.bitrate, pairs)
 
-    if channel is None:
-        if interface != SIMULATED:
-            raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
-        channel = _plant_of(drives, name)
-    options = {"bitrate": drives.bitrate, **bus_options(pairs or [])}
-    with open_can_bus(interface, channel, options) as bus:
-        yield bus
+
+def opened(
+    interface: str, channel: str, bitrate: int | None, pairs: list[str] | None
+) -> can.BusABC:
+    """Open a bus with the options of the command line, to be shut down by a with statement."""
+    return open_can_bus(interface, channel, {"bitrate": bitrate, **bus_options(pairs)})
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from pathlib import Path  # noqa: TC003 - typer reads the annotation
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,12 +21,13 @@ from drivers.settings_keeper import SettingsKeeper
 from drivers.yaml_file import FileError
 from hil.cli import bus_state
 from hil.cli import drive_commands as shared
+from hil.cli.arguments import PLANT, BusOptions, refuse_no_channel
 from hil.measuring.atomic_file import operator_told, write_file
 from hil.measuring.run_journal import SIMULATED
 from hil.measuring.run_lock import locked
 from hil.terminal import changes_view
+from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
-from hil.terminal.run_command import bus_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from drivers.found_settings import FoundSettings
     from drivers.sdo import Entry
 
-PLANT = "manutec-r15"
 REPLAY = "replay"
 
 
@@ -126,7 +126,7 @@ def restore(
     channel: Annotated[
         str | None, typer.Option(help="Its channel; by default that of the file.")
     ] = None,
-    bus_option: shared.BusOptions = None,
+    bus_option: BusOptions = None,
     other_bus: Annotated[
         bool, typer.Option("--other-bus", help="Take another bus than that of the file.")
     ] = False,
@@ -141,7 +141,7 @@ def restore(
         stack.enter_context(locked(file.parent))
         if bus_name[0] != SIMULATED:
             stack.enter_context(bus_state.bus_locked(*bus_name))
-        bus = stack.enter_context(_opened(settings, *bus_name, bus_option))
+        bus = stack.enter_context(shared.opened(*bus_name, settings.bitrate, bus_option))
         ended = "stopped; run the same command again to go on"
         stack.enter_context(interruptible(lambda: ended))
         settings, failed = _put_back(bus, settings, file)
@@ -163,7 +163,7 @@ def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[Fou
             _say(drive.doubt, style="yellow")
     for each in put_back(bus, settings):
         rows = [_row(entry, present, value) for entry, present, value in each.written]
-        changes_view.render(each.label, rows, shared.out, "put back")
+        changes_view.render(each.label, rows, out, "put back")
         settings = settings.with_drives([each.drive])
         write_file(file, dump_found_settings(settings).encode())
         for line in each.left:
@@ -192,8 +192,7 @@ def _bus_of(
     interface = interface or settings.interface or SIMULATED
     if channel is None and interface == settings.interface:
         channel = settings.channel
-    if channel is None and interface != SIMULATED:
-        raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
+    refuse_no_channel(interface, channel)
     bus = interface, channel or PLANT
     if None not in kept and bus != kept and not other_bus:
         raise FileError(
@@ -214,7 +213,7 @@ def _conclusion(settings: FoundSettings) -> str:
 
 
 def _say(text: str, style: str | None = None) -> None:
-    shared.out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+    out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) -> None:
@@ -239,9 +238,9 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
             problems.append(error)
             continue
         rows = [_row(each.entry, each.present, each.value) for each in found.changes]
-        changes_view.render(server.label, rows, shared.out, "to be written")
+        changes_view.render(server.label, rows, out, "to be written")
         for note in found.limits.notes:
-            shared.out.print(note, style="yellow", highlight=False, soft_wrap=True)
+            out.print(note, style="yellow", highlight=False, soft_wrap=True)
     if problems:
         raise DriveRefused("\n".join(map(str, problems)))
 
@@ -250,17 +249,6 @@ def _row(entry: Entry, present: int | None, value: int) -> changes_view.Row:
     place = f"{entry.index:04X}:{entry.subindex:02X}"
     held = "-" if present is None else entry.shown(present)
     return changes_view.Row(place, entry.name, held, entry.shown(value))
-
-
-@contextmanager
-def _opened(
-    settings: FoundSettings, interface: str, channel: str, pairs: list[str] | None
-) -> Iterator[can.BusABC]:
-    from drivers.open_bus import open_can_bus  # noqa: PLC0415 - slow to import
-
-    options = {"bitrate": settings.bitrate, **bus_options(pairs or [])}
-    with open_can_bus(interface, channel, options) as bus:
-        yield bus
 
 
 def _remove_restored(path: Path) -> None:

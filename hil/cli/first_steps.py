@@ -7,27 +7,25 @@ makers' data sheets, or from what the scanned drives say of themselves.
 from __future__ import annotations
 
 import re
-from contextlib import contextmanager
-from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from drivers.cia402 import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.objects import STATUSWORD
-from drivers.yaml_file import UNSTATED, FileError
+from drivers.yaml_file import UNSTATED
+from hil.cli import drive_commands, drive_settings
+from hil.cli.arguments import PLANT, BusOptions, refuse_existing, refuse_no_channel
 from hil.measuring.atomic_file import write_file
 from hil.measuring.run_journal import SIMULATED
 from hil.planning.dry_run import BITRATE
 from hil.terminal import scan_view
-from hil.terminal.run_command import bus_options
+from hil.terminal.console import out
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-
-    import can
 
     from drivers.probing.bus_scan import FoundNode, Scan
     from drivers.probing.drives_draft import DraftedAxis
@@ -37,18 +35,12 @@ drives_commands = typer.Typer(
     help="Write drives files, put found settings back.", no_args_is_help=True
 )
 commands.add_typer(drives_commands, name="drives")
-out = Console()
-
-PLANT = "manutec-r15"
+drives_commands.command()(drive_settings.restore)
 HIGHEST_NODE = 127
 MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
 """Modes as drives' manuals abbreviate them."""
 
 Channel = Annotated[str | None, typer.Option(help="Its channel, such as can0.")]
-BusOptions = Annotated[
-    list[str] | None,
-    typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
-]
 Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")]
 Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
 
@@ -88,13 +80,12 @@ def new(
         int | None, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")
     ] = None,
 ) -> None:
-    """Write a first drives file from data sheets, and tell what is to be stated in it."""
+    """Write a first drives file from data sheets, and list what is to be stated in it."""
     from drivers.probing.drives_draft import draft_drives  # noqa: PLC0415 - slow to import
 
     if (eds is None) == (interface is None):
         raise typer.BadParameter("give data sheets with --eds, or a bus with --interface")
-    if output.exists():
-        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    refuse_existing(output)
     if interface is None:
         axes = _from_sheets(eds or [], _numbers(nodes))
     else:
@@ -108,9 +99,9 @@ def new(
         why = f"from {chosen.place}: {chosen.why}" if chosen else "is to be stated: none was found"
         choices.setdefault(why, []).append(str(number))
     for why, numbers in choices.items():
-        _tell(f"joint {', '.join(numbers)}: current {why}")
+        _say(f"joint {', '.join(numbers)}: current {why}")
     marks = text.count(f": {UNSTATED} ")
-    _tell(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
+    _say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
 
 
 def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
@@ -169,28 +160,17 @@ def _scanned(
 ) -> Scan:
     from drivers.probing.bus_scan import NODES, scan_bus  # noqa: PLC0415 - slow to import
 
-    with _bus(interface, channel, pairs, bitrate) as bus:
+    refuse_no_channel(interface, channel)
+    channel = channel or PLANT
+    with drive_commands.opened(interface, channel, bitrate, pairs) as bus:
         found = scan_bus(bus, only=nodes or NODES)
     if not found.nodes:
         asked = f"node {', '.join(map(str, nodes))}" if nodes else "any of 127 node numbers"
         raise NodeSilent(
-            f"{interface} {channel or PLANT}: nothing was heard of {asked}; check the drives'"
+            f"{interface} {channel}: nothing was heard of {asked}; check the drives'"
             f" power, the bit rate ({bitrate} bit/s), termination and CAN wiring"
         )
     return found
-
-
-@contextmanager
-def _bus(
-    interface: str, channel: str | None, pairs: list[str] | None, bitrate: int
-) -> Iterator[can.BusABC]:
-    from drivers.open_bus import open_can_bus  # noqa: PLC0415 - slow to import
-
-    if channel is None and interface != SIMULATED:
-        raise typer.BadParameter(f"interface {interface} needs a channel too, such as can0")
-    options = {"bitrate": bitrate, **bus_options(pairs or [])}
-    with open_can_bus(interface, channel or PLANT, options) as bus:
-        yield bus
 
 
 def _numbers(text: str | None) -> tuple[int, ...]:
@@ -255,5 +235,5 @@ def _remarks(found: FoundNode) -> Iterator[scan_view.Remark]:
         yield scan_view.Remark(str(finding), finding.fatal)
 
 
-def _tell(text: str) -> None:
+def _say(text: str) -> None:
     out.print(text, highlight=False, markup=False, soft_wrap=True)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from drivers.yaml_file import FileError
+from hil.cli.arguments import NewPlan, RobotName, RunPath, refuse_existing
+from hil.cli.measuring import run
 from hil.measuring.atomic_file import write_file
 from hil.model.robot import load_robot
 from hil.planning.plan import dump_plan
 from hil.planning.workspace import load_workspace
+from hil.terminal.console import out
 from hil.terminal.run_command import show_remarks
 
 if TYPE_CHECKING:
@@ -21,8 +23,10 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
 
-commands = typer.Typer(help="Friction, and how it changes in time.", no_args_is_help=True)
-out = Console()
+friction = typer.Typer(help="Friction, and how it changes in time.", no_args_is_help=True)
+friction.command()(run)
+commands = typer.Typer()
+commands.add_typer(friction, name="friction")
 
 
 class Experiment(StrEnum):
@@ -33,10 +37,10 @@ class Experiment(StrEnum):
     OPERATION = "operation"
 
 
-@commands.command()
+@friction.command()
 def plan(
-    name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
+    name: RobotName,
+    output: NewPlan,
     experiment: Annotated[
         Experiment,
         typer.Option(
@@ -53,8 +57,7 @@ def plan(
 ) -> None:
     """Plan constant-velocity sweeps, or an experiment on friction's variance in time."""
     robot = load_robot(name)
-    if output.exists():
-        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    refuse_existing(output)
     guard = None if workspace is None else load_workspace(workspace, robot)
     show_remarks(guard, robot, out)
     axes = [_index(number, robot) for number in axis or ()]
@@ -66,16 +69,16 @@ def plan(
     out.print(f"{len(planned.measurements)} measurements in {output}", highlight=False)
 
 
-@commands.command()
+@friction.command()
 def fit(
-    folder: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    folder: RunPath,
     model: Annotated[
         Path | None,
         typer.Option(help="Folder of an identified run, to compensate gravity by its model."),
     ] = None,
     asymmetry: Annotated[
         float | None,
-        typer.Option(min=0, help="That is let pass, as share of the friction level."),
+        typer.Option(min=0, help="Accepted asymmetry, as share of the friction level."),
     ] = None,
 ) -> None:
     """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""

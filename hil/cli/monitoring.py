@@ -10,8 +10,10 @@ import typer
 
 from drivers.drives_file import load_drives
 from hil.cli import drive_commands as shared
+from hil.cli.arguments import BusOptions
 from hil.measuring.run_journal import SIMULATED
 from hil.terminal import monitor_view
+from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 
@@ -31,7 +33,7 @@ def monitor(
     drives_file: shared.Drives,
     interface: shared.Interface = SIMULATED,
     channel: shared.Channel = None,
-    bus_option: shared.BusOptions = None,
+    bus_option: BusOptions = None,
     duration: Annotated[
         float | None, typer.Option("--for", min=0.1, help="End by itself after so long \\[s].")
     ] = None,
@@ -57,7 +59,7 @@ def monitor(
             lambda time: _listen(bus, picture, time, asked),
             lambda: _snapshot(picture, drives),
             keys,
-            shared.out,
+            out,
             duration,
         )
 

@@ -1,4 +1,4 @@
-"""Choosing measurements: by counts, within minutes, or as what an earlier run leaves to be told."""
+"""Before anything moves: a robot's base parameters, a plan chosen for them, a plan's dry run."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from drivers.yaml_file import FileError
+from hil.cli.arguments import NewPlan, RobotName, refuse_existing
 from hil.measuring.atomic_file import write_file
 from hil.model.robot import ROBOTS, load_robot
-from hil.planning.plan import LONGEST, dump_plan
+from hil.planning.dry_run import BITRATE, dry_run
+from hil.planning.plan import LONGEST, dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace import load_workspace
-from hil.terminal.run_command import show_remarks
+from hil.terminal import dry_run_view, robot_view
+from hil.terminal.console import out
+from hil.terminal.run_command import show_remarks, with_workspace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,17 +24,25 @@ if TYPE_CHECKING:
     from hil.estimation.noise_levels import Levels
     from hil.measuring.run_folder import RunFolder
     from hil.model.robot import Robot
+    from hil.planning.dry_run import DryRun
     from hil.planning.noise import Noise
     from hil.planning.plan import Plan
 
 commands = typer.Typer()
-out = Console()
 
 MOST = 2000
 """Measurements of a kind; choosing among more takes longer than measuring them."""
 REFINEMENT = 10.0
 """Duration of a refinement unless another is asked for [min]."""
 
+PlanFile = Annotated[Path, typer.Argument(help="Plan as YAML.")]
+RobotOption = Annotated[
+    str | None, typer.Option("--robot", help="Robot file, if the robot does not come along.")
+]
+WorkspaceOption = Annotated[
+    Path | None,
+    typer.Option("--workspace", help="Joint ranges and forbidden boxes; else those of the plan."),
+]
 NoiseFrom = Annotated[
     Path | None,
     typer.Option(help="Run that shows this robot's noise; else what the robot file states."),
@@ -39,8 +50,39 @@ NoiseFrom = Annotated[
 
 
 @commands.command()
+def robot(name: RobotName) -> None:
+    """Show base parameters, their groups, and where they occur in M and g."""
+    robot_view.render(load_robot(name), out)
+
+
+@commands.command("dry-run")
+def dry_run_(
+    plan_file: PlanFile,
+    robot_file: RobotOption = None,
+    bitrate: Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s")] = BITRATE,
+    workspace: WorkspaceOption = None,
+    noise_from: NoiseFrom = None,
+    drives_file: Annotated[
+        Path | None, typer.Option("--drives", help="Drives file, for the torques' resolution.")
+    ] = None,
+) -> None:
+    """State what a plan takes and what it gives; nothing moves."""
+    the_plan, the_robot = load(plan_file, robot_file, workspace)
+    result = dry_run(the_plan, the_robot, bitrate)
+    dry_run_view.render(result, out)
+    refuse_problems(result, plan_file)
+    if result.groups:
+        from hil.planning.precision import predict  # noqa: PLC0415 - slow to import, used here only
+        from hil.terminal import precision_view  # noqa: PLC0415 - slow to import, used here only
+
+        noise = noise_of(the_robot, noise_from, drives_file)
+        found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
+        precision_view.render(found, the_robot, out)
+
+
+@commands.command()
 def plan(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
+    output: NewPlan,
     name: Annotated[str | None, typer.Argument(help="Name, or path of a robot file.")] = None,
     gravity: Annotated[
         int | None, typer.Option(min=1, max=MOST, help="Gravity measurements.", show_default="64")
@@ -54,7 +96,9 @@ def plan(
     minutes: Annotated[
         float | None,
         typer.Option(
-            min=0.1, max=LONGEST / 60, help="Choose what tells most in this time, travel included."
+            min=0.1,
+            max=LONGEST / 60,
+            help="Choose the most informative measurements for this time, travel included.",
         ),
     ] = None,
     run: Annotated[
@@ -72,8 +116,7 @@ def plan(
     """Choose configurations and motions from g(q) and M(q)."""
     counts = (gravity, inertia, coupling)
     _refuse_contradictions(name, run, minutes, counts, warm_up, workspace, noise_from)
-    if output.exists():
-        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    refuse_existing(output)
     if run:
         _refine(run, minutes or REFINEMENT, output)
         return
@@ -94,6 +137,35 @@ def plan(
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
     _write(output, designed)
+
+
+def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tuple[Plan, Robot]:
+    """Read a plan, its robot and the workspace that holds for it; show what is strange about it.
+
+    Raises
+    ------
+    FileError
+        One of the files cannot be used, or the plan is of another robot.
+    """
+    the_plan = load_plan(plan_file)
+    the_robot = load_robot(robot_file or the_plan.robot.name)
+    refuse_other_robot(the_plan, the_robot, str(plan_file))
+    the_plan = with_workspace(the_plan, the_robot, workspace)
+    show_remarks(the_plan.workspace, the_robot, out)
+    return the_plan, the_robot
+
+
+def refuse_problems(result: DryRun, plan_file: Path) -> None:
+    """Refuse a plan whose dry run has found problems.
+
+    Raises
+    ------
+    FileError
+        With the problems and their lines in the file.
+    """
+    if result.problems:
+        text = plan_file.read_text(encoding="utf-8")
+        raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
 
 
 def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Noise:

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from drivers.yaml_file import FileError
+from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 
-commands = typer.Typer(help="Methods against one another on plants whose truth is known.")
-out = Console()
+study = typer.Typer(help="Methods against one another on plants whose truth is known.")
+commands = typer.Typer()
+commands.add_typer(study, name="study")
 
 
-@commands.callback()
-def _group() -> None:
-    """Keep `drift` a sub-command while it is the only one."""
-
-
-@commands.command()
+@study.command()
 def drift(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the study.")],
     robot: Annotated[str, typer.Option(help="Name, or path of a robot file.")] = "manutec-r15",
@@ -49,7 +45,7 @@ def drift(
     ] = None,
 ) -> None:
     """Set the two-step method against conventional ones, friction drifting or not."""
-    from hil.study import drift as study  # noqa: PLC0415 - slow to import, used here only
+    from hil.study import drift as campaigns  # noqa: PLC0415 - slow to import, used here only
     from hil.study import execution, summary  # noqa: PLC0415
     from hil.study.campaigns import KINDS  # noqa: PLC0415
     from hil.study.scenarios import SCENARIOS  # noqa: PLC0415
@@ -63,17 +59,17 @@ def drift(
     left = f"stopped; what is done stays in {output}, the same command goes on"
     with interruptible(lambda: left):
         try:
-            cells = study.prepare(
+            cells = campaigns.prepare(
                 output, robot, plant or robot, numbers, scenarios, kinds, share, drives_file
             )
         except ValueError as error:
             raise FileError(f"{output}: {error}") from error
         where = execution.cluster(scheduler) if scheduler else execution.local(workers)
         with where as execute, study_view.shown(out) as show:
-            for done in study.carry_out(cells, execute):
+            for done in campaigns.carry_out(cells, execute):
                 show(done)
                 failed += bool(done.error)
-        rows = summary.summarise(study.judged(cells))
+        rows = summary.summarise(campaigns.judged(cells))
         if rows:
             summary.write(output, rows)
             study_view.render(rows, out)

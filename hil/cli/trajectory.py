@@ -1,4 +1,4 @@
-"""Conventional identification: exciting trajectories to be streamed, and what they tell.
+"""Conventional identification: exciting trajectories, and an estimate from them.
 
 `hil run` measures such a plan as any other; drives need cyclic synchronous position mode.
 """
@@ -6,23 +6,24 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from pathlib import Path  # noqa: TC003 - typer reads the annotations
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from drivers.yaml_file import FileError
+from hil.cli.arguments import NewPlan, RobotName, RunPath, refuse_existing
 from hil.estimation.signals import NotEnoughData
 from hil.measuring.atomic_file import write_file
 from hil.measuring.run_folder import RunFolder
 from hil.model.robot import load_robot
 from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan
+from hil.terminal.console import out
 
-commands = typer.Typer(
+trajectory = typer.Typer(
     help="Conventional identification with periodic trajectories.", no_args_is_help=True
 )
-out = Console()
+commands = typer.Typer()
+commands.add_typer(trajectory, name="trajectory")
 
 
 class Criterion(StrEnum):
@@ -33,10 +34,10 @@ class Criterion(StrEnum):
     DET = "det"
 
 
-@commands.command()
+@trajectory.command()
 def plan(
-    name: Annotated[str, typer.Argument(help="Name, or path of a robot file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")],
+    name: RobotName,
+    output: NewPlan,
     minutes: Annotated[float, typer.Option(min=0.1, help="Time of all periods.")] = 5.0,
     period: Annotated[float, typer.Option(min=1.0, help="Of the trajectory \\[s].")] = 10.0,
     criterion: Annotated[
@@ -52,8 +53,7 @@ def plan(
     )
 
     robot = load_robot(name)
-    if output.exists():
-        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+    refuse_existing(output)
     cycles = max(1, round(60 * minutes / period))
     found = design_trajectory(robot, period, cycles, criterion.value, seed)
     designed = Plan(
@@ -70,9 +70,9 @@ def plan(
     )
 
 
-@commands.command()
+@trajectory.command()
 def identify(
-    folder: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    folder: RunPath,
     variant: Annotated[str, typer.Option(help="Method, by name; all are listed if unknown.")] = (
         "strongest"
     ),

@@ -41,28 +41,6 @@ NOT_REHEARSED = (
 )
 
 
-def bus_options(pairs: Sequence[str]) -> dict[str, object]:
-    """Turn ``key=value`` into keyword arguments: numbers and true or false become such."""
-    options: dict[str, object] = {}
-    for pair in pairs:
-        key, separator, value = pair.partition("=")
-        if not separator or not key.isidentifier():
-            raise typer.BadParameter(f"{pair!r} must read key=value, such as bitrate=1000000")
-        options[key] = _value(value)
-    return options
-
-
-def _value(text: str) -> object:
-    if text in {"true", "false"}:
-        return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
-
-
 def with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
     """Return the plan with a workspace file's content in place of its own, if one is given."""
     if path is None:

@@ -1,0 +1,117 @@
+"""What runs give: a model, a report, a load, a diagnosis; and how true the model is."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+from hil.cli.arguments import RunPath
+from hil.measuring.run_folder import RunFolder
+from hil.model.robot import load_robot
+from hil.terminal.console import out
+
+commands = typer.Typer()
+
+
+class Method(StrEnum):
+    """How parameters are estimated."""
+
+    IMPROVED = "improved"
+    PRINTED = "printed"
+
+
+@commands.command()
+def identify(
+    folder: RunPath,
+    method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
+    others: Annotated[
+        list[Path] | None,
+        typer.Option("--with", help="Further run to identify it with, may be repeated."),
+    ] = None,
+) -> None:
+    """Estimate base parameters from a run; writes model.yaml into its folder."""
+    from hil.estimation.friction.symmetry import of_local_values  # noqa: PLC0415 - slow to import
+    from hil.results import model_file  # noqa: PLC0415 - slow to import, used here only
+    from hil.terminal import estimate_view, friction_view  # noqa: PLC0415 - slow to import
+
+    begun = perf_counter()
+    found = model_file.identify(folder, method.value, others or ())
+    estimate_view.render(found, load_robot(folder / "robot.yaml"), out)
+    friction_view.render_symmetry(of_local_values(found.local), out)
+    for each in (folder, *(others or ())):
+        _show_shortfall(each)
+    took = f"{perf_counter() - begun:.1f} s"
+    out.print(f"model in {folder / model_file.NAME} ({took})", highlight=False, soft_wrap=True)
+
+
+@commands.command()
+def report(
+    folder: RunPath,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for the plots as PNG files too.")
+    ] = None,
+) -> None:
+    """Write a run's report, one HTML file."""
+    from hil.results import report as module  # noqa: PLC0415 - slow to import, used here only
+
+    begun = perf_counter()
+    path = module.report(folder, figures)
+    _show_shortfall(folder)
+    out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
+
+
+@commands.command()
+def compare(
+    folder: RunPath,
+    truth: Annotated[str, typer.Option(help="Plant file of the virtual plant, or its name.")],
+    method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
+) -> None:
+    """Set an estimate against the truth of the virtual plant."""
+    from hil.results import compare as module  # noqa: PLC0415 - slow to import, used here only
+
+    module.compare(folder, truth, out, method.value)
+
+
+@commands.command()
+def payload(
+    without: Annotated[Path, typer.Argument(help="Folder of the run without the load.")],
+    loaded: Annotated[Path, typer.Argument(help="Folder of the run with it.")],
+    mass: Annotated[
+        float | None,
+        typer.Option(min=1e-3, help="Of the load, if known: corrects the drives [kg]."),
+    ] = None,
+) -> None:
+    """Find a load from two runs, without and with it; writes payload.yaml into the second."""
+    from hil.results import load, load_file  # noqa: PLC0415 - slow to import, used here only
+    from hil.terminal import load_view  # noqa: PLC0415 - slow to import, used here only
+
+    found = load.find_load(without, loaded, mass)
+    load_view.render(found, out)
+    _show_place("load", load_file.write_load(without, loaded, found), loaded)
+
+
+@commands.command()
+def diagnose(folder: RunPath) -> None:
+    """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
+    from hil.results import diagnosis, diagnosis_file  # noqa: PLC0415 - slow to import
+    from hil.terminal import diagnosis_view  # noqa: PLC0415 - slow to import, used here only
+
+    found = diagnosis.diagnose(folder)
+    diagnosis_view.render(found, out)
+    plots = diagnosis_file.write_plots(folder, found)
+    out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
+    _show_place("diagnosis", diagnosis_file.write_diagnosis(folder, found), folder)
+
+
+def _show_shortfall(folder: Path) -> None:
+    shortfall = RunFolder.open(folder).shortfall
+    if shortfall:
+        out.print(f"[yellow]{shortfall}[/]", soft_wrap=True)
+
+
+def _show_place(what: str, path: Path, folder: Path) -> None:
+    out.print(f"{what} in {path}; hil report {folder} shows it", highlight=False, soft_wrap=True)

@@ -1,0 +1,5 @@
+"""The console on which all commands print."""
+
+from rich.console import Console
+
+out = Console()
