@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.identification import METHODS, Method, estimates
-from hil.measuring.run_folder import RunFolder
-from hil.results.compare import Comparison, comparison
+from hil.estimation.identify import METHODS, Method, estimates
 from hil.results.model_file import recorded
 from hil.results.rounding import clock
-from hil.results.truth import true_parameters
+from hil.runs.run_folder import RunFolder
+from hil.study.comparison import Comparison, comparison
+from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

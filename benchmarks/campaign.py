@@ -29,18 +29,18 @@ import can
 from rich.console import Console
 from rich.table import Table
 
+from drivers.canopen.process_data import Exchange
 from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
 from drivers.drives_file import load_drives
-from drivers.exchange import Exchange
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished, Started
-from hil.measuring.run_folder import RunFolder
 from hil.model.robot import ROBOTS, load_robot
-from hil.planning.experiment_design import design
+from hil.planning.design.by_counts import design
 from hil.planning.timetable import timetable
-from sim_plant.bus import PlantBus
+from hil.runs.run_folder import RunFolder
 from sim_plant.plant import Plant, load_plant
-from sim_plant.server import serve
+from sim_plant.serving.bus import PlantBus
+from sim_plant.serving.server import serve
 from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:

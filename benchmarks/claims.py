@@ -28,17 +28,17 @@ import numpy as np
 import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 
-from hil.estimation.bound import cramer_rao
-from hil.estimation.identification import METHODS
-from hil.measuring.run_folder import RunFolder
+from hil.estimation.cramer_rao import cramer_rao
+from hil.estimation.identify import METHODS
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.results.diagnosis import diagnose, evidence_for
-from hil.results.load import find_load
 from hil.results.model_file import recorded
-from hil.results.truth import true_parameters
+from hil.results.payload import find_load
+from hil.runs.run_folder import RunFolder
 from hil.study.scenarios import SCENARIOS, Scenario, write_plant
 from hil.study.summary import GROUPS
+from hil.study.truth import true_parameters
 from sim_plant.plant_file import load_plant_file
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.results.compare import Comparison
+    from hil.study.comparison import Comparison
 
 FIRST_SEED = 101
 MASS, DISTANCE = 10.86, 0.14

@@ -41,16 +41,16 @@ import numpy as np
 
 from drivers import canopen_bus  # noqa: F401 - loaded once, before the sessions are forked
 from hil.cli import main as hil
-from hil.measuring.recording import Recording
-from hil.measuring.run_folder import RunFolder
 from hil.model.robot import load_robot
-from hil.planning.experiment_design import design
+from hil.planning.design.by_counts import design
 from hil.planning.plan import Plan, dump_plan
 from hil.results.model_file import identify
-from sim_plant.bus import PlantBus
+from hil.runs.recording import Recording
+from hil.runs.run_folder import RunFolder
+from sim_plant.serving.bus import PlantBus
 
 if TYPE_CHECKING:
-    from hil.measuring.recording_file import Measured
+    from hil.runs.recording_file import Measured
 
 ROBOT = "manutec-r15"
 MOST_RECORDINGS = 6

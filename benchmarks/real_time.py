@@ -18,21 +18,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.axis import AxisScale
 from drivers.canopen_bus import open_drive_bus
 from drivers.drives_file import load_drives
-from drivers.scaling import AxisScale
 from hil.measuring.campaign import run_campaign
-from hil.measuring.run_folder import RunFolder
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.planning.timetable import timetable
+from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.drives_file import DrivesFile
-    from hil.measuring.recording import Recording
+    from hil.runs.recording import Recording
 
 ROBOT = "manutec-r15"
 CHANNEL = "vcan0"

@@ -16,10 +16,10 @@ import can
 import canopen
 import numpy as np
 
-from sim_plant import plant_channel
-from sim_plant.axis import AxisEvent, Reading
 from sim_plant.canopen.eds import EDS_PATH
 from sim_plant.drive_settings import DriveSettings
+from sim_plant.machine_protocol import AxisEvent, Reading
+from sim_plant.serving import plant_channel
 
 if TYPE_CHECKING:
     from collections.abc import Callable

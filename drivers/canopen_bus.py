@@ -19,10 +19,31 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from drivers import objects
-from drivers.admission import admit
-from drivers.cia402 import State
-from drivers.communication import Communication
+from checked_files.yaml_file import FileError
+from drivers.axis import AxisScale
+from drivers.can_bus.frame_log import logged
+from drivers.can_bus.kernel_sync import KernelSync
+from drivers.can_bus.opening import open_can_bus
+from drivers.canopen import objects
+from drivers.canopen.communication import Communication
+from drivers.canopen.heartbeat import Heartbeats
+from drivers.canopen.life_guarding import guarding_request
+from drivers.canopen.network import PumpedNetwork
+from drivers.canopen.pdo_mapping import answers
+from drivers.canopen.process_data import Exchange
+from drivers.canopen.sdo import SdoServer
+from drivers.canopen.sync_clock import choose_pacing, sync_channel
+from drivers.cia402.cyclic_position import Streams
+from drivers.cia402.power import Power
+from drivers.cia402.profile_position import Motions
+from drivers.cia402.samples import Readout
+from drivers.cia402.set_point_limits import check_move
+from drivers.cia402.shutdown import Shutdown
+from drivers.cia402.states import State
+from drivers.cia402.stream_limits import check_path
+from drivers.cia402.supervision import Supervision
+from drivers.commissioning.admission import admit
+from drivers.commissioning.effective_limits import SLOWEST_STOP
 from drivers.drive_bus import (
     AxisInfo,
     DriveError,
@@ -33,33 +54,12 @@ from drivers.drive_bus import (
     NodeSilent,
     Tripped,
 )
-from drivers.effective_limits import SLOWEST_STOP
-from drivers.exchange import Exchange
-from drivers.frame_log import logged
-from drivers.gaps import Gaps
-from drivers.heartbeat import Heartbeats
+from drivers.found_settings.keeping import SettingsKeeper
+from drivers.found_settings.restoring import WATCHDOGS
 from drivers.interrupts import interrupts_held
-from drivers.kernel_sync import KernelSync
-from drivers.life_guarding import guarding_request
-from drivers.motions import Motions
-from drivers.move_check import check_move
-from drivers.network import PumpedNetwork
-from drivers.open_bus import open_can_bus
-from drivers.pacing import choose_pacing, sync_channel
-from drivers.path_check import check_path
-from drivers.pdo_mapping import answers
-from drivers.power import Power
-from drivers.readout import Readout
-from drivers.scaling import AxisScale
-from drivers.sdo import SdoServer
-from drivers.settings_keeper import SettingsKeeper
-from drivers.settings_restore import WATCHDOGS
-from drivers.shutdown import Shutdown
-from drivers.streams import Streams
-from drivers.supervision import Supervision
-from drivers.trips import SPEED_SHARE, Trips
-from drivers.yaml_file import FileError
-from drivers.zero_current import offsets
+from drivers.safety.current_offset import offsets
+from drivers.safety.missing_telegrams import Gaps
+from drivers.safety.trips import SPEED_SHARE, Trips
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -69,11 +69,11 @@ if TYPE_CHECKING:
 
     import can
 
+    from drivers.canopen.pdo_mapping import Pdo
+    from drivers.canopen.sync_clock import PacingName
+    from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drive_bus import Move, Sample
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.effective_limits import EffectiveLimits
-    from drivers.pacing import PacingName
-    from drivers.pdo_mapping import Pdo
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +105,7 @@ class CanopenDriveBus:
     period : float, optional
         Time between two SYNCs [s]; by default that of the drives file.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.pacing.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_pacing`.
     reset_faults : bool
         Reset drives that are found in a fault, instead of refusing them.
     owns_bus : bool
@@ -684,9 +684,9 @@ def open_drive_bus(
     bus_options : mapping, optional
         Further arguments of the interface.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.pacing.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_pacing`.
     frame_log : path, optional
-        Where to log all frames (see `drivers.frame_log`).
+        Where to log all frames (see `drivers.can_bus.frame_log`).
     keeper : SettingsKeeper, optional
         See `CanopenDriveBus`.
 

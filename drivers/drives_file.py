@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 
+from checked_files.yaml_file import FileModel, load_yaml
 from drivers import rate_units
 from drivers.rate_units import AccelerationUnit, Per, VelocityUnit
-from drivers.yaml_file import FileModel, load_yaml
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -336,5 +336,5 @@ class DrivesFile(FileModel):
 
 
 def load_drives(path: Path | str) -> DrivesFile:
-    """Read a drives file; `drivers.yaml_file.FileError` tells line, value and remedy."""
+    """Read a drives file; `checked_files.yaml_file.FileError` tells line, value and remedy."""
     return load_yaml(path, DrivesFile)

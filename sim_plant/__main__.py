@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import can
 import typer
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 from sim_plant.faults.fault_plan import load_fault_plan
-from sim_plant.machine import load_machine
-from sim_plant.server import serve
+from sim_plant.serving.server import serve
 from sim_plant.slave_network import CLOCKS, CYCLE_DEFAULT, Clock
+from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
-    from sim_plant.axis import Machine
+    from sim_plant.machine_protocol import Machine
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 

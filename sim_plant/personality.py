@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from drivers.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel, load_yaml
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

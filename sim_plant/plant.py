@@ -1,8 +1,8 @@
 """The machine behind the drives: arm, friction and servos, put together and advanced in time.
 
-`Plant` is what the drives' firmware sees (`sim_plant.axis.Machine`). All state stands in a few
-arrays that the compiled step works on; `Servo` is the view of one axis of them, and turns the
-firmware's units (increments of the motor shaft, per mille of rated torque) into joint angle and
+`Plant` is what the drives' firmware sees (`sim_plant.machine_protocol.Machine`). All state stands
+in a few arrays that the compiled step works on; `Servo` is the view of one axis of them, and turns
+the firmware's units (increments of the motor shaft, per mille of rated torque) into joint angle and
 torque. Randomness comes from one seeded generator, so that the same seed and the same frames give
 the same bytes.
 """
@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.yaml_file import FileError
-from sim_plant.axis import AxisEvent, Reading
+from checked_files.yaml_file import FileError
 from sim_plant.drive_settings import DriveSettings
-from sim_plant.physics import flaws, friction, machine_step, profile_generator, servo
+from sim_plant.machine_protocol import AxisEvent, Reading
+from sim_plant.physics import friction, machine_step, profile_generator, servo, soft_gears
 from sim_plant.physics import state as st
 from sim_plant.physics.gear_modes import refuse_steps_too_long
 from sim_plant.plant_file import PlantFile, load_plant_file
@@ -61,7 +61,7 @@ def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
 
 
 class Servo:
-    """One axis as its firmware sees it; see `sim_plant.axis.Axis`."""
+    """One axis as its firmware sees it; see `sim_plant.machine_protocol.Axis`."""
 
     def __init__(self, plant: Plant, index: int) -> None:
         self._plant, self._index = plant, index
@@ -142,7 +142,7 @@ class Servo:
 
 
 class Plant:
-    """All axes and the arm that they share; implements `sim_plant.axis.Machine`.
+    """All axes and the arm that they share; implements `sim_plant.machine_protocol.Machine`.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class Plant:
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.physics.state`.
     flaws : ndarray, shape (n, ...), or None
-        See `sim_plant.physics.flaws`.
+        See `sim_plant.physics.soft_gears`.
     events : list of int
         `AxisEvent` bits of each axis, as last reported.
     on_event : callable
@@ -202,7 +202,7 @@ class Plant:
     def _soft_gears(self) -> Array | None:
         """What the plant file says of soft gears and lagging currents."""
         found = _flaws(self.file)
-        if found is not None and found[:, flaws.STIFFNESS].any():
+        if found is not None and found[:, soft_gears.STIFFNESS].any():
             reach = np.radians([axis.drive.range_deg for axis in self.file.axes])
             try:
                 refuse_steps_too_long(self._arm, self.const, found, reach, self.file.step)
@@ -311,14 +311,17 @@ def _flaws(file: PlantFile) -> Array | None:
     if not any(drive.stiffness or drive.current_lag for drive in drives):
         return None
     longest = math.ceil(max(drive.current_lag for drive in drives) / file.step)
-    found = np.zeros((len(drives), flaws.HISTORY + longest + 2))
+    found = np.zeros((len(drives), soft_gears.HISTORY + longest + 2))
     for row, drive, axis in zip(found, drives, file.axes, strict=True):
-        row[flaws.LAG], row[flaws.HALF_GAP] = drive.current_lag / file.step, drive.backlash / 2
-        row[flaws.LINK_Q] = math.radians(axis.position_deg)
+        row[soft_gears.LAG], row[soft_gears.HALF_GAP] = (
+            drive.current_lag / file.step,
+            drive.backlash / 2,
+        )
+        row[soft_gears.LINK_Q] = math.radians(axis.position_deg)
         if drive.stiffness is not None:
             inertia = 1 / (1 / drive.motor_inertia + 1 / drive.load_inertia)
-            row[flaws.STIFFNESS] = drive.stiffness
-            row[flaws.DAMPING] = 2 * GEAR_DAMPING * math.sqrt(drive.stiffness * inertia)
+            row[soft_gears.STIFFNESS] = drive.stiffness
+            row[soft_gears.DAMPING] = 2 * GEAR_DAMPING * math.sqrt(drive.stiffness * inertia)
     return found
 
 

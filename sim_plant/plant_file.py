@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from drivers.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel, load_yaml
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Self
+
+PLANTS = Path(__file__).with_name("plants")
+"""Folder of the plants that come with the package."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -209,7 +212,7 @@ class PlantFile(FileModel):
 
 def packaged_plants() -> Sequence[str]:
     """Names of the plants that come with the package."""
-    return sorted(path.stem for path in Path(__file__).parent.glob("*.yaml"))
+    return sorted(path.stem for path in PLANTS.glob("*.yaml"))
 
 
 def load_plant_file(name_or_path: str) -> PlantFile:
@@ -220,7 +223,7 @@ def load_plant_file(name_or_path: str) -> PlantFile:
     FileError
         No such plant, or a file that does not fit.
     """
-    packaged = Path(__file__).parent / f"{name_or_path}.yaml"
+    packaged = PLANTS / f"{name_or_path}.yaml"
     path = packaged if packaged.is_file() else Path(name_or_path)
     if not path.is_file():
         known = ", ".join(packaged_plants())

@@ -24,8 +24,8 @@ from sim_plant.drive.process_image import AxisImage, Field, FrameBlock, ProcessI
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from sim_plant.axis import Machine
     from sim_plant.canopen.pdo import Report
+    from sim_plant.machine_protocol import Machine
 
 Clock: TypeAlias = Literal["sync", "wall"]
 CLOCKS: tuple[Clock, ...] = ("sync", "wall")

@@ -20,12 +20,12 @@ from hil.model.robot import load_robot, parse_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
 from hil.planning.plan import Plan, PlannedRobot
-from hil.planning.profile import Trapezoid
-from sim_plant import plant_channel
-from sim_plant.axis import AxisEvent, Reading
+from hil.planning.trapezoid import Trapezoid
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.eds import EDS_PATH, drive_entries, key
 from sim_plant.drive_settings import DriveSettings
+from sim_plant.machine_protocol import AxisEvent, Reading
+from sim_plant.serving import plant_channel
 from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:

@@ -114,7 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _explained(error: Exception) -> bool:
     """Whether an error's own message is all that the operator needs."""
+    from checked_files.yaml_file import FileError  # noqa: PLC0415 - only once something went wrong
     from drivers.drive_bus import DriveError  # noqa: PLC0415 - only once something went wrong
-    from drivers.yaml_file import FileError  # noqa: PLC0415 - only once something went wrong
 
     return isinstance(error, FileError | DriveError)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drivers.yaml_file import FileError
-from hil.measuring.run_journal import SIMULATED
+from checked_files.yaml_file import FileError
+from hil.runs.journal import SIMULATED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

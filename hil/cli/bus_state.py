@@ -15,10 +15,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drivers.found_settings import load_found_settings
-from drivers.yaml_file import FileError, read_text
-from hil.measuring.atomic_file import operator_told, write_file
-from hil.measuring.run_lock import locked_bus
+from checked_files.yaml_file import FileError, read_text
+from drivers.found_settings.settings_file import load_found_settings
+from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.lock import locked_bus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
+from checked_files.yaml_file import FileError
 from drivers.drives_file import load_drives
-from drivers.yaml_file import FileError
-from hil.cli import drive_commands as shared
+from hil.cli import bus_access as shared
+from hil.cli import check_view, jitter_view
 from hil.cli.arguments import BusOptions, RealTime
 from hil.cli.drive_settings import keeper_of_bus
-from hil.measuring.run_journal import SIMULATED
-from hil.terminal import check_view, jitter_view
+from hil.runs.journal import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     import can
     from numpy.typing import NDArray
 
+    from drivers.commissioning.verdict import Verdict
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.probing.verdict import Verdict
 
     Array = NDArray[np.float64]
 
@@ -67,8 +67,8 @@ def check(
     yes: shared.Yes = False,
 ) -> None:
     """Check every drive against the drives file, at last by a small move of each axis."""
-    from drivers.probing.live_check import check as check_drives  # noqa: PLC0415 - slow to import
-    from drivers.probing.powered_check import SmallMoves  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.check import check as check_drives  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.check_powered import SmallMoves  # noqa: PLC0415 - slow to import
 
     drives = shared.selected(drives_file, axis)
     gravity = None if model is None else _gravity(model, drives)
@@ -104,7 +104,7 @@ def jog(
     yes: shared.Yes = False,
 ) -> None:
     """Move one axis by a small relative way, slowly; no other axis is powered."""
-    from drivers.probing import jog as jogging  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools import jog as jogging  # noqa: PLC0415 - slow to import
 
     drives = load_drives(shared.drives_path(drives_file))
     drive = shared.find_axis(drives, axis)
@@ -139,8 +139,8 @@ def home(
     yes: shared.Yes = False,
 ) -> None:
     """Let one drive find its reference by its own homing mode; no other axis is powered."""
-    from drivers.probing import home as homing  # noqa: PLC0415 - slow to import
-    from drivers.probing.jog import shown  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools import home as homing  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.jog import shown  # noqa: PLC0415 - slow to import
 
     path = shared.drives_path(drives_file)
     drives = load_drives(path)
@@ -163,9 +163,9 @@ def home(
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
     """Return the torques that hold the robot of an identified run at rest."""
-    from hil.measuring.run_folder import RunFolder  # noqa: PLC0415 - slow to import
     from hil.model.dynamics import gravity_torque  # noqa: PLC0415 - slow to import
     from hil.results.model_file import load_model  # noqa: PLC0415 - slow to import
+    from hil.runs.run_folder import RunFolder  # noqa: PLC0415 - slow to import
 
     robot, p = RunFolder.open(run).robot, load_model(run).p
     if robot.n_joints != len(drives.axes):
@@ -178,8 +178,8 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
 
 def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
     """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
-    from drivers.kernel_sync import can_send_sync  # noqa: PLC0415 - slow to import
-    from drivers.probing import wake_ups  # noqa: PLC0415 - slow to import
+    from drivers.can_bus.kernel_sync import can_send_sync  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools import wake_ups  # noqa: PLC0415 - slow to import
 
     found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
     if found is None:

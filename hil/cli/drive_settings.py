@@ -15,17 +15,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveError, DriveRefused
-from drivers.found_settings import NAME, dump_found_settings, load_found_settings
-from drivers.settings_keeper import SettingsKeeper
-from drivers.yaml_file import FileError
-from hil.cli import bus_state
-from hil.cli import drive_commands as shared
+from drivers.found_settings.keeping import SettingsKeeper
+from drivers.found_settings.settings_file import NAME, dump_found_settings, load_found_settings
+from hil.cli import bus_access as shared
+from hil.cli import bus_state, changes_view
 from hil.cli.arguments import PLANT, BusOptions, refuse_no_channel
-from hil.measuring.atomic_file import operator_told, write_file
-from hil.measuring.run_journal import SIMULATED
-from hil.measuring.run_lock import locked
-from hil.terminal import changes_view
+from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.journal import SIMULATED
+from hil.runs.lock import locked
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 
@@ -34,9 +33,9 @@ if TYPE_CHECKING:
 
     import can
 
+    from drivers.canopen.sdo import Entry
     from drivers.drives_file import DrivesFile
-    from drivers.found_settings import FoundSettings
-    from drivers.sdo import Entry
+    from drivers.found_settings.settings_file import FoundSettings
 
 REPLAY = "replay"
 
@@ -155,7 +154,7 @@ def restore(
 
 def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
     """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
-    from drivers.probing.put_back import put_back  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.put_back import put_back  # noqa: PLC0415 - slow to import
 
     failed = False
     for drive in settings.unrestored:
@@ -224,8 +223,8 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
     DriveError
         Drives that cannot serve, a line each, after the others' tables.
     """
-    from drivers.announcement import announce  # noqa: PLC0415 - slow to import
-    from drivers.probing.standing import StandingDrives  # noqa: PLC0415 - slow to import
+    from drivers.commissioning.announcement import announce  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.unpowered import StandingDrives  # noqa: PLC0415 - slow to import
 
     keeper.open(drives)
     problems: list[DriveError] = []

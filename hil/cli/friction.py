@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 from hil.cli.arguments import NewPlan, RobotName, RunPath, refuse_existing
 from hil.cli.measuring import run
-from hil.measuring.atomic_file import write_file
+from hil.cli.run_session import show_remarks
 from hil.model.robot import load_robot
 from hil.planning.plan import dump_plan
 from hil.planning.workspace import load_workspace
+from hil.runs.atomic_file import write_file
 from hil.terminal.console import out
-from hil.terminal.run_command import show_remarks
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -82,9 +82,9 @@ def fit(
     ] = None,
 ) -> None:
     """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""
+    from hil.cli import friction_view  # noqa: PLC0415 - slow to import
     from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415 - slow to import
     from hil.results import friction_file  # noqa: PLC0415 - slow to import
-    from hil.terminal import friction_view  # noqa: PLC0415 - slow to import
 
     found = friction_file.fit(folder, model, BOUND if asymmetry is None else asymmetry)
     friction_view.render(found, out)
@@ -94,15 +94,15 @@ def fit(
 def _planned(
     experiment: Experiment, robot: Robot, axes: list[int], workspace: Workspace | None
 ) -> Plan:
-    from hil.planning import friction_plans  # noqa: PLC0415 - slow to import
+    from hil.planning.design import friction  # noqa: PLC0415 - slow to import
 
     if experiment is Experiment.SWEEP:
-        return friction_plans.sweep(robot, axes, workspace=workspace)
+        return friction.sweep(robot, axes, workspace=workspace)
     if len(axes) != 1:
         raise typer.BadParameter(f"{experiment.value} takes one axis", param_hint="--axis")
     if experiment is Experiment.STOPS:
-        return friction_plans.stops(robot, axes[0], workspace=workspace)
-    return friction_plans.operation(robot, axes[0], workspace=workspace)
+        return friction.stops(robot, axes[0], workspace=workspace)
+    return friction.operation(robot, axes[0], workspace=workspace)
 
 
 def _index(number: int, robot: Robot) -> int:

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from checked_files.yaml_file import FileError
 from drivers.canopen_bus import open_drive_bus
 from drivers.drives_file import load_drives
-from drivers.yaml_file import FileError
-from hil.cli import drive_commands, drive_settings
+from hil.cli import bus_access, drive_settings
 from hil.cli.arguments import BusOptions, RealTime, bus_options, refuse_no_channel
 from hil.cli.planning import PlanFile, RobotOption, WorkspaceOption, load, refuse_problems
-from hil.measuring.atomic_file import operator_told
+from hil.cli.robot_match import StatedAxis, refuse_contradictions
+from hil.cli.run_session import carry_out, prepare_folder
 from hil.measuring.rehearsal import SPEED
-from hil.measuring.run_journal import SIMULATED
 from hil.model.robot import ROBOTS
 from hil.planning.dry_run import dry_run
+from hil.runs.atomic_file import operator_told
+from hil.runs.journal import SIMULATED
 from hil.terminal.console import out
-from hil.terminal.drives_check import StatedAxis, refuse_contradictions
-from hil.terminal.run_command import carry_out, prepare_folder
 
 if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
@@ -93,7 +93,7 @@ def run(
     options = bus_options(bus_option)
     if what_changes:
         kept = drive_settings.kept_in(output, interface, channel)
-        with drive_commands.opened(interface, channel, drives.bitrate, bus_option) as bus:
+        with bus_access.opened(interface, channel, drives.bitrate, bus_option) as bus:
             drive_settings.show_changes(drives, bus, kept)
         out.print("nothing was written, nothing was powered", highlight=False)
         return
@@ -107,9 +107,7 @@ def run(
             f"{interface} {channel}",
             out,
             speed if rehearse else None,
-            lambda: drive_commands.real_time_if(
-                realtime, lock_step=_in_lock_step(interface, pacing)
-            ),
+            lambda: bus_access.real_time_if(realtime, lock_step=_in_lock_step(interface, pacing)),
         )
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from drivers.drives_file import load_drives
-from hil.cli import drive_commands as shared
+from hil.cli import bus_access as shared
+from hil.cli import monitor_view
 from hil.cli.arguments import BusOptions
-from hil.measuring.run_journal import SIMULATED
-from hil.terminal import monitor_view
+from hil.runs.journal import SIMULATED
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import can
 
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.probing.watch import AxisPicture, BusPicture
+    from drivers.operator_tools.monitor import AxisPicture, BusPicture
 
 commands = typer.Typer()
 
@@ -46,7 +46,7 @@ def monitor(
     ] = False,
 ) -> None:
     """Show states, positions, torques and emergencies live; sends nothing unless asked to."""
-    from drivers.probing.watch import BusPicture, questions  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.monitor import BusPicture, questions  # noqa: PLC0415 - slow to import
 
     drives = load_drives(shared.drives_path(drives_file))
     picture, asked = BusPicture(drives), questions(drives) if inputs else ()

@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
+from hil.cli import dry_run_view, robot_view
 from hil.cli.arguments import NewPlan, RobotName, refuse_existing
-from hil.measuring.atomic_file import write_file
+from hil.cli.run_session import show_remarks, with_workspace
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.dry_run import BITRATE, dry_run
 from hil.planning.plan import LONGEST, dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace import load_workspace
-from hil.terminal import dry_run_view, robot_view
+from hil.runs.atomic_file import write_file
 from hil.terminal.console import out
-from hil.terminal.run_command import show_remarks, with_workspace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.noise_levels import Levels
-    from hil.measuring.run_folder import RunFolder
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
-    from hil.planning.noise import Noise
     from hil.planning.plan import Plan
+    from hil.planning.prediction.noise import Noise
+    from hil.runs.run_folder import RunFolder
 
 commands = typer.Typer()
 
@@ -72,8 +72,8 @@ def dry_run_(
     dry_run_view.render(result, out)
     refuse_problems(result, plan_file)
     if result.groups:
-        from hil.planning.precision import predict  # noqa: PLC0415 - slow to import, used here only
-        from hil.terminal import precision_view  # noqa: PLC0415 - slow to import, used here only
+        from hil.cli import precision_view  # noqa: PLC0415 - slow to import, used here only
+        from hil.planning.prediction.precision import predict  # noqa: PLC0415 - slow to import, used here only
 
         noise = noise_of(the_robot, noise_from, drives_file)
         found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
@@ -125,12 +125,12 @@ def plan(
         guard = None if workspace is None else load_workspace(workspace, the_robot)
         show_remarks(guard, the_robot, out)
         if minutes is None:
-            from hil.planning.experiment_design import COUNTS, design  # noqa: PLC0415 - slow to import
+            from hil.planning.design.by_counts import COUNTS, design  # noqa: PLC0415 - slow to import
 
             asked = gravity or COUNTS[0], inertia or COUNTS[1], coupling or COUNTS[2]
             designed = design(the_robot, asked, warm_up, guard)
         else:
-            from hil.planning.budget import design_within  # noqa: PLC0415 - slow to import
+            from hil.planning.design.by_minutes import design_within  # noqa: PLC0415 - slow to import
 
             noise = noise_of(the_robot, noise_from)
             designed = design_within(the_robot, minutes, noise, warm_up, guard)
@@ -176,7 +176,7 @@ def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) ->
     FileError
         The run is of another robot.
     """
-    from hil.planning.noise import stated_noise  # noqa: PLC0415 - slow to import, used here only
+    from hil.planning.prediction.noise import stated_noise  # noqa: PLC0415 - slow to import, used here only
 
     if run is None:
         return stated_noise(robot, _resolution(robot, drives_file))
@@ -190,9 +190,9 @@ def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) ->
 
 
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
-    from hil.planning.budget import refine  # noqa: PLC0415 - slow to import, used here only
-    from hil.planning.precision import information, precision  # noqa: PLC0415 - slow to import
-    from hil.terminal import precision_view  # noqa: PLC0415 - slow to import, used here only
+    from hil.cli import precision_view  # noqa: PLC0415 - slow to import, used here only
+    from hil.planning.design.by_minutes import refine  # noqa: PLC0415 - slow to import, used here only
+    from hil.planning.prediction.precision import information, precision  # noqa: PLC0415 - slow to import
 
     folders, (noise, known) = _experience(runs)
     first, robot = folders[0], folders[0].robot
@@ -208,8 +208,8 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
 
 
 def _experience(runs: Sequence[Path]) -> tuple[list[RunFolder], Levels]:
-    from hil.results.experience import experience  # noqa: PLC0415 - slow to import, used here only
-    from hil.results.pooling import open_runs  # noqa: PLC0415 - slow to import, used here only
+    from hil.results.prior_knowledge import experience  # noqa: PLC0415 - slow to import, used here only
+    from hil.runs.pooling import open_runs  # noqa: PLC0415 - slow to import, used here only
 
     folders = open_runs(runs)
     return folders, experience(folders)
@@ -222,8 +222,8 @@ def _write(output: Path, designed: Plan) -> None:
 
 def _resolution(robot: Robot, drives_file: Path | None) -> list[float] | None:
     """Smallest steps of the torques, if a drives file states them [N m]."""
+    from drivers.axis import AxisScale  # noqa: PLC0415 - slow to import, used here only
     from drivers.drives_file import load_drives  # noqa: PLC0415 - slow to import, used here only
-    from drivers.scaling import AxisScale  # noqa: PLC0415 - slow to import, used here only
 
     path = drives_file or ROBOTS / f"{robot.name}.drives.yaml"
     if drives_file is None and not path.exists():

@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from hil.cli.arguments import RunPath
-from hil.measuring.run_folder import RunFolder
 from hil.model.robot import load_robot
+from hil.runs.run_folder import RunFolder
 from hil.terminal.console import out
 
 commands = typer.Typer()
@@ -34,9 +34,9 @@ def identify(
     ] = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
+    from hil.cli import estimate_view, friction_view  # noqa: PLC0415 - slow to import
     from hil.estimation.friction.symmetry import of_local_values  # noqa: PLC0415 - slow to import
     from hil.results import model_file  # noqa: PLC0415 - slow to import, used here only
-    from hil.terminal import estimate_view, friction_view  # noqa: PLC0415 - slow to import
 
     begun = perf_counter()
     found = model_file.identify(folder, method.value, others or ())
@@ -56,7 +56,7 @@ def report(
     ] = None,
 ) -> None:
     """Write a run's report, one HTML file."""
-    from hil.results import report as module  # noqa: PLC0415 - slow to import, used here only
+    from hil.report import page as module  # noqa: PLC0415 - slow to import, used here only
 
     begun = perf_counter()
     path = module.report(folder, figures)
@@ -71,7 +71,7 @@ def compare(
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
-    from hil.results import compare as module  # noqa: PLC0415 - slow to import, used here only
+    from hil.study import comparison as module  # noqa: PLC0415 - slow to import, used here only
 
     module.compare(folder, truth, out, method.value)
 
@@ -86,23 +86,26 @@ def payload(
     ] = None,
 ) -> None:
     """Find a load from two runs, without and with it; writes payload.yaml into the second."""
-    from hil.results import load, load_file  # noqa: PLC0415 - slow to import, used here only
-    from hil.terminal import load_view  # noqa: PLC0415 - slow to import, used here only
+    from hil.cli import payload_view  # noqa: PLC0415 - slow to import, used here only
+    from hil.results import payload, payload_file  # noqa: PLC0415 - slow to import, used here only
 
-    found = load.find_load(without, loaded, mass)
-    load_view.render(found, out)
-    _show_place("load", load_file.write_load(without, loaded, found), loaded)
+    found = payload.find_load(without, loaded, mass)
+    payload_view.render(found, out)
+    _show_place("load", payload_file.write_load(without, loaded, found), loaded)
 
 
 @commands.command()
 def diagnose(folder: RunPath) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
+    from hil.cli import diagnosis_view  # noqa: PLC0415 - slow to import, used here only
+    from hil.report.plots.diagnosis import (  # noqa: PLC0415 - slow to import, used here only
+        write_diagnosis_plots,
+    )
     from hil.results import diagnosis, diagnosis_file  # noqa: PLC0415 - slow to import
-    from hil.terminal import diagnosis_view  # noqa: PLC0415 - slow to import, used here only
 
     found = diagnosis.diagnose(folder)
     diagnosis_view.render(found, out)
-    plots = diagnosis_file.write_plots(folder, found)
+    plots = write_diagnosis_plots(folder, found)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
     _show_place("diagnosis", diagnosis_file.write_diagnosis(folder, found), folder)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 
@@ -45,11 +45,11 @@ def drift(
     ] = None,
 ) -> None:
     """Set the two-step method against conventional ones, friction drifting or not."""
+    from hil.cli import study_view  # noqa: PLC0415
     from hil.study import drift as campaigns  # noqa: PLC0415 - slow to import, used here only
     from hil.study import execution, summary  # noqa: PLC0415
     from hil.study.campaigns import KINDS  # noqa: PLC0415
     from hil.study.scenarios import SCENARIOS  # noqa: PLC0415
-    from hil.terminal import study_view  # noqa: PLC0415
 
     scenarios = _known(scenario, tuple(SCENARIOS), "--scenario") or tuple(SCENARIOS)
     kinds = _known(kind, KINDS, "--kind") or KINDS[:3]

@@ -10,13 +10,13 @@ from typing import Annotated
 
 import typer
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 from hil.cli.arguments import NewPlan, RobotName, RunPath, refuse_existing
 from hil.estimation.signals import NotEnoughData
-from hil.measuring.atomic_file import write_file
-from hil.measuring.run_folder import RunFolder
 from hil.model.robot import load_robot
 from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan
+from hil.runs.atomic_file import write_file
+from hil.runs.run_folder import RunFolder
 from hil.terminal.console import out
 
 trajectory = typer.Typer(
@@ -47,7 +47,7 @@ def plan(
     warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand \\[s].")] = 0.0,
 ) -> None:
     """Optimise a trajectory within the limits."""
-    from hil.planning.trajectory_design import (  # noqa: PLC0415 - slow to import, used here only
+    from hil.planning.design.trajectories import (  # noqa: PLC0415 - slow to import, used here only
         condition,
         design_trajectory,
     )
@@ -78,9 +78,9 @@ def identify(
     ),
 ) -> None:
     """Estimate base parameters from the trajectories of a run, friction jointly."""
+    from hil.cli.conventional_view import render  # noqa: PLC0415 - used here only
     from hil.estimation.conventional import variants  # noqa: PLC0415 - slow to import
     from hil.results.model_file import recorded  # noqa: PLC0415 - slow to import
-    from hil.terminal.conventional_view import render  # noqa: PLC0415 - used here only
 
     if variant not in variants.VARIANTS:
         known = "; ".join(variants.VARIANTS)

@@ -26,8 +26,8 @@ import numpy as np
 from hil.estimation.signals import NotEnoughData
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
-from hil.planning.columns import SLOW
 from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.regression.terms import SLOW
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,11 +6,12 @@ normal equations leave at the solution of all,
 
     s = X'(y - X x),   E(s s') = a S_white + b S_wander,
 
-with both matrices as for a prediction (`hil.planning.foreseen`). Scores are taken through what they
-do to the base parameters, in the metric of the information, and summed over the measurements of a
-kind. From these sums, chi-squared with as many degrees of freedom as their covariances say, a and b
-of each axis are the most likely ones. Their prior is log-normal: for a about the residuals' level,
-for b about what was expected beforehand (`hil.planning.noise`), and wide.
+with both matrices as for a prediction (`hil.planning.prediction.information`). Scores are taken
+through what they do to the base parameters, in the metric of the information, and summed over the
+measurements of a kind. From these sums, chi-squared with as many degrees of freedom as their
+covariances say, a and b of each axis are the most likely ones. Their prior is log-normal: for a
+about the residuals' level, for b about what was expected beforehand
+(`hil.planning.prediction.noise`), and wide.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from hil.estimation.joint import Joint
-from hil.estimation.normal_equations import solved
+from hil.estimation.simultaneous import Joint
 from hil.model.base_parameters import base_parameters
-from hil.planning.columns import FEWEST, place, usable
-from hil.planning.foreseen import shares
-from hil.planning.noise import MINUTE, Noise, stated_noise
-from hil.planning.precision import added_up
-from hil.planning.smoothing import noise_gain
+from hil.planning.prediction.information import shares
+from hil.planning.prediction.noise import MINUTE, Noise, stated_noise
+from hil.planning.prediction.precision import added_up
+from hil.regression.least_squares import solved
+from hil.regression.terms import FEWEST, place, usable
+from hil.regression.window import noise_gain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,9 +40,9 @@ if TYPE_CHECKING:
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.foreseen import Share
     from hil.planning.measurement import Strokes
-    from hil.planning.precision import Information
+    from hil.planning.prediction.information import Share
+    from hil.planning.prediction.precision import Information
 
     Array = NDArray[np.float64]
     Prepared = Sequence[tuple[Strokes, Signals]]

@@ -11,7 +11,7 @@ low-pass". Here that is a Butterworth filter of order four run forth and back: p
 magnitude that of order eight, 6 dB down at the cut-off frequency (`Signals.filtered`). Its response
 rings on for longer than a reversal of friction lasts. So the improved method takes a Blackman
 window instead, which is phase-neutral too and soon ends (`Signals.smoothed`,
-`hil.planning.smoothing`).
+`hil.regression.window`).
 
 Nothing is reflected or extrapolated where it matters: recordings begin and end with samples at
 rest, and samples closer to an end or to a missing sample than the filters reach are marked invalid.
@@ -26,12 +26,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage, signal
 
-from hil.planning.smoothing import half_width, smooth
+from hil.regression.window import half_width, smooth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.measuring.recording import Recording
+    from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]

@@ -1,7 +1,7 @@
 """Least squares over all measurements within a subspace of the base parameters, with p-values.
 
 Standard errors come from leaving out one measurement at a time (the delete-one jackknife of
-`hil.estimation.identification`). How few measurements carry a coefficient decides what its ratio to
+`hil.estimation.identify`). How few measurements carry a coefficient decides what its ratio to
 its standard error is worth: Student's t with
 
     (sum v)^2 / sum v^2
@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from hil.estimation.normal_equations import solved
+from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.estimation.joint import Joint
+    from hil.estimation.simultaneous import Joint
 
     Array = NDArray[np.float64]
 

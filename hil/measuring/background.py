@@ -15,7 +15,7 @@ import time
 from threading import Thread
 from typing import TYPE_CHECKING
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

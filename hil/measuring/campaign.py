@@ -12,21 +12,21 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hil.measuring.axis_limits import limited, refuse_beyond
 from hil.measuring.background import Background
+from hil.measuring.checks.axis_limits import limited, refuse_beyond
 from hil.measuring.events import Recorded
-from hil.measuring.recording_file import Measured
 from hil.measuring.rehearsal import rehearse
 from hil.measuring.sequencer import measure, never
-from hil.measuring.sync_timing import SyncTiming
+from hil.runs.recording_file import Measured
+from hil.runs.sync_timing import SyncTiming
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
 
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
-    from hil.measuring.run_folder import RunFolder
     from hil.model.robot import Robot
+    from hil.runs.run_folder import RunFolder
 
 
 def run_campaign(

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hil.measuring.finding import Finding
-    from hil.measuring.recording import Recording
     from hil.planning.measurement import Measurement
+    from hil.runs.finding import Finding
+    from hil.runs.recording import Recording
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,22 +13,22 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import LimitExceeded, Move, MoveFailed
-from hil.measuring.jumps import refuse_jumps
-from hil.measuring.recording import IDLE, Recorder
-from hil.planning.guarded_paths import refuse_travel
+from hil.measuring.checks.encoder_jumps import refuse_jumps
 from hil.planning.measurement import PARTNER_TURN, REST, SETTLED, Coupling
+from hil.planning.path_clearance import refuse_travel
 from hil.planning.timetable import travel_time
 from hil.planning.workspace import narrowed
+from hil.runs.recording import IDLE, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.drive_bus import DriveBus, Sample
-    from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.measurement import Strokes
-    from hil.planning.profile import Trapezoid
+    from hil.planning.trapezoid import Trapezoid
     from hil.planning.workspace import Workspace
+    from hil.runs.recording import Recording
 
 OVERDUE = 1.5
 """A move may take this many times its expected duration, plus `GRACE`."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement, Strokes
     from hil.planning.plan import Plan
-    from hil.planning.profile import Trapezoid
+    from hil.planning.trapezoid import Trapezoid
 
 SPEED = 0.2
 """Share of the velocity limits that is not exceeded, unless asked for."""

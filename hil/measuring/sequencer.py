@@ -12,7 +12,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
-from hil.measuring.checks import check
+from hil.measuring.checks.recording_checks import check
 from hil.measuring.events import (
     Finished,
     GaveUp,
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
-    from hil.measuring.finding import Finding
-    from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan, WarmUp
     from hil.planning.timetable import Entry
+    from hil.runs.finding import Finding
+    from hil.runs.recording import Recording
 
 
 LONGEST_STAND = 5.0

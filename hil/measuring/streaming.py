@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import DriveRefused, MoveFailed, StreamingBus
-from hil.measuring.finding import Finding
-from hil.measuring.jumps import refuse_jumps
-from hil.measuring.recording import Recorder
+from hil.measuring.checks.encoder_jumps import refuse_jumps
 from hil.planning.trajectory import REST
+from hil.runs.finding import Finding
+from hil.runs.recording import Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from drivers.drive_bus import DriveBus, Sample
-    from hil.measuring.recording import Recording
     from hil.planning.trajectory import Trajectory
+    from hil.runs.recording import Recording
 
 GRACE = 5.0
 """Time for settling before a trajectory counts as failed [s]."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.yaml_file import FileError, line_of, parse_yaml, read_text
+from checked_files.yaml_file import FileError, line_of, parse_yaml, read_text
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
 

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
-from drivers.yaml_file import FileModel
+from checked_files.yaml_file import FileModel
 from hil.model.polynomial import parse
 
 LinkParameter = Literal["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "sz", "m"]

@@ -2,8 +2,8 @@
 
 Three questions are answered. Does every configuration, stroke and profile keep inside the robot's
 limits and the arm out of forbidden boxes, and is each stroke long enough for what it is to show
-(`Problem`)? How long will it take and
-how much of the bus will it use? What can be identified from it (`hil.planning.identifiability`)?
+(`Problem`)? How long will it take and how much of the bus will it use? What can be identified from
+it (`hil.planning.prediction.identifiability`)?
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.planning.guarded_paths import obstacles
-from hil.planning.identifiability import Identifiability, identifiability
 from hil.planning.measurement import (
     MARGIN,
     PARTNER_TURN,
@@ -24,6 +22,8 @@ from hil.planning.measurement import (
     Friction,
     Inertia,
 )
+from hil.planning.path_clearance import obstacles
+from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
 from hil.planning.trajectory import Trajectory
 from hil.planning.trajectory_check import check_trajectory

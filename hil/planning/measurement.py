@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from drivers.yaml_file import FileModel
-from hil.planning.numbers import Name, Positive, Real
-from hil.planning.profile import Trapezoid
+from checked_files.yaml_file import FileModel
+from hil.planning.plan_values import Name, Positive, Real
 from hil.planning.trajectory import Trajectory
+from hil.planning.trapezoid import Trapezoid
 
 if TYPE_CHECKING:
     from typing import Self

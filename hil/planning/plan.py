@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import yaml
 from pydantic import AfterValidator, Field, field_validator
 
-from drivers.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.planning.measurement import (
     Coupling,
     Friction,
@@ -23,7 +23,7 @@ from hil.planning.measurement import (
     Measurement,
     Partner,
 )
-from hil.planning.numbers import Fraction, rounded
+from hil.planning.plan_values import Fraction, rounded
 from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Workspace, refuse_unfit
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.profile import Trapezoid
+from hil.planning.trapezoid import Trapezoid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from drivers.yaml_file import FileModel
-from hil.planning.numbers import Name, Positive, Real
+from checked_files.yaml_file import FileModel
+from hil.planning.plan_values import Name, Positive, Real
 
 if TYPE_CHECKING:
     from typing import Self

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator, model_validator
 
-from drivers.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
+from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.model.robot_file import Point
-from hil.planning.workspace_fit import misfits
+from hil.planning.workspace_check import misfits
 
 if TYPE_CHECKING:
     from pathlib import Path

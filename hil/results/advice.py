@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.identification import GROUP_OF
+from hil.estimation.identify import GROUP_OF
 from hil.model.base_parameters import base_parameters
-from hil.planning.identifiability import observations
 from hil.planning.measurement import Coupling
+from hil.planning.prediction.identifiability import observations
 from hil.planning.trajectory import Trajectory
 from hil.results.rounding import signed
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
-    from hil.measuring.recording_file import Measured
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.results.prediction import Prediction
+    from hil.runs.recording_file import Measured
 
     Array = NDArray[np.float64]
 

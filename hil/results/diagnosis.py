@@ -5,20 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from drivers.yaml_file import FileError
-from hil.estimation.identification import NotIdentifiable, estimate
-from hil.estimation.model_errors import examine
+from checked_files.yaml_file import FileError
+from hil.estimation.absent_parameters import examine
+from hil.estimation.gravity_phase import Phase, shifted_most
+from hil.estimation.identify import NotIdentifiable, estimate
 from hil.estimation.signals import signals
-from hil.measuring.run_folder import RunFolder
 from hil.planning.trajectory import Trajectory
 from hil.results.model_file import recorded
-from hil.results.phase import Phase, shifted_most
+from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
-    from hil.estimation.model_errors import ModelErrors
     from hil.model.robot import Robot
 
 

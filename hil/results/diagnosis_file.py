@@ -12,23 +12,19 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import yaml
 
-from drivers.yaml_file import FileModel, load_yaml
-from hil.measuring.atomic_file import own_folder, write_file
-from hil.measuring.run_folder import RunFolder
-from hil.measuring.run_journal import now
+from checked_files.yaml_file import FileModel, load_yaml
+from hil.estimation.gravity_phase import Phase, Sinusoid
 from hil.model.base_parameters import base_parameters
-from hil.results.findings_plots import residuals_over_angles, shifted_sinusoid
-from hil.results.phase import Phase, Sinusoid
-from hil.results.plot_style import drawn, image
-from hil.results.run_stamp import RunStamp, same_parameters
+from hil.results.stamp import RunStamp, same_parameters
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now
+from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure
-
+    from hil.estimation.absent_parameters import Candidate
     from hil.estimation.estimate import Estimate
-    from hil.estimation.model_errors import Candidate
     from hil.results.diagnosis import Diagnosis
 
 NAME = "diagnosis.yaml"
@@ -37,7 +33,7 @@ NEEDLESS = 0.05
 
 
 class CandidateRecord(FileModel):
-    """Left-out parameters that look alike; see `hil.estimation.model_errors.Candidate`."""
+    """Left-out parameters that look alike; see `hil.estimation.absent_parameters.Candidate`."""
 
     names: tuple[str, ...]
     value: float
@@ -62,7 +58,7 @@ class Needless(FileModel):
 
 
 class PhaseRecord(FileModel):
-    """Fig. 7 as figures; see `hil.results.phase.Phase`. Axes count from 1."""
+    """Fig. 7 as figures; see `hil.estimation.gravity_phase.Phase`. Axes count from 1."""
 
     axis: int
     over: int
@@ -129,28 +125,6 @@ def write_diagnosis(run_folder: Path, found: Diagnosis) -> Path:
     content = _content(folder, found).model_dump(mode="json")
     write_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
     return path
-
-
-def write_plots(run_folder: Path, found: Diagnosis) -> Path:
-    """Draw residuals over angles and, where there is one, Fig. 7; return their folder."""
-    place = run_folder / "diagnosis"
-    own_folder(place)
-    with drawn():
-        for name, figure in _figures(found).items():
-            write_file(place / f"{name}.svg", image(figure, "svg"))
-    return place
-
-
-def _figures(found: Diagnosis) -> dict[str, Figure]:
-    local, n = found.estimate.local, found.robot.n_joints
-    figures = {
-        kind: residuals_over_angles([v for v in local if v.kind == kind], n, symbol, unit)
-        for kind, symbol, unit in (("gravity", "g", "N m"), ("inertia", "M", "kg m²"))
-    }
-    if found.phase is not None:
-        labels = ", ".join(c.label for c in found.errors.found)
-        figures["phase"] = shifted_sinusoid(found.phase, labels)
-    return figures
 
 
 def load_diagnosis(folder: RunFolder) -> DiagnosisFile | None:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import yaml
 
-from drivers.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.estimation.friction.models import KINDS, UNIT, FrictionModel, Kind
 from hil.estimation.friction.symmetry import BOUND
-from hil.measuring.atomic_file import write_file
-from hil.measuring.run_folder import RunFolder
-from hil.measuring.run_journal import now
-from hil.results.friction_result import FrictionResult, evaluate
+from hil.results.friction import FrictionResult, evaluate
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now
+from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 from hil.results.friction_file import NAME, load_friction
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import yaml
 
-from drivers.yaml_file import FileError, FileModel, load_yaml
-from hil.estimation.identification import Method, NotIdentifiable, estimate
-from hil.measuring.atomic_file import write_file
-from hil.measuring.run_folder import RunFolder
-from hil.measuring.run_journal import now
+from checked_files.yaml_file import FileError, FileModel, load_yaml
+from hil.estimation.identify import Method, NotIdentifiable, estimate
 from hil.model.base_parameters import base_parameters
-from hil.results.pooling import open_runs, pooled, recorded
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now
+from hil.runs.pooling import open_runs, pooled, recorded
+from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,7 +106,7 @@ def identify(
     ----------
     run_folder : path
     method : {"improved", "printed"}
-        See `hil.estimation.identification`.
+        See `hil.estimation.identify`.
     others : sequence of path
         Further runs of the same robot, identified together with the first.
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.dynamics import regressor
-from hil.results.trajectory import free_motion
+from hil.results.validation_motion import free_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.measuring.atomic_file import write_file
 from hil.model.base_parameters import base_parameters
-from hil.planning.experiment_design import COUNTS, design
-from hil.planning.friction_plans import sweep
+from hil.planning.design.by_counts import COUNTS, design
+from hil.planning.design.friction import sweep
+from hil.planning.design.trajectories import design_trajectory
 from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
 from hil.planning.timetable import timetable
-from hil.planning.trajectory_design import design_trajectory
+from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

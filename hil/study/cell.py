@@ -13,7 +13,7 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 from hil.estimation.conventional.products import products
 from hil.estimation.conventional.variants import (
     COMPENSATED,
@@ -22,13 +22,13 @@ from hil.estimation.conventional.variants import (
     identify,
     trajectories,
 )
-from hil.estimation.identification import METHODS, estimates
-from hil.measuring.atomic_file import own_folder, write_file
-from hil.measuring.run_folder import RunFolder
-from hil.results.compare import comparison
-from hil.results.friction_result import evaluate
+from hil.estimation.identify import METHODS, estimates
+from hil.results.friction import evaluate
 from hil.results.model_file import recorded
-from hil.results.truth import true_parameters
+from hil.runs.atomic_file import own_folder, write_file
+from hil.runs.run_folder import RunFolder
+from hil.study.comparison import comparison
+from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -105,7 +105,7 @@ class Outcome:
     ----------
     method : str
     group_error : dict
-        See `hil.results.compare.Comparison`.
+        See `hil.study.comparison.Comparison`.
     torque_error : float
         Mean over joints, relative.
     inside, n : int

@@ -12,13 +12,13 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from drivers.yaml_file import FileError
-from hil.measuring.atomic_file import operator_told, own_folder, write_file
+from checked_files.yaml_file import FileError
 from hil.model.robot import ROBOTS, load_robot
-from hil.results.truth import true_parameters
+from hil.runs.atomic_file import operator_told, own_folder, write_file
 from hil.study.campaigns import KINDS, campaigns
 from hil.study.cell import Cell, judge, measure
 from hil.study.scenarios import SCENARIOS, write_plant
+from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

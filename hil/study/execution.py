@@ -19,7 +19,7 @@ from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from drivers.yaml_file import FileError
-from hil.measuring.atomic_file import operator_told, write_file
-from hil.results.truth import find_plant
+from checked_files.yaml_file import FileError
+from hil.runs.atomic_file import operator_told, write_file
+from hil.study.truth import find_plant
 
 if TYPE_CHECKING:
     from pathlib import Path

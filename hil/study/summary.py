@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from hil.measuring.atomic_file import write_file
-from hil.results.plot_style import GRID, INK, MEASURED, MODEL, MUTED, drawn, image
+from hil.report.plots.style import GRID, INK, MEASURED, MODEL, MUTED, drawn, image
+from hil.runs.atomic_file import write_file
 from hil.study.campaigns import KINDS
 from hil.study.cell import OUR_DEFAULT
 from hil.study.scenarios import SCENARIOS

@@ -11,7 +11,7 @@ import io
 import re
 from typing import TYPE_CHECKING
 
-from drivers.yaml_file import FileError
+from checked_files.yaml_file import FileError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.axis import AxisEvent
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.canopen_node import CanopenNode
 from sim_plant.canopen.emcy import ErrorCode
@@ -33,14 +32,15 @@ from sim_plant.drive.mode import CYCLIC_POSITION, HOMING, ModeOfOperation
 from sim_plant.drive.motion import Motion, Ramp
 from sim_plant.drive.profile_position import ProfilePosition, StatusLags
 from sim_plant.drive.target_window import TargetWindow
+from sim_plant.machine_protocol import AxisEvent
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_plant.axis import Axis
     from sim_plant.canopen.timers import Timers
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
+    from sim_plant.machine_protocol import Axis
     from sim_plant.personality import Personality
 
 _OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}

@@ -15,8 +15,8 @@ from sim_plant.drive.cia402_states import Control, Status
 from sim_plant.drive.motion import Motion, Ramp
 
 if TYPE_CHECKING:
-    from sim_plant.axis import Reading
     from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.machine_protocol import Reading
 
 PERIOD = 0x60C2
 _FOLLOWED = int(Status.SET_POINT_ACKNOWLEDGE)

@@ -18,10 +18,10 @@ from sim_plant.drive.cia402_states import Control, Status
 from sim_plant.drive.motion import Motion, Ramp
 
 if TYPE_CHECKING:
-    from sim_plant.axis import Reading
     from sim_plant.canopen.object_dictionary import ObjectDictionary
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
+    from sim_plant.machine_protocol import Reading
 
 NEGATIVE_SWITCH, POSITIVE_SWITCH, PRESENT, PRESENT_POSITION = 17, 18, 35, 37
 METHODS = (NEGATIVE_SWITCH, POSITIVE_SWITCH, PRESENT, PRESENT_POSITION)

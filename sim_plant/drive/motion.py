@@ -9,14 +9,14 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
-from sim_plant.axis import AxisEvent
 from sim_plant.drive.units import Units
+from sim_plant.machine_protocol import AxisEvent
 
 if TYPE_CHECKING:
-    from sim_plant.axis import Axis
     from sim_plant.canopen.object_dictionary import ObjectDictionary
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
+    from sim_plant.machine_protocol import Axis
 
 _COMPLETION = int(AxisEvent.DONE | AxisEvent.STANDSTILL)
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sim_plant.axis import Reading
 from sim_plant.compiled import compiled
+from sim_plant.machine_protocol import Reading
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,7 +69,7 @@ class ProcessImage:
         _latch_and_pack(self.values, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
     def latch(self, readings: Integers) -> bool:
-        """Take what `sim_plant.axis.Machine.read` returned; tell whether any axis has news."""
+        """Take what `Machine.read` returned; tell whether any axis has news."""
         return _latch_and_pack(readings, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
     def news(self) -> list[int]:

@@ -21,11 +21,11 @@ from sim_plant.drive.cia402_states import Control, Status
 from sim_plant.drive.motion import Motion, Ramp
 
 if TYPE_CHECKING:
-    from sim_plant.axis import Reading
     from sim_plant.canopen.emcy import Emergencies
     from sim_plant.canopen.object_dictionary import ObjectDictionary
     from sim_plant.drive.lagging_bit import LaggingBit
     from sim_plant.drive.target_window import TargetWindow
+    from sim_plant.machine_protocol import Reading
 
 TARGET_MIN, TARGET_MAX = -(2**31), 2**31 - 1
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
 
-from drivers.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel, load_yaml
 
 if TYPE_CHECKING:
     from typing import Self

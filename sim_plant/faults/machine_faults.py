@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.axis import Reading
+from sim_plant.machine_protocol import Reading
 from sim_plant.physics import friction
 from sim_plant.physics import state as st
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from sim_plant.axis import Axis
     from sim_plant.drive_settings import DriveSettings
+    from sim_plant.machine_protocol import Axis
     from sim_plant.plant import Plant
 
 _WIDTH = len(Reading._fields)
@@ -29,7 +29,7 @@ _CURRENTS = (Reading._fields.index("torque"), Reading._fields.index("current"))
 
 
 class FaultyAxis:
-    """One servo behind an encoder that may have jumped; see `sim_plant.axis.Axis`."""
+    """One servo behind an encoder that may have jumped; see `sim_plant.machine_protocol.Axis`."""
 
     def __init__(self, axis: Axis) -> None:
         self._axis = axis
@@ -89,7 +89,7 @@ class FaultyAxis:
 
 
 class FaultyMachine:
-    """A plant between whose sensors and drives something may be wrong; a `sim_plant.axis.Machine`.
+    """A plant between whose sensors and drives something may be wrong; a `Machine`.
 
     Attributes
     ----------

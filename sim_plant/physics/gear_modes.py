@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_plant.physics import flaws as fl
+from sim_plant.physics import soft_gears as fl
 from sim_plant.physics import state as st
 from sim_plant.physics.rigid_body import WORK, bias_and_mass
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim_plant.compiled import compiled
-from sim_plant.physics import flaws as fl
 from sim_plant.physics import friction, profile_generator, rigid_body, servo
+from sim_plant.physics import soft_gears as fl
 from sim_plant.physics import state as st
 
 if TYPE_CHECKING:

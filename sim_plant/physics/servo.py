@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.axis import AxisEvent
 from sim_plant.compiled import in_order, inlined
-from sim_plant.physics import flaws as fl
+from sim_plant.machine_protocol import AxisEvent
+from sim_plant.physics import soft_gears as fl
 from sim_plant.physics import state as st
 from sim_plant.physics.trigonometry import sin_cos
 
@@ -97,9 +97,9 @@ def latch(
     normal : ndarray, shape (n,)
         Standard normal deviates for the sensors' noise.
     image : ndarray, shape (n, 7)
-        Written, in the order of `sim_plant.axis.Reading`.
+        Written, in the order of `sim_plant.machine_protocol.Reading`.
     flaws : ndarray, shape (n, ...), optional
-        See `sim_plant.physics.flaws`.
+        See `sim_plant.physics.soft_gears`.
     """
     for i in range(const.shape[0]):
         scale, zero = const[i, st.COUNTS_PER_RAD], const[i, st.ZERO]

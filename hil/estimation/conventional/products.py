@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
     from hil.estimation.conventional.friction_terms import Characteristic, Terms
     from hil.estimation.signals import Signals
-    from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
+    from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from hil.estimation.conventional.friction_terms import Characteristic, Terms
     from hil.estimation.conventional.products import Products
     from hil.estimation.conventional.solution import Solver, Weighting
-    from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
+    from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
+    from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
 

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.signals import Signals
-    from hil.measuring.recording import Recording
     from hil.model.robot import Robot
     from hil.planning.measurement import Friction
+    from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]

@@ -1,0 +1,236 @@
+"""All frames of a run beside it, in any format that python-can writes.
+
+A `FrameLog` stands between the driver and its bus and notes what passes, both ways, in the order in
+which the driver sent and received it: with that, `drivers.can_bus.replay_bus` can do the run again.
+A thread writes, so a disk that stalls does not stop the robot; after a kill the log lacks the last
+tenth of a second in the formats that are written line by line (.asc, .log, .trc, .csv), and in .blf
+up to 128 kB, some thousand frames.
+
+Time is that of `FrameLog.clock`, which the driver goes by too: instants of SYNC in the recordings
+are those of the log to the microsecond. A received frame keeps the time stamp of its interface as
+far as that lies between what went before it and the end of the driver's wait for it; beyond that
+it counts as come when the driver took it. Our heartbeats, which a replay passes over, bear the time
+of the frame before. In lock-step time is the plant's and stands still while we send.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections import deque
+from contextlib import suppress
+from threading import Event, Thread
+from typing import TYPE_CHECKING
+
+import can
+
+from checked_files.yaml_file import FileError
+from drivers.can_bus.replay_log import is_heartbeat
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from can.typechecking import CanFilters
+
+log = logging.getLogger(__name__)
+
+SYNC = 0x80
+PAUSE = 0.05
+"""How often the thread looks for frames to write [s]."""
+WAITING_MAX = 100_000
+"""Frames that may wait for the disk: half a minute or more of six axes."""
+TICK = 1e-6
+"""Resolution of the logs [s]."""
+CREDIBLE = 1.0
+"""A time stamp from further back is not by the computer's clock [s]."""
+PATIENCE = 30.0
+"""How long sending waits for a place among them before the log is given up [s]."""
+
+
+class FrameLog(can.BusABC):
+    """A bus that logs the frames of another one, which it owns.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+    path : Path
+        Where to write; its suffix tells the format.
+
+    Raises
+    ------
+    FileError
+        The file is there already, cannot be written, or python-can has no such format.
+    """
+
+    def __init__(self, bus: can.BusABC, path: Path) -> None:
+        self._path = path
+        self._writer = _open_writer(path)
+        self._bus = bus
+        self.lock_step = getattr(bus, "lock_step", False) is True
+        self.channel_info = bus.channel_info
+        self._name = "_".join(bus.channel_info.split())
+        self._epoch = 0.0 if self.lock_step else round(time.time(), 6)
+        self._zero: float | None = None
+        self._reading = 0.0
+        self._begun = False
+        self._latest = 0.0
+        self._sync: can.Message | None = None
+        self._waiting: deque[can.Message] = deque()
+        self._trouble: Exception | None = None
+        self._closing = Event()
+        self._thread = Thread(target=self._write, name=str(path), daemon=True)
+        super().__init__(self._name)
+        self._thread.start()
+
+    def clock(self) -> float:
+        """Time since this was first called, in whole microseconds [s]."""
+        self._reading = self._now()
+        if self._sync is not None and not self.lock_step:
+            self._latest = self._reading
+            self._let_go()
+        return self._reading
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send and log a frame (see `can.BusABC.send`)."""
+        self._bus.send(msg, timeout)
+        self._let_go()
+        if self._begun and not (self.lock_step or is_heartbeat(msg)):
+            self._latest = self._now()
+        self._begun = True  # with the driver's zero
+        sent = can.Message(
+            arbitration_id=msg.arbitration_id,
+            is_extended_id=msg.is_extended_id,
+            is_remote_frame=msg.is_remote_frame,
+            dlc=msg.dlc,
+            data=msg.data,
+            is_rx=False,
+        )
+        if msg.arbitration_id == SYNC:
+            self._sync = sent  # until the driver has read the clock
+        else:
+            self._note(sent)
+        if len(self._waiting) > WAITING_MAX:
+            self._catch_up()
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive and log a frame (see `can.BusABC.recv`).
+
+        Raises
+        ------
+        FileError
+            The log cannot be written any more; told once.
+        """
+        trouble, self._trouble = self._trouble, None
+        if trouble is not None:
+            raise FileError(f"{self._path}: cannot be written: {trouble}") from trouble
+        self._let_go()
+        ends = self._latest
+        if timeout != 0.0 and not self.lock_step:
+            ends = math.inf if timeout is None else self._reading + timeout
+        frame = self._bus.recv(timeout)
+        if frame is not None:
+            self._latest = frame.timestamp if self.lock_step else self._instant(frame, ends)
+            self._note(frame)
+        elif not self.lock_step:
+            self._latest = max(self._latest, ends) + TICK
+        return frame
+
+    def shutdown(self) -> None:
+        """Write what is left, close the log and shut the bus down."""
+        super().shutdown()
+        self._let_go()
+        self._closing.set()
+        self._thread.join()
+        if self._trouble is not None:
+            log.error("%s: cannot be written: %s", self._path, self._trouble)
+            self._trouble = None
+        self._bus.shutdown()
+
+    def _apply_filters(self, filters: CanFilters | None) -> None:
+        self._bus.set_filters(filters)
+
+    def _now(self) -> float:
+        reading = time.perf_counter()
+        if self._zero is None:
+            self._zero = reading
+        return round(reading - self._zero, 6)
+
+    def _instant(self, frame: can.Message, ends: float) -> float:
+        """When a frame came, as the driver saw it that waited until `ends` [s]."""
+        now = self._now()
+        arrived = frame.timestamp - self._epoch
+        if not now - CREDIBLE < arrived <= now:
+            arrived = now
+        return max(self._latest, min(arrived, ends - TICK))
+
+    def _let_go(self) -> None:
+        """Pass on a SYNC whose instant is known."""
+        if self._sync is not None:
+            self._note(self._sync)
+            self._sync = None
+
+    def _note(self, frame: can.Message) -> None:
+        frame.timestamp = self._epoch + self._latest
+        frame.channel = self._name
+        self._waiting.append(frame)
+
+    def _catch_up(self) -> None:
+        ends = time.monotonic() + PATIENCE
+        while self._waiting and self._thread.is_alive():
+            if time.monotonic() > ends:
+                raise FileError(f"{self._path}: the disk took no frame for {PATIENCE:g} s")
+            time.sleep(0.001)
+
+    def _write(self) -> None:
+        try:
+            while not self._closing.wait(PAUSE):
+                self._empty()
+            self._empty()
+            self._writer.stop()
+        except Exception as error:  # each format has its own; `recv` tells
+            self._trouble, self._waiting = error, deque(maxlen=0)
+            with suppress(Exception):
+                self._writer.stop()
+
+    def _empty(self) -> None:
+        while self._waiting:
+            self._writer.on_message_received(self._waiting.popleft())
+        if isinstance(self._writer, can.io.generic.FileIOMessageWriter):
+            self._writer.file.flush()
+        if isinstance(self._writer, can.SqliteWriter):
+            self._wait_for(self._writer)
+
+    @staticmethod
+    def _wait_for(writer: can.SqliteWriter) -> None:
+        """Let .db's own thread catch up: what waits for it when it is stopped, it drops."""
+        ends = time.monotonic() + PATIENCE
+        while not writer.buffer.empty():
+            if time.monotonic() > ends:
+                raise TimeoutError(f"the database took no frame for {PATIENCE:g} s")
+            time.sleep(0.001)
+
+
+def logged(bus: can.BusABC, path: Path) -> FrameLog:
+    """Put a log on a bus, which is shut down where the file cannot be written (`FileError`)."""
+    try:
+        return FrameLog(bus, path)
+    except FileError:
+        bus.shutdown()
+        raise
+
+
+def _open_writer(path: Path) -> can.io.generic.MessageWriter:
+    try:
+        path.open("x").close()
+    except FileExistsError as error:
+        raise FileError(f"{path}: is there already; choose another name") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+    try:
+        return can.Logger(path)
+    except Exception as error:  # a format without its library raises what it likes
+        path.unlink()
+        raise FileError(
+            f"{path}: {error}; choose .asc or .log, which survive a kill best, or .blf"
+        ) from error

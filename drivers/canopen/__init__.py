@@ -1,0 +1,1 @@
+"""CANopen (CiA 301), a file a service."""

@@ -1,0 +1,112 @@
+"""How much of the bus a cycle takes, and how often the drives can be asked.
+
+A cycle is SYNC and every TPDO that answers it, each with the worst stuffing (`frame_length`). The
+rate is bounded by that load and, on the wall clock, by how long the slowest answer takes. What a
+drive answers with is seen when it is set up: where its PDOs are not as we would have them, the load
+is that of the TPDOs that it has.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from drivers.canopen.frame_length import frame_bits
+from drivers.canopen.pdo_mapping import answers, transmitted
+from drivers.canopen.sync_clock import WINDOW
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from drivers.canopen.pdo_mapping import Pdo
+    from drivers.drives_file import DrivesFile
+
+MAX_LOAD = 0.7
+"""Share of the bus beyond which identifiers of low priority starve."""
+
+_SYNC = 0x80
+
+
+def cycle_time(drives: DrivesFile, sent: Sequence[Sequence[Pdo]] | None = None) -> float:
+    """How long SYNC and all its answers occupy the bus [s].
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        Axes and bit rate.
+    sent : sequence, optional
+        The TPDOs of each axis; by default those that we would have.
+    """
+    pdos = [transmitted(axis) for axis in drives.axes] if sent is None else sent
+    sizes = [pdo.size for own in pdos for pdo in own]
+    return (frame_bits(0) + sum(map(frame_bits, sizes))) / drives.bitrate
+
+
+def achievable_rate(
+    drives: DrivesFile, answer: float = 0.0, sent: Sequence[Sequence[Pdo]] | None = None
+) -> float:
+    """Return the highest rate of SYNC [1/s].
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        Axes and bit rate.
+    answer : float
+        How long the slowest answer to a SYNC takes [s].
+    sent : sequence, optional
+        See `cycle_time`.
+    """
+    return 1 / max(cycle_time(drives, sent) / MAX_LOAD, answer / WINDOW)
+
+
+class StopwatchBus(can.BusABC):
+    """A bus that notes how long the answers to each SYNC take.
+
+    Parameters
+    ----------
+    inner : can.BusABC
+        The bus that it stands for; shutting this one down leaves that one open.
+    drives : DrivesFile
+        Whose TPDOs are answers.
+    clock : callable
+        [s].
+
+    Attributes
+    ----------
+    answers : list of float
+        From each SYNC to the last TPDO that followed it [s].
+    """
+
+    def __init__(
+        self,
+        inner: can.BusABC,
+        drives: DrivesFile,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.answers: list[float] = []
+        self.lock_step = getattr(inner, "lock_step", False)
+        self.channel_info = inner.channel_info
+        self._inner = inner
+        self._clock = clock
+        self._expected = {cob_id for axis in drives.axes for cob_id in answers(axis)}
+        self._sent: float | None = None
+        super().__init__("stopwatch")
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame."""
+        if msg.arbitration_id == _SYNC:
+            self._sent = self._clock()
+            self.answers.append(0.0)
+        self._inner.send(msg, timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive a frame; an answer to SYNC is noted."""
+        frame = self._inner.recv(timeout)
+        if frame is not None and self._sent is not None and frame.arbitration_id in self._expected:
+            self.answers[-1] = self._clock() - self._sent
+        return frame
+
+    def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
+        return self._inner.recv(timeout), True

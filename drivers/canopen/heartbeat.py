@@ -1,0 +1,157 @@
+"""Heartbeats both ways (CiA 301): ours, which the drives watch, and theirs, which we watch.
+
+The drives stop by themselves when our heartbeat stays away (1016, 6007): that saves the robot when
+this process dies. In the other direction a node that falls silent, restarts or leaves the state
+OPERATIONAL is trouble. Time is that of SYNC's pacing, so in lock-step it stands still between two
+SYNCs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import can
+
+from drivers.drive_bus import NodeSilent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from drivers.canopen.network import PumpedNetwork
+
+OPERATIONAL = 0x05
+PRE_OPERATIONAL = 0x7F
+_STATES = {
+    0x00: "has restarted (boot-up)",
+    0x04: "is stopped",
+    PRE_OPERATIONAL: "is pre-operational",
+}
+
+
+class Heartbeats:
+    """Sends our heartbeat and watches those of the drives.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        Where they are sent and heard.
+    master : int
+        Our node number.
+    labels : mapping of int to str
+        Node number to how messages name the drive.
+    period, timeout : float
+        How often they are sent and how long they may stay away [s].
+    now : callable
+        Time [s].
+
+    Attributes
+    ----------
+    due : float
+        When `service` must be called next [s].
+    trouble : NodeSilent or None
+        Why a drive is no longer with us.
+    ceased : bool
+        Ours is sent no more.
+    requests : list of can.Message
+        Sent with each heartbeat: they ask for the state of drives that watch these requests.
+    """
+
+    def __init__(
+        self,
+        network: PumpedNetwork,
+        master: int,
+        labels: Mapping[int, str],
+        period: float,
+        timeout: float,
+        now: Callable[[], float],
+    ) -> None:
+        self.due = -math.inf
+        self.ceased = False
+        self._next_beat = -math.inf
+        self.trouble: NodeSilent | None = None
+        self.requests: list[can.Message] = []
+        self._network = network
+        self._frame = can.Message(
+            arbitration_id=0x700 + master, data=[OPERATIONAL], is_extended_id=False
+        )
+        self._labels = labels
+        self._period = period
+        self._timeout = timeout
+        self._now = now
+        self._heard: dict[int, float] = {}
+        self._starting: set[int] = set()
+        for node in labels:
+            network.subscribe(0x700 + node, self._on_heartbeat)
+        network.subscribe(0x700 + master, self._on_ours)
+
+    def watch(self) -> None:
+        """Begin to expect the drives' heartbeats, and to send ours where it has ceased.
+
+        The drives are OPERATIONAL from now on.
+
+        A heartbeat from before may still be under way, so the first that says pre-operational
+        does not count.
+        """
+        self.trouble, self.ceased = None, False
+        self._starting = set(self._labels)
+        self._heard = dict.fromkeys(self._labels, self._now())
+
+    def beat(self) -> None:
+        """Send our heartbeat if it is due."""
+        if self._now() >= self._next_beat and not self.ceased:
+            self.hurry()
+
+    def hurry(self) -> None:
+        """Send our heartbeat, due or not, unless it has ceased."""
+        if self.ceased:
+            return
+        self._next_beat = self._now() + self._period
+        self._network.send_frame(self._frame)
+        for request in self.requests:
+            self._network.send_frame(request)
+
+    def cease(self) -> None:
+        """Send neither heartbeat nor requests any more: drives that watch them stop."""
+        self.ceased = True
+
+    def service(self) -> None:
+        """Send our heartbeat if it is due, and look who is overdue."""
+        self.beat()
+        now = self._now()
+        last = min(self._heard.values(), default=math.inf)
+        self.due = min(self._next_beat, last + self._timeout)
+        if self.trouble is None and now - last >= self._timeout:
+            node = min(self._heard, key=self._heard.__getitem__)
+            self.trouble = NodeSilent(
+                f"{self._labels[node]}: no heartbeat for {now - self._heard[node]:.3g} s (limit "
+                f"{self._timeout:g} s); check the drive's supply and the CAN wiring"
+            )
+
+    def _on_ours(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Somebody else sends what the drives watch: they would not miss us."""
+        del data, timestamp
+        if self._heard and self.trouble is None:
+            self.trouble = NodeSilent(
+                f"another master on the bus sends our heartbeat (node {can_id - 0x700}): the drives"
+                " would go on when this process dies; end that master, or give each a master_node"
+                " of its own in the drives file"
+            )
+
+    def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        del timestamp
+        node = can_id - 0x700
+        if node not in self._heard or not data:
+            return
+        state = data[0] & 0x7F
+        starting = node in self._starting
+        self._starting.discard(node)
+        if starting and state == PRE_OPERATIONAL:
+            return
+        self._heard[node] = self._now()
+        if state != OPERATIONAL and self.trouble is None:
+            what = _STATES.get(state, f"shows NMT state {state:02X}h")
+            self.trouble = NodeSilent(
+                f"{self._labels[node]}: {what} in the middle of operation; check the drive's "
+                "supply and that no other master is on the bus"
+            )

@@ -1,0 +1,130 @@
+"""The PDOs that we use: which objects travel in which frame.
+
+Status, position and current must be latched at one SYNC (transmission type 1), so they are best
+carried by one TPDO. Where they do not fit into one frame (a current of 32 bits, or a TPDO that
+takes two objects) the current goes into TPDO 2 of the same SYNC. `pdo_set_up` writes all that to a
+drive, or finds out what a drive with fixed PDOs carries instead. The drives file may state that.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers.canopen import objects
+from drivers.canopen.sdo import Entry
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from drivers.drives_file import AxisDrive
+
+ON_SYNC = 1
+ON_EVENT = 255
+TPDO_MAPPING = 0x1A00
+"""First mapping of a TPDO; those of RPDOs lie below."""
+RPDO_TYPES = (254, 0, 1)
+"""On event by the maker's rule, or with the next SYNC."""
+
+
+class Pdo(NamedTuple):
+    """One PDO of a drive as we want it.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    communication, mapping : int
+        Index of its parameter records.
+    cob_id : int
+        CAN identifier.
+    transmission : int
+        1 = at every SYNC, 255 = on event.
+    also : tuple of int
+        Transmission types that will do where ours cannot be had.
+    entries : tuple of Entry
+        What it carries, in order.
+    """
+
+    name: str
+    communication: int
+    mapping: int
+    cob_id: int
+    transmission: int
+    also: tuple[int, ...]
+    entries: tuple[Entry, ...]
+
+    @property
+    def size(self) -> int:
+        """Length of its frame [bytes]."""
+        return sum(entry.size for entry in self.entries)
+
+    @property
+    def sends(self) -> bool:
+        """Whether it comes from the drive."""
+        return self.communication >= 0x1800
+
+
+def current_entry(axis: AxisDrive) -> Entry:
+    """Return the object that holds the axis's motor current or torque."""
+    current = axis.current
+    return Entry(current.index, current.subindex, current.type, "current readback")
+
+
+def transmitted(axis: AxisDrive) -> tuple[Pdo, ...]:
+    """Return the TPDOs that carry statusword, position and current, as we would have them."""
+    return arrangements(axis)[0]
+
+
+def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
+    """Return how statusword, position and current may be put into TPDOs, the best way first."""
+    if axis.tpdos is not None:
+        ours = (objects.STATUSWORD, objects.POSITION, current_entry(axis))
+        stated = enumerate(axis.tpdos, start=1)
+        return (tuple(_tpdo(n, axis.node, mapped(words, ours)) for n, words in stated),)
+    state, current = (objects.STATUSWORD, objects.POSITION), current_entry(axis)
+    both = (_tpdo(1, axis.node, state), _tpdo(2, axis.node, (current,)))
+    return ((_tpdo(1, axis.node, (*state, current)),), both) if current.size == 2 else (both,)
+
+
+def answers(axis: AxisDrive) -> tuple[int, ...]:
+    """Return all identifiers under which the drive of an axis may answer SYNC."""
+    return tuple(_tpdo(number, axis.node, ()).cob_id for number in (1, 2))
+
+
+def received(axis: AxisDrive) -> Pdo:
+    """Return the RPDO that carries the target, then the controlword that makes it valid."""
+    entries = (objects.TARGET_POSITION, objects.CONTROLWORD)
+    return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, RPDO_TYPES, entries)
+
+
+def mapping_word(entry: Entry) -> int:
+    """Return how a mapping names an object: index, sub-index and length in bits."""
+    return entry.index << 16 | entry.subindex << 8 | int(entry.type[1:])
+
+
+def mapping_count(index: int) -> Entry:
+    """Return the object that counts what a mapping (1600h and on, 1A00h and on) carries."""
+    return Entry(index, 0, "u8", f"number of objects in {_name(index)}")
+
+
+def mapping_slot(index: int, number: int) -> Entry:
+    """Return the object of a mapping that names the n-th object carried, from 1."""
+    return Entry(index, number, "u32", f"object {number} of {_name(index)}")
+
+
+def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
+    """Return the objects that a mapping names; those that are not ours have no name."""
+    named = {mapping_word(entry): entry for entry in ours}
+    return tuple(
+        named.get(word) or Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "")
+        for word in words
+    )
+
+
+def _name(mapping: int) -> str:
+    return f"TPDO {mapping - 0x19FF}" if mapping >= TPDO_MAPPING else f"RPDO {mapping - 0x15FF}"
+
+
+def _tpdo(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:
+    cob_id = 0x80 + 0x100 * number + node
+    return Pdo(f"TPDO {number}", 0x17FF + number, 0x19FF + number, cob_id, ON_SYNC, (), entries)

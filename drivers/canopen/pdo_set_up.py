@@ -1,0 +1,236 @@
+"""PDO set-up by explicit SDO, each step read back.
+
+A mapping may be changed only while its PDO is off, and so may its identifier: off (bit 31 of the
+COB-ID), identifier, transmission type, count 0, entries, count n, on. Some drives have fixed PDOs,
+in part or as a whole; what is fixed is taken as it is if it carries what we need, and the drive is
+refused otherwise. A fixed TPDO may carry it in any order, with other objects beside it. A fixed
+RPDO must be the very one, since its target has to come before the controlword that makes it valid;
+it may also act on SYNC: set-points and stops then take effect with the next one.
+
+What a drive sends beside that is switched off. A TPDO that cannot be is reported, for it may be
+harmless.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
+
+from drivers.canopen.pdo_mapping import (
+    arrangements,
+    mapped,
+    mapping_count,
+    mapping_slot,
+    mapping_word,
+    received,
+    transmitted,
+)
+from drivers.canopen.sdo import FIXED_CODES, RANGE_CODES, Aborted, Entry
+from drivers.drive_bus import DriveRefused
+
+if TYPE_CHECKING:
+    from drivers.canopen.pdo_mapping import Pdo
+    from drivers.canopen.sdo import SdoServer
+    from drivers.drives_file import AxisDrive
+
+OFF = 1 << 31
+"""Bit of a COB-ID by which its PDO does not exist."""
+NO_REMOTE = 1 << 30
+PDOS = 4
+NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}
+"""A mapping that can be written has no further sub-index, or takes no greater count or length."""
+
+
+class OtherTpdo(NamedTuple):
+    """A TPDO that we do not use and that cannot be switched off.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    cob_id : int
+        Its COB-ID with the flags in bits 29 to 31.
+    transmission : int or None
+        Its transmission type; None where the drive does not say.
+    """
+
+    name: str
+    cob_id: int
+    transmission: int | None
+
+
+class _TooShort(DriveRefused):
+    """A mapping that can be written takes fewer objects than we need."""
+
+
+class _Unsuitable(DriveRefused):
+    """A fixed mapping does not carry what we need."""
+
+
+def set_up_pdos(
+    server: SdoServer, axis: AxisDrive
+) -> tuple[tuple[Pdo, ...], tuple[OtherTpdo, ...]]:
+    """Map and switch on what we use, switch off the drive's other TPDOs.
+
+    Returns
+    -------
+    sent : tuple of Pdo
+        The TPDOs that answer SYNC, with all that they carry, in order.
+    others : tuple of OtherTpdo
+        Those that go on sending beside them.
+
+    Raises
+    ------
+    DriveRefused
+        A fixed PDO that carries something else, or a value that reads back differently.
+    """
+    sent = _set_up_sending(server, axis)
+    _compare(server, axis, sent)
+    _set_up(server, received(axis))
+    others = [_switch_off(server, number) for number in range(len(sent), PDOS)]
+    return sent, tuple(other for other in others if other is not None)
+
+
+def _set_up_sending(server: SdoServer, axis: AxisDrive) -> tuple[Pdo, ...]:
+    """Set up the first arrangement that the drive can serve; the first refusal counts."""
+    first, *rest = arrangements(axis)
+    try:
+        return tuple(_set_up(server, pdo) for pdo in first)
+    except _TooShort:
+        if not rest:
+            raise
+    except _Unsuitable:
+        if not rest or not _carries(server, rest[0][-1]):
+            raise
+    return tuple(_set_up(server, pdo) for pdo in rest[0])
+
+
+def _compare(server: SdoServer, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:
+    """Compare what the drive sends with what the drives file states, or note what to state."""
+    expected, found = _shown(transmitted(axis)), _shown(sent)
+    if found == expected:
+        return
+    if axis.tpdos is not None:
+        raise DriveRefused(
+            f"{server.label}: its TPDOs carry {found}, the drives file states {expected}; correct "
+            "tpdos"
+        )
+    server.notes.append(
+        f"{server.label}: status, position and current come as its TPDOs have them; state tpdos: "
+        f"{found} in the drives file, for those who only listen (hil monitor) and for the bus load"
+    )
+
+
+def _shown(pdos: tuple[Pdo, ...]) -> str:
+    words = (", ".join(f"0x{mapping_word(e):08X}" for e in pdo.entries) for pdo in pdos)
+    return "[" + ", ".join(f"[{each}]" for each in words) + "]"
+
+
+def _set_up(server: SdoServer, pdo: Pdo) -> Pdo:
+    """Set up one PDO; return it with what it carries in the end."""
+    cob = Entry(pdo.communication, 1, "u32", f"COB-ID of {pdo.name}")
+    # Drives differ in whether bit 30 can be changed, so it stays as it is.
+    present = server.get(cob)
+    identifier = present & NO_REMOTE | pdo.cob_id
+    off = server.set_unless_fixed(cob, present | OFF)
+    if off and present | OFF != identifier | OFF:
+        server.set(cob, identifier | OFF)
+    _set_transmission(server, pdo)
+    carried = _set_mapping(server, pdo, off=off)
+    if server.get(cob) != identifier:
+        server.set(cob, identifier)
+    return pdo._replace(entries=carried)
+
+
+def _set_transmission(server: SdoServer, pdo: Pdo) -> None:
+    kind = Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}")
+    if server.set_unless_fixed(kind, pdo.transmission):
+        return
+    if server.get(kind) not in {pdo.transmission, *pdo.also}:
+        _refuse_fixed(server, kind, f"{server.get(kind)}", f"{pdo.transmission}")
+
+
+def _set_mapping(server: SdoServer, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]:
+    """Write a mapping, or take a fixed one; return what it carries."""
+    emptied = False
+    try:
+        server.set(_count(pdo), 0)
+        emptied = True
+        for number, entry in enumerate(pdo.entries, start=1):
+            server.set(_slot(pdo, number), mapping_word(entry))
+        server.set(_count(pdo), len(pdo.entries))
+    except Aborted as error:
+        if emptied and error.code in NO_ROOM:
+            raise _TooShort(str(error)) from error
+        if error.code not in FIXED_CODES and off:
+            raise
+        return _taken(server, pdo)
+    return pdo.entries
+
+
+def _taken(server: SdoServer, pdo: Pdo) -> tuple[Entry, ...]:
+    """Return what a fixed mapping carries, if that is all that we need of it."""
+    carried = _content(server, pdo)
+    if pdo.sends:
+        fits = set(pdo.entries) <= set(carried)
+        strange = [n for n, entry in enumerate(carried) if entry not in pdo.entries]
+    else:
+        fits = carried == pdo.entries
+        pairs = zip(carried, (*pdo.entries, *carried), strict=False)
+        strange = [n for n, (entry, wanted) in enumerate(pairs) if entry != wanted]
+    odd = [n for n, entry in enumerate(carried) if _bits(entry) % 8]
+    for n in odd:
+        _refuse_fixed(server, _slot(pdo, n + 1), f"{mapping_word(carried[n]):X}h", "whole bytes")
+    if not fits:
+        missing = next((e for e in pdo.entries if e not in carried), pdo.entries[0])
+        place = _slot(pdo, strange[0] + 1) if strange else _count(pdo)
+        present = f"{mapping_word(carried[strange[0]]):X}h" if strange else f"{len(carried)}"
+        _refuse_fixed(server, place, present, f"{mapping_word(missing):X}h")
+    return carried
+
+
+def _carries(server: SdoServer, pdo: Pdo) -> bool:
+    """Whether a PDO carries what we need as it stands."""
+    return server.find(_count(pdo)) is not None and set(pdo.entries) <= set(_content(server, pdo))
+
+
+def _content(server: SdoServer, pdo: Pdo) -> tuple[Entry, ...]:
+    words = [server.get(_slot(pdo, n)) for n in range(1, server.get(_count(pdo)) + 1)]
+    return mapped(words, pdo.entries)
+
+
+def _switch_off(server: SdoServer, number: int) -> OtherTpdo | None:
+    """Switch a TPDO off; return it if it cannot be."""
+    name = f"TPDO {number + 1}"
+    cob = Entry(0x1800 + number, 1, "u32", f"COB-ID of {name}")
+    present = server.find(cob)
+    if present is None or present & OFF:
+        return None
+    try:
+        server.put(cob, present | OFF)
+    except Aborted as error:
+        if error.code not in FIXED_CODES:
+            raise
+    present = server.get(cob)
+    if present & OFF:
+        return None
+    kind = Entry(0x1800 + number, 2, "u8", f"transmission type of {name}")
+    return OtherTpdo(name, present, server.find(kind))
+
+
+def _refuse_fixed(server: SdoServer, entry: Entry, present: str, wanted: str) -> NoReturn:
+    raise _Unsuitable(
+        f"{server.label}: object {entry} is fixed at {present}, {wanted} is needed; "
+        "map it with the maker's commissioning tool or use another drive"
+    )
+
+
+def _count(pdo: Pdo) -> Entry:
+    return mapping_count(pdo.mapping)
+
+
+def _slot(pdo: Pdo, number: int) -> Entry:
+    return mapping_slot(pdo.mapping, number)
+
+
+def _bits(entry: Entry) -> int:
+    return int(entry.type[1:])

@@ -1,0 +1,316 @@
+"""The hot path: one SYNC out, the TPDOs of all drives in.
+
+Every frame that answers a SYNC has a slot; the slots of one axis stand side by side, so that one
+precompiled struct unpacks the frames of all axes, joined, at once. Where a drive's TPDO is fixed in
+another order, or carries more than we need, the values are picked by one `itemgetter` made for
+that. A bus that hands over waiting frames as one block (`frame_block`) saves even the frame
+objects. What is irregular leaves this path: a TPDO that is missing, doubled or late is flagged and
+never replaced by a guess. After a missing TPDO the axis owes one: if two come for the next SYNC,
+the first is the late one and is dropped. If one comes, nobody knows whether the other was lost or
+everything lags by a SYNC: it is flagged, for some SYNCs, unless all answers are known to be in.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+import can
+
+from drivers.can_bus.frame_block import FrameBlock, block_source, count_values, messages
+from drivers.canopen.network import SEND_ATTEMPTS
+from drivers.canopen.objects import POSITION, STATUSWORD
+from drivers.canopen.pdo_mapping import current_entry, received, transmitted
+from drivers.drive_bus import DriveError, SampleFlag
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from drivers.can_bus.frame_block import BlockSource
+    from drivers.canopen.network import PumpedNetwork
+    from drivers.canopen.pdo_mapping import Pdo
+    from drivers.canopen.sdo import Entry
+    from drivers.canopen.sync_clock import Pacing
+    from drivers.drives_file import AxisDrive
+
+SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
+BABBLE = 1000
+"""Frames that are read at most once the time of an answer is up: a node may never fall silent."""
+
+SPEED_TIME = 0.008
+"""Over which speeds are taken at least [s]: positions need not change at every SYNC."""
+
+DOUBT = 5
+"""SYNCs with one answer each after which a TPDO that is owed counts as lost."""
+
+_COMMAND = struct.Struct("<iH")
+_CODES = {"u16": "H", "i16": "h", "i32": "i"}
+"""Types of what is read; bytes of other types are skipped."""
+_NOTHING: Iterator[can.Message] = iter(())
+Data = bytes | bytearray
+
+
+class Exchange:
+    """Process data of all axes, latched at SYNC.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        The bus.
+    axes : sequence of AxisDrive
+        In joint order.
+    pacing : Pacing
+        Where SYNC's time comes from.
+
+    Attributes
+    ----------
+    words, positions, currents : tuple of int, length n_axes
+        Statusword, position [increments] and current [the drive's unit]; where a TPDO is missing,
+        those of the SYNC before.
+    flags : tuple of int, length n_axes
+        MISSING, DOUBLED, LATE and SKIPPED of each axis.
+    irregular : bool
+        Some flag is set.
+    time : float
+        The last SYNC's instant [s].
+    """
+
+    def __init__(self, network: PumpedNetwork, axes: Sequence[AxisDrive], pacing: Pacing) -> None:
+        self._network = network
+        self._pacing = pacing
+        self._synchronous = pacing.synchronous
+        self._receive = network.channel.recv
+        self._blocks = block_source(network.channel)
+        self._commands = [received(drive).cob_id for drive in axes]
+        self._wanted = [(STATUSWORD, POSITION, current_entry(drive)) for drive in axes]
+        self._slots: dict[int, int] = {}
+        self._regular = (0,) * len(axes)
+        self.flags: tuple[int, ...] = self._regular
+        self.irregular = False
+        self.time = 0.0
+        self._before = self._anchor = (-math.inf, self._regular)
+        self.words: tuple[int, ...] = self._regular
+        self.positions: tuple[int, ...] = self._regular
+        self.currents: tuple[int, ...] = self._regular
+        self.wire([transmitted(drive) for drive in axes])
+
+    def wire(self, sent: Sequence[Sequence[Pdo]]) -> None:
+        """Expect these TPDOs of each axis from the next SYNC on, as their drives are set up."""
+        for cob_id in self._slots:
+            self._network.unsubscribe(cob_id, self._on_late)
+        pdos = [(axis, pdo) for axis, own in enumerate(sent) for pdo in own]
+        layouts = ["".join(map(_code, pdo.entries)) for _, pdo in pdos]
+        self._slots = {pdo.cob_id: slot for slot, (_, pdo) in enumerate(pdos)}
+        self._sizes = [pdo.size for _, pdo in pdos]
+        self._axis_of = [axis for axis, _ in pdos]
+        order = self._order(pdos)
+        self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
+        self._unpack = _unpacking("<" + "".join(layouts), order)
+        self._last: Sequence[Data] | bytes = [bytes(size) for size in self._sizes]
+        self._unread: Iterator[can.Message] = _NOTHING
+        self._owed: dict[int, int] = {}
+        self._doubt: dict[int, int] = {}
+        self._found: dict[int, int] = {}
+        for cob_id in self._slots:
+            self._network.subscribe(cob_id, self._on_late)
+
+    def _order(self, pdos: Sequence[tuple[int, Pdo]]) -> list[int]:
+        """Where statusword, position and current of each axis stand among all values."""
+        values = [
+            (axis, entry) for axis, pdo in pdos for entry in pdo.entries if entry.type in _CODES
+        ]
+        return [
+            values.index((axis, entry))
+            for axis, wanted in enumerate(self._wanted)
+            for entry in wanted
+        ]
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send target position [increments] and controlword to one axis."""
+        self._network.send_message(self._commands[axis], _COMMAND.pack(target, controlword))
+
+    def sync(self) -> float:
+        """Send the next SYNC when it is due and collect its answers; return its instant [s].
+
+        Raises
+        ------
+        BusUnavailable
+            The bus does not take or give frames any more.
+        """
+        pacing = self._pacing
+        if not self._synchronous:
+            self._network.pump(pacing.due())
+        try:
+            self._network.channel.send(SYNC)
+        except Exception as error:
+            self._send_again(error)
+        instant = pacing.sent()
+        try:
+            values = self._take_block(self._blocks) if self._blocks else None
+            if values is None:
+                values = self._unpack(b"".join(self._collected(pacing)))
+        except Exception as error:
+            raise self._network.unavailable("cannot receive", error) from error
+        if self.time - self._anchor[0] >= SPEED_TIME:
+            self._before, self._anchor = self._anchor, (self.time, self.positions)
+        self.time = instant
+        self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
+        if self._found or self.irregular or pacing.passed_over:
+            self._publish(passed_over=bool(pacing.passed_over))
+        return instant
+
+    def _send_again(self, error: Exception) -> None:
+        """Send a SYNC that the bus did not take; in lock-step a period passes with each attempt."""
+        if not self._synchronous:
+            return self._network.send_again(SYNC, error)
+        for _ in range(1, self._network.attempts):
+            if isinstance(error, DriveError):
+                raise error
+            self._pacing.miss()
+            try:
+                return self._network.channel.send(SYNC)
+            except Exception as again:
+                error = again
+        raise self._network.unavailable("SYNC cannot be sent", error)
+
+    def speeds(self) -> list[float]:
+        """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
+
+        An axis whose TPDO is missing has the speed ``inf``: it is not seen.
+        """
+        then, positions = self._before
+        elapsed = self.time - then
+        return [
+            math.inf if flag & SampleFlag.MISSING or elapsed <= 0 else abs(here - there) / elapsed
+            for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
+        ]
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        self._network.attempts = 1 if hurried else SEND_ATTEMPTS
+        self._pacing.hurry(hurried)
+
+    def tick(self) -> None:
+        """Let one period pass while the drives send no TPDOs yet."""
+        self._network.pump(self._pacing.due())
+        self._network.send_frame(SYNC)
+        self._pacing.sent()
+        self._network.pump(0.0)
+
+    def _take_block(self, source: BlockSource) -> tuple[int, ...] | None:
+        """Return the values of a regular block with nothing behind it; else keep its frames."""
+        while (block := source.recv_block()) is None:
+            frame = self._receive(0.0)
+            if frame is None or frame.arbitration_id in self._slots:
+                self._unread = iter(() if frame is None else (frame,))
+                return None
+            self._network.dispatch(frame)
+        values = self._block.unpack(block)
+        if values is None or self._owed or not source.idle():
+            self._unread = messages(block)
+            return None
+        self._last = block
+        return values
+
+    def _collected(self, pacing: Pacing) -> list[Data]:
+        """Return what each frame brought, or brought last."""
+        frames, missing = self._collect(pacing)
+        if missing or self._owed:
+            self._fill(frames)
+        self._last = frames
+        return frames
+
+    def _collect(self, pacing: Pacing) -> tuple[list[Data], int]:
+        receive, slots, sizes = self._receive, self._slots, self._sizes
+        synchronous = self._synchronous
+        timeout = 0.0 if synchronous else pacing.window()
+        frames: list[Data] = [b""] * len(sizes)
+        missing, spare = len(sizes), BABBLE
+        unread, self._unread = self._unread, _NOTHING
+        while (frame := next(unread, None) or receive(timeout)) is not None:
+            slot = slots.get(frame.arbitration_id)
+            data = frame.data
+            if (
+                slot is None
+                or len(data) != sizes[slot]
+                or frame.is_error_frame
+                or frame.is_extended_id
+            ):
+                self._network.dispatch(frame)
+            elif frames[slot]:
+                self._on_repeated(slot, data, frames)
+            else:
+                frames[slot] = data
+                missing -= 1
+            if not synchronous:
+                spare -= timeout == 0.0
+                if not ((missing or self._owed) and spare):
+                    break
+                timeout = pacing.window()
+        return frames, missing
+
+    def _fill(self, frames: list[Data]) -> None:
+        last = self._block.data(self._last) if isinstance(self._last, bytes) else self._last
+        for slot, data in enumerate(frames):
+            if not data:
+                frames[slot] = last[slot]
+                self._owed[slot] = self._owed.get(slot, 0) + 1
+                self._doubt[slot] = 0 if self._synchronous else DOUBT
+                self._mark(slot, SampleFlag.MISSING)
+            elif slot in self._owed:
+                self._suspect(slot)
+
+    def _suspect(self, slot: int) -> None:
+        """Take note of an answer that came alone although another is owed."""
+        if self._doubt[slot]:
+            self._doubt[slot] -= 1
+            self._mark(slot, SampleFlag.LATE)
+        else:
+            del self._owed[slot]
+
+    def _settle(self, slot: int) -> None:
+        """One of those that are owed has come."""
+        if self._owed.get(slot, 0) > 1:
+            self._owed[slot] -= 1
+        else:
+            self._owed.pop(slot, None)
+
+    def _on_repeated(self, slot: int, data: Data, frames: list[Data]) -> None:
+        if slot in self._owed:
+            self._settle(slot)
+            frames[slot] = data
+            self._mark(slot, SampleFlag.LATE)
+        else:
+            self._mark(slot, SampleFlag.DOUBLED)
+
+    def _on_late(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        del timestamp
+        slot = self._slots[can_id]
+        if len(data) == self._sizes[slot]:
+            self._settle(slot)
+            self._mark(slot, SampleFlag.LATE)
+
+    def _mark(self, slot: int, flag: SampleFlag) -> None:
+        axis = self._axis_of[slot]
+        self._found[axis] = self._found.get(axis, 0) | flag.value
+
+    def _publish(self, *, passed_over: bool) -> None:
+        found, self._found = self._found, {}
+        all_axes = SampleFlag.SKIPPED.value if passed_over else 0
+        self.irregular = bool(found) or passed_over
+        self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))
+
+
+def _code(entry: Entry) -> str:
+    return _CODES.get(entry.type, "x" * entry.size)
+
+
+def _unpacking(layout: str, order: list[int]) -> Callable[[bytes], tuple[int, ...]]:
+    """Return what unpacks a layout and returns its values in an order."""
+    unpack = struct.Struct(layout).unpack
+    if order == list(range(count_values(layout))):
+        return unpack
+    pick = itemgetter(*order)
+    return lambda data: pick(unpack(data))

@@ -1,0 +1,348 @@
+"""Typed access to a drive's object dictionary, with errors that state the remedy.
+
+An `SdoServer` reads and writes numbers of one node. What goes wrong names node, object, abort code
+and remedy. `set` writes and reads back, since a drive may round a value, clip it or ignore it;
+what it keeps instead is accepted where `Judge` says so. Where the object is optional and missing,
+that is noted instead of refused.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from canopen.sdo.exceptions import SdoAbortedError, SdoError
+
+from drivers.canopen.network import PumpedSdoClient
+from drivers.drive_bus import DriveRefused, NodeSilent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Container, Mapping
+
+    from drivers.canopen.network import PumpedNetwork
+
+SDO_TIMEOUT = 0.5
+"""How long a drive may take to answer [s]."""
+
+READ_ONLY = 0x06010002
+_MISSING = frozenset({0x06020000, 0x06090011})
+_STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
+_PROFILES = 0x2000
+"""First index beyond the objects of communication."""
+RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
+FIXED_CODES = RANGE_CODES | {READ_ONLY}
+"""A drive keeps its value: the object is read-only, or ours is outside its range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One number of an object dictionary.
+
+    Attributes
+    ----------
+    index, subindex : int
+        Where it stands.
+    type : str
+        u8, u16, u32, i8, i16 or i32.
+    name : str
+        For messages.
+    """
+
+    index: int
+    subindex: int
+    type: str
+    name: str
+
+    def shown(self, value: int) -> str:
+        """Return a value in words: identifiers and mappings, below 2000h, in hexadecimal."""
+        hexadecimal = self.index < _PROFILES and value > 0xFFFF
+        return f"{value:08X}h" if hexadecimal else f"{value}"
+
+    @property
+    def size(self) -> int:
+        """Length [bytes]."""
+        return int(self.type[1:]) // 8
+
+    @property
+    def signed(self) -> bool:
+        """Whether negative numbers exist."""
+        return self.type.startswith("i")
+
+    def __str__(self) -> str:
+        return f"{self.index:04X}:{self.subindex:02X} ({self.name})"
+
+
+class Aborted(DriveRefused):
+    """A drive answered an access with an abort code.
+
+    Attributes
+    ----------
+    code : int
+        The abort code.
+    """
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+    @property
+    def missing(self) -> bool:
+        """The object does not exist in this drive."""
+        return self.code in _MISSING
+
+
+class Judge(Protocol):
+    """Judges what a drive keeps instead of the value that was written."""
+
+    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
+        """Whether it will do."""
+
+    def compared(self, entry: Entry, written: int, kept: int) -> str:
+        """Return " (... instead of ...)" in SI; empty where the numbers say it all."""
+
+
+class _Exact:
+    """Accepts nothing but the value written."""
+
+    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
+        del entry
+        return kept == written
+
+    def compared(self, entry: Entry, written: int, kept: int) -> str:
+        del entry, written, kept
+        return ""
+
+
+class SdoClient(Protocol):
+    """Whatever carries the bytes of objects from and to a drive; errors are canopen's."""
+
+    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
+        """Read an object whose length is `size` [bytes]."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object."""
+
+
+class SdoServer:
+    """The object dictionary of one drive.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        The network that the drive is on.
+    node : int
+        Its node number.
+    name : str
+        The axis's name, for messages.
+    timeout : float
+        How long an answer may take [s].
+
+    Attributes
+    ----------
+    label : str
+        How messages name the drive.
+    missing : set of Entry
+        Optional objects that the drive lacks, or keeps as they are.
+    notes : list of str
+        What that means, in words.
+    kept : dict of Entry to int
+        What the drive holds of all that `set` has written, which may be another value.
+    judge : Judge
+        Decides which other values are accepted; at first none.
+    saved : set of (int, int)
+        Index and sub-index of objects that are written without `first_write`.
+    first_write : callable, optional
+        Called with every other `Entry` before it is written; may add to `saved`.
+    """
+
+    def __init__(
+        self, network: PumpedNetwork, node: int, name: str, timeout: float = SDO_TIMEOUT
+    ) -> None:
+        self.node = node
+        self.label = f"{name} (node {node})"
+        self.missing: set[Entry] = set()
+        self.notes: list[str] = []
+        self.kept: dict[Entry, int] = {}
+        self.judge: Judge = _Exact()
+        self.saved: set[tuple[int, int]] = set()
+        self.first_write: Callable[[Entry], None] | None = None
+        self._network = network
+        self._client: SdoClient = PumpedSdoClient(network, node, timeout)
+
+    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> SdoServer:
+        """Return this drive's dictionary as `layer` shows it, with notes of its own.
+
+        Parameters
+        ----------
+        layer : callable
+            Turns the client of the drive into one that need not hand writes on.
+        """
+        other = copy(self)
+        other.missing, other.notes, other.kept, other.saved = set(), [], {}, set()
+        other.first_write = None
+        other._client = layer(self._client)
+        return other
+
+    def enter_operational(self) -> None:
+        """Command the node to exchange process data (NMT start)."""
+        self._network.send_message(0, bytes([1, self.node]))
+
+    def enter_pre_operational(self) -> None:
+        """Command the node to exchange no process data (NMT)."""
+        self._network.send_message(0, bytes([128, self.node]))
+
+    def get(self, entry: Entry) -> int:
+        """Read a number.
+
+        Raises
+        ------
+        NodeSilent
+            No answer.
+        DriveRefused
+            An abort code, or a length that does not fit the type.
+        """
+        try:
+            data = self._client.upload_number(entry.index, entry.subindex, entry.size)
+        except SdoError as error:
+            raise self._explained(error, entry, "read") from error
+        if len(data) != entry.size:
+            raise DriveRefused(
+                f"{self.label}: object {entry} has {len(data)} bytes, expected {entry.size} "
+                f"({entry.type}); correct its type in the drives file or the drive's firmware"
+            )
+        return int.from_bytes(data, "little", signed=entry.signed)
+
+    def find(self, entry: Entry) -> int | None:
+        """Read a number that not every drive has; None where it is missing."""
+        try:
+            return self.get(entry)
+        except Aborted as error:
+            if error.missing:
+                return None
+            raise
+
+    def put(self, entry: Entry, value: int) -> None:
+        """Write a number (errors as in `get`)."""
+        low, high = _range(entry)
+        if not low <= value <= high:
+            raise DriveRefused(
+                f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
+                f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
+            )
+        if self.first_write is not None and (entry.index, entry.subindex) not in self.saved:
+            self.first_write(entry)
+        data = value.to_bytes(entry.size, "little", signed=entry.signed)
+        try:
+            self._client.download(entry.index, entry.subindex, data)
+        except SdoError as error:
+            raise self._explained(error, entry, f"write {value} to") from error
+
+    def set(self, entry: Entry, value: int) -> None:
+        """Write a number and read it back; note another value that is accepted.
+
+        Raises
+        ------
+        NodeSilent, DriveRefused
+            As in `get`, and where the drive keeps a value that is not accepted.
+        """
+        self._settle(entry, value, self._written(entry, value))
+
+    def set_unless_fixed(self, entry: Entry, value: int) -> bool:
+        """Do as `set`; return False where the drive refuses to change the object."""
+        try:
+            self.set(entry, value)
+        except Aborted as error:
+            if error.code not in FIXED_CODES:
+                raise
+            self.kept[entry] = self.get(entry)
+            return False
+        return True
+
+    def set_if_present(
+        self, entry: Entry, value: int, consequence: str, also: Container[int] = ()
+    ) -> None:
+        """Do as `set`; where the object is missing, note what follows from that.
+
+        So too where the drive does not take the value and keeps one that is in `also`.
+        """
+        if self.find(entry) is None:
+            self._do_without(entry, "no object", consequence)
+            return
+        try:
+            kept = self._written(entry, value)
+        except Aborted as error:
+            kept = self.get(entry)
+            if error.code not in FIXED_CODES or not (kept == value or kept in also):
+                raise
+            self.kept[entry] = kept
+        if kept != value and kept in also:
+            self._do_without(entry, f"{kept} instead of {value} in object", consequence)
+        else:
+            self._settle(entry, value, kept)
+
+    def set_any(self, values: Mapping[Entry, int], consequence: str) -> None:
+        """Do as `set` with each of several objects that is present; note it where none is."""
+        present = {entry: value for entry, value in values.items() if self.find(entry) is not None}
+        self.missing.update(entry for entry in values if entry not in present)
+        for entry, value in present.items():
+            self.set(entry, value)
+        if not present:
+            names = " nor ".join(map(str, values))
+            self.notes.append(f"{self.label}: no object {names}: {consequence}")
+
+    def _written(self, entry: Entry, value: int) -> int:
+        """Write a number; return what the drive keeps."""
+        self.put(entry, value)
+        kept = self.kept[entry] = self.get(entry)
+        return kept
+
+    def _settle(self, entry: Entry, value: int, kept: int) -> None:
+        """Note that a drive keeps another value, or refuse it."""
+        if kept == value:
+            return
+        compared = self.judge.compared(entry, value, kept)
+        if not self.judge.accepts(entry, value, kept):
+            raise DriveRefused(
+                f"{self.label}: object {entry} reads back {kept} after {value} was written"
+                f"{compared}; the drive limits or ignores it: choose a value that it takes, or "
+                "unlock the parameter"
+            )
+        self.notes.append(
+            f"{self.label}: {kept} instead of {value} in object {entry}: the drive rounds or "
+            f"limits it{compared}"
+        )
+
+    def _do_without(self, entry: Entry, what: str, consequence: str) -> None:
+        self.missing.add(entry)
+        self.notes.append(f"{self.label}: {what} {entry}: {consequence}")
+
+    def _explained(self, error: SdoError, entry: Entry, what: str) -> DriveRefused | NodeSilent:
+        if isinstance(error, SdoAbortedError):
+            return Aborted(
+                f"{self.label}: cannot {what} object {entry}: abort {error.code:08X} "
+                f"({SdoAbortedError.CODES.get(error.code, 'unknown abort code')}); "
+                f"{_remedy(error.code)}",
+                error.code,
+            )
+        return NodeSilent(
+            f"{self.label}: no answer when trying to {what} object {entry} ({error}); check that "
+            "the drive has power, its node number, its bit rate and the CAN wiring"
+        )
+
+
+def _range(entry: Entry) -> tuple[int, int]:
+    bits = 8 * entry.size
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if entry.signed else (0, (1 << bits) - 1)
+
+
+def _remedy(code: int) -> str:
+    if code in _MISSING:
+        return "this drive lacks the object: use another drive or firmware"
+    if code == READ_ONLY:
+        return "set it with the maker's commissioning tool"
+    if code in _STATE_CODES:
+        return "the drive does not allow it in its present state: switch it off and on again"
+    if code in RANGE_CODES:
+        return "choose a value that the drive takes"
+    return "see the drive's manual"

@@ -1,0 +1,321 @@
+"""Where SYNC's time comes from: the processor's own pace, or the wall clock.
+
+SYNC is the clock of a measurement: drives latch at SYNC, and a sample's time is its SYNC's. In
+lock-step the next SYNC follows as soon as all answers to the last one are in, and time is counted
+in periods: a simulation runs as fast as it can and gives the same result every time. On a real bus
+SYNCs keep absolute deadlines of the wall clock. A deadline that was missed is skipped and counted,
+never made up for, since a burst of SYNCs would make the drives latch at wrong instants. After a
+long pause (the caller wrote files, say) the grid of deadlines starts anew. Where the kernel can
+send SYNC it does, and the deadlines are its business (`drivers.can_bus.kernel_sync`).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from drivers.can_bus.kernel_sync import KernelSync, can_send_sync
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    import can
+
+PacingName = Literal["auto", "lock-step", "wall-clock"]
+
+PATIENCE = 1.0
+"""How long answers may take in lock-step with a plant in another thread or process [s]."""
+
+HURRIED_PATIENCE = 0.02
+"""The same while axes are being stopped [s]."""
+
+PAUSE = 0.25
+"""A caller who stays away longer than this made a pause, rather than missing deadlines [s]."""
+
+TOO_LATE = 0.5
+"""Share of the period by which a SYNC may be late before its deadline counts as missed."""
+
+WINDOW = 0.8
+"""Share of the period in which the answers to a SYNC must arrive on the wall clock."""
+
+
+class Pacing(Protocol):
+    """The source of SYNC's time."""
+
+    skipped: int
+    """SYNCs left out because their deadline had passed."""
+
+    synchronous: bool
+    """Every answer is in the receive queue before `send` returns."""
+
+    @property
+    def passed_over(self) -> int:
+        """SYNCs right before the last one that were passed over: they had waited too long."""
+
+    def now(self) -> float:
+        """Time since the first deadline [s]."""
+
+    def due(self) -> float:
+        """How long until the next SYNC is due [s], 0 if it is now."""
+
+    def sent(self) -> float:
+        """Take note that a SYNC went out; return its instant [s]."""
+
+    def window(self) -> float:
+        """How long answers to the last SYNC may still take [s], at least 0."""
+
+    def miss(self) -> None:
+        """Let a period pass in which the bus took no SYNC."""
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for a bus that does not answer only as long as a stop of all axes can afford."""
+
+
+class LockStep:
+    """Time counted in SYNCs; the next one is due as soon as the last one is answered.
+
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+    synchronous : bool
+        All answers are in before `send` returns, so an empty queue means that nothing will come.
+    clock : callable
+        For the patience with a plant in another thread [s].
+    """
+
+    def __init__(
+        self, period: float, *, synchronous: bool, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.skipped = self.passed_over = 0
+        self.synchronous = synchronous
+        self._period = period
+        self._count = 0
+        self._clock = clock
+        self._patience = PATIENCE
+        self._patience_ends = -math.inf
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._count * self._period
+
+    def due(self) -> float:
+        """Return 0: the next SYNC is always due."""
+        return 0.0
+
+    def sent(self) -> float:
+        """Let one period pass; return the SYNC's instant [s]."""
+        self._count += 1
+        if not self.synchronous:
+            self._patience_ends = self._clock() + self._patience
+        return self._count * self._period
+
+    def window(self) -> float:
+        """How long answers may still take [s]."""
+        return 0.0 if self.synchronous else max(0.0, self._patience_ends - self._clock())
+
+    def miss(self) -> None:
+        """Let a period pass, in real time too: what keeps SYNC from passing may not go by ours."""
+        self._count += 1
+        self.skipped += 1
+        time.sleep(self._period)
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait less long for answers of a plant in another process."""
+        self._patience = HURRIED_PATIENCE if hurried else PATIENCE
+
+
+class WallClock:
+    """Absolute deadlines on a monotonic clock; missed ones are skipped and counted.
+
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        Monotonic time [s].
+    """
+
+    def __init__(self, period: float, *, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.skipped = self.passed_over = 0
+        self.synchronous = False
+        self._period = period
+        self._clock = clock
+        self._start = clock()
+        self._deadline = self._start
+        self._window_ends = self._start
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock() - self._start
+
+    def due(self) -> float:
+        """How long until the next deadline [s], 0 if it is now; passes over missed deadlines."""
+        late = self._clock() - self._deadline
+        if late >= PAUSE:
+            self._deadline += late
+            late = 0.0
+        elif late > TOO_LATE * self._period:
+            missed = math.ceil(late / self._period - TOO_LATE)
+            self.skipped += missed
+            self._deadline += missed * self._period
+            late -= missed * self._period
+        return max(0.0, -late)
+
+    def sent(self) -> float:
+        """Move on to the next deadline; return the SYNC's true instant [s]."""
+        now = self._clock()
+        self._deadline += self._period
+        self._window_ends = now + WINDOW * self._period
+        return now - self._start
+
+    def window(self) -> float:
+        """How long answers may still take [s]."""
+        return max(0.0, self._window_ends - self._clock())
+
+    def miss(self) -> None:
+        """Wait for the deadline, and leave it behind."""
+        time.sleep(self.due())
+        self._deadline += self._period
+
+    def hurry(self, hurried: bool) -> None:
+        """Do nothing: deadlines wait for nobody."""
+
+
+class KernelClock:
+    """The kernel's deadlines: SYNC comes by itself, and its instant with it.
+
+    Parameters
+    ----------
+    bus : KernelSync
+        Where it comes.
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        The one that the bus goes by [s].
+    """
+
+    def __init__(
+        self, bus: KernelSync, period: float, *, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.synchronous = False
+        self._bus = bus
+        self._period = period
+        self._clock = clock
+        self._start = clock()
+
+    @property
+    def skipped(self) -> int:
+        """SYNCs that were left out or lost."""
+        return self._bus.skipped
+
+    @skipped.setter
+    def skipped(self, number: int) -> None:
+        self._bus.skipped = number
+
+    @property
+    def passed_over(self) -> int:
+        """SYNCs right before the last one that were passed over: they had waited too long."""
+        return self._bus.passed_over
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock() - self._start
+
+    def due(self) -> float:
+        """Return 0: the bus waits for SYNC."""
+        return 0.0
+
+    def sent(self) -> float:
+        """Return the instant of the SYNC that was waited for [s]."""
+        return self._bus.instant - self._start
+
+    def window(self) -> float:
+        """How long answers may still take [s]: until the next SYNC is here, late or not."""
+        if self._bus.overdue:
+            return 0.0
+        return max(0.0, self._bus.instant + (1.0 + TOO_LATE) * self._period - self._clock())
+
+    def miss(self) -> None:
+        """Let a period pass."""
+        time.sleep(self._period)
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for the kernel's SYNC no longer than two periods."""
+        self._bus.silence = 2 * self._period if hurried else None
+
+
+class AsRecorded(WallClock):
+    """Deadlines of a recorded session: a SYNC is due when it was sent then.
+
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        The recording's time [s].
+    left : callable
+        How long until the next frame was sent [s].
+    """
+
+    def __init__(
+        self, period: float, *, clock: Callable[[], float], left: Callable[[], float]
+    ) -> None:
+        super().__init__(period, clock=clock)
+        self._left = left
+
+    def due(self) -> float:
+        """How long until the next SYNC [s]."""
+        return self._left()
+
+
+def clock_of(bus: can.BusABC) -> Callable[[], float]:
+    """Return what tells a bus's time [s]: its own ``clock`` if it has one, as a replayed one."""
+    clock: Callable[[], float] = getattr(bus, "clock", time.perf_counter)
+    return clock
+
+
+def sync_channel(
+    bus: can.BusABC, requested: PacingName, period: float, answers: Collection[int]
+) -> can.BusABC:
+    """Return the bus itself, or one on it where the kernel sends SYNC; `choose_pacing` knows it.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+    requested : {"auto", "lock-step", "wall-clock"}
+        As for `choose_pacing`.
+    period : float
+        Time between two SYNCs [s].
+    answers : collection of int
+        Identifiers of the TPDOs that answer a SYNC.
+    """
+    if requested == "lock-step" or not can_send_sync(bus):
+        return bus
+    return KernelSync(bus, period, answers, pause=PAUSE)
+
+
+def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Pacing:
+    """Decide where SYNC's time comes from; the only place that does.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        A bus that says ``lock_step = True`` queues all answers before its `send` returns.
+    requested : {"auto", "lock-step", "wall-clock"}
+        "auto" takes lock-step where the bus offers it and the wall clock elsewhere. "lock-step" on
+        another bus sends the next SYNC when all answers are in, for a plant behind that bus whose
+        time is SYNC. The wall clock is the kernel's on a bus of `sync_channel` that has one.
+    period : float
+        Time between two SYNCs [s].
+    """
+    if isinstance(bus, KernelSync):
+        return KernelClock(bus, period)
+    synchronous = getattr(bus, "lock_step", False) is True
+    if requested == "lock-step" or (requested == "auto" and synchronous):
+        return LockStep(period, synchronous=synchronous, clock=clock_of(bus))
+    left: Callable[[], float] | None = getattr(bus, "until_next_sent", None)
+    if left is not None:
+        return AsRecorded(period, clock=clock_of(bus), left=left)
+    return WallClock(period, clock=clock_of(bus))

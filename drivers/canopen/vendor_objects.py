@@ -1,0 +1,63 @@
+"""Objects of makers' own that say what the standard has no object for, by vendor (1018:01).
+
+Only what a maker's dictionary names and its manual gives a unit to stands here; nothing is
+concluded from an object of another vendor at the same place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.canopen.sdo import Entry
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A maker's object and what one count of it is in SI units."""
+
+    entry: Entry
+    per_count: float
+
+    @property
+    def place(self) -> str:
+        """Index and sub-index as they are written everywhere."""
+        return f"{self.entry.index:04X}:{self.entry.subindex:02X}"
+
+    def value(self, counts: int) -> float:
+        """Return so many counts in SI units."""
+        return counts * self.per_count
+
+
+@dataclass(frozen=True, slots=True)
+class Maker:
+    """What a maker's drives say beyond the standard.
+
+    Attributes
+    ----------
+    rated_current : Quantity
+        Of the motor [A].
+    torque_constant : Quantity
+        Of the motor [N m/A].
+    brake_delay : Quantity
+        Time that the holding brake takes to close [s].
+    """
+
+    rated_current: Quantity
+    torque_constant: Quantity
+    brake_delay: Quantity
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """All of them."""
+        quantities = (self.rated_current, self.torque_constant, self.brake_delay)
+        return tuple(quantity.entry for quantity in quantities)
+
+
+MAKERS = {
+    0xFB: Maker(  # maxon, EPOS4 and IDX
+        rated_current=Quantity(Entry(0x3001, 1, "u32", "nominal current"), 1e-3),
+        torque_constant=Quantity(Entry(0x3001, 5, "u32", "torque constant"), 1e-6),
+        brake_delay=Quantity(Entry(0x3158, 2, "u16", "holding brake fall time"), 1e-3),
+    )
+}
+"""By vendor."""

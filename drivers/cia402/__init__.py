@@ -1,0 +1,1 @@
+"""Drives after CiA 402: states, set-points, samples, power on, stop, power off."""

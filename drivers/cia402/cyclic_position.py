@@ -1,0 +1,215 @@
+"""Set-points streamed at every SYNC: cyclic synchronous position mode (CiA 402, mode 8).
+
+Beside profile position, where each drive plans its own way, the master can plan the ways of all
+axes and send the next set-point of each right after every SYNC. Drives change their mode while the
+axes rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
+that follows it at once stays where it is. When a stream has ended its last set-point is repeated,
+for many drives fault when their set-points stay out, until `Streams.leave` changes the mode back.
+
+Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
+of `drivers.safety.trips` moves along with the stream.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.axis import AxisScale
+from drivers.canopen import objects
+from drivers.cia402.set_point import ENABLED, Standstill
+from drivers.cia402.states import Mode
+from drivers.drive_bus import DriveRefused, MoveFailed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from drivers.canopen.process_data import Exchange
+    from drivers.canopen.sdo import SdoServer
+    from drivers.drives_file import AxisDrive
+    from drivers.safety.trips import Trips
+
+MODE_TIME = 3.0
+"""A mode display may lag by seconds [s]."""
+DELAY = 5
+"""Periods by which a drive may be behind its set-points."""
+GRACE = 2.0
+"""Time that the axes may take to come to rest after the last set-point [s]."""
+
+
+class Streams:
+    """The stream under way, if any.
+
+    Parameters
+    ----------
+    exchange : Exchange
+        Process data.
+    servers : sequence of SdoServer
+        The drives in joint order.
+    axes : sequence of AxisDrive
+        What the drives file states of them.
+    trips : Trips
+        Their corridor is moved along.
+    period : float
+        Time between two SYNCs [s].
+    cycle : callable
+        Lets one SYNC pass under supervision.
+
+    Attributes
+    ----------
+    cyclic : bool
+        The drives are in cyclic synchronous position mode.
+    moving : bool
+        The last set-point has not been reached.
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        servers: Sequence[SdoServer],
+        axes: Sequence[AxisDrive],
+        trips: Trips,
+        period: float,
+        cycle: Callable[[], object],
+    ) -> None:
+        self.cyclic = self.moving = False
+        self._exchange = exchange
+        self._servers = servers
+        self._axes = axes
+        self._scales = [AxisScale.of(axis) for axis in axes]
+        self._trips = trips
+        self._period = period
+        self._cycle = cycle
+        self._next = 0
+        self._points: list[list[int]] = []
+
+    def begin(self, path: NDArray[np.float64]) -> None:
+        """Send set-points, shape (n, n_axes) [rad or m], that have passed their checks."""
+        columns = zip(self._scales, path.T, strict=True)
+        points = np.column_stack([np.rint(q / s.position).astype(int) + s.zero for s, q in columns])
+        if not self.cyclic:
+            self._enter(points[0].tolist())
+        windows = np.array(
+            [
+                round(axis.following_error_window / abs(scale.position))
+                for axis, scale in zip(self._axes, self._scales, strict=True)
+            ]
+        )
+        late = np.stack([np.roll(points, by, axis=0) for by in range(DELAY + 1)])
+        for by in range(DELAY + 1):
+            late[by, :by] = points[0]
+        self._lows = (late.min(axis=0) - windows).tolist()
+        self._highs = (late.max(axis=0) + windows).tolist()
+        self._points, self._next, self.moving = points.tolist(), 0, True
+        self._rests = [
+            Standstill(
+                axis.position_window / abs(scale.position),
+                max(1, round(axis.position_window_time / self._period)),
+            )
+            for axis, scale in zip(self._axes, self._scales, strict=True)
+        ]
+        self._patience = round(GRACE / self._period)
+        self._send()
+
+    def advance(self) -> MoveFailed | None:
+        """Send the next set-points, or the last again; return what failed, if anything."""
+        if self._next < len(self._points):
+            self._send()
+            return None
+        self._repeat()
+        return self._settle() if self.moving else None
+
+    def velocity(self, axis: int) -> float:
+        """Return how fast the stream leads an axis just now [rad/s or m/s], 0 without one."""
+        recent = self._points[max(0, self._next - DELAY - 1) : self._next + 1]
+        steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
+        return max(steps, default=0) * abs(self._scales[axis].position) / self._period
+
+    def abandon(self) -> None:
+        """Send nothing more; the drives stay in their mode."""
+        self._points, self._next, self.moving = [], 0, False
+
+    def leave(self) -> None:
+        """Change back to profile position, where the axes rest.
+
+        Raises
+        ------
+        DriveRefused
+            A drive does not change its mode.
+        """
+        self.abandon()
+        for axis, position in enumerate(self._exchange.positions):
+            self._exchange.command(axis, position, ENABLED)
+        self._change(Mode.PROFILE_POSITION)
+        self.cyclic = False
+
+    def _enter(self, points: Sequence[int]) -> None:
+        for server in self._servers:
+            supported = server.find(objects.SUPPORTED_MODES)
+            if supported is not None and not supported & Mode.CYCLIC_POSITION.supported_bit:
+                raise DriveRefused(
+                    f"{server.label}: no cyclic synchronous position mode (6502 = {supported:08X}h,"
+                    " bit 7 is clear), so no trajectory can be streamed to it; plan measurements"
+                    " of strokes instead, or use a drive or firmware that has it"
+                )
+            self._set_interpolation(server)
+        for axis, point in enumerate(points):
+            self._exchange.command(axis, point, ENABLED)
+        self._change(Mode.CYCLIC_POSITION)
+        self.cyclic = True
+
+    def _set_interpolation(self, server: SdoServer) -> None:
+        microseconds = round(1e6 * self._period)
+        power = -6
+        while microseconds % 10 == 0 or microseconds > 255:
+            microseconds, power = round(microseconds / 10), power + 1
+        unknown = "it takes its own time from one set-point to the next"
+        server.set_if_present(objects.INTERPOLATION_PERIOD, microseconds, unknown)
+        server.set_if_present(objects.INTERPOLATION_POWER, power, unknown)
+
+    def _change(self, mode: Mode) -> None:
+        for server in self._servers:
+            server.put(objects.MODE, mode)
+        for _ in range(round(MODE_TIME / self._period)):
+            slow = [s for s in self._servers if s.get(objects.MODE_DISPLAY) != mode]
+            if not slow:
+                return
+            self._cycle()
+        raise DriveRefused(
+            f"{slow[0].label}: does not take mode {mode.value}: 6061 shows"
+            f" {slow[0].get(objects.MODE_DISPLAY)} {MODE_TIME:g} s after it was written to 6060;"
+            " release it from the maker's tool or from another master"
+        )
+
+    def _send(self) -> None:
+        number = self._next
+        self._next = number + 1
+        for axis, target in enumerate(self._points[number]):
+            self._exchange.command(axis, target, ENABLED)
+        self._trips.follow(self._lows[number], self._highs[number])
+
+    def _repeat(self) -> None:
+        if self._points:
+            for axis, target in enumerate(self._points[-1]):
+                self._exchange.command(axis, target, ENABLED)
+
+    def _settle(self) -> MoveFailed | None:
+        positions, targets = self._exchange.positions, self._points[-1]
+        resting = [r.update(p) for r, p in zip(self._rests, positions, strict=True)]
+        off = [
+            axis
+            for axis, rest in enumerate(self._rests)
+            if not resting[axis] or abs(positions[axis] - targets[axis]) > 2 * rest.band
+        ]
+        self.moving = bool(off)
+        self._patience -= 1
+        if off and self._patience < 0:
+            return MoveFailed(
+                f"{self._servers[off[0]].label}: not at rest at the end of its path after"
+                f" {GRACE:g} s; check brake, load and position_window"
+            )
+        return None

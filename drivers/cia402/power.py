@@ -1,0 +1,170 @@
+"""Power on for all drives together, and power off for one that is not exchanging process data.
+
+Every drive is first brought to SWITCHED ON, which energises no motor, and only when all are there
+do they go on to OPERATION ENABLED, holding their position. How axes that may be moving are stopped
+and switched off is the business of `drivers.cia402.shutdown`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects
+from drivers.cia402.interlocks import safe_torque_off
+from drivers.cia402.states import Command, State, decode_state, next_command
+from drivers.cia402.stop import NOT_ENERGISED
+from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from drivers.canopen.process_data import Exchange
+    from drivers.canopen.sdo import SdoServer
+    from drivers.cia402.supervision import Supervision
+
+STEP_TIME = 3.0
+"""How long a drive may take from one state to another [s]; brakes and DC links are slow."""
+
+OFF_ATTEMPTS = 2
+
+_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+
+
+class Power:
+    """Switches drives on and off.
+
+    Parameters
+    ----------
+    exchange : Exchange
+        Process data.
+    servers : sequence of SdoServer
+        The drives in joint order.
+    supervision : Supervision
+        Puts faults into words.
+    now : callable
+        Time [s].
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        servers: Sequence[SdoServer],
+        supervision: Supervision,
+        now: Callable[[], float],
+    ) -> None:
+        self._exchange = exchange
+        self._servers = servers
+        self._supervision = supervision
+        self._now = now
+
+    def wait(self, holds: Callable[[], bool], timeout: float) -> bool:
+        """Let time pass until a condition holds; return whether it did within `timeout` [s]."""
+        ends = self._now() + timeout
+        while not holds():
+            if self._now() > ends:
+                return False
+            self._exchange.tick()
+        return True
+
+    def make_safe(self, server: SdoServer, *, reset_fault: bool) -> None:
+        """Bring a drive in whatever state to SWITCH ON DISABLED.
+
+        Raises
+        ------
+        DriveFault
+            It is in a fault that nobody asked to reset, or that comes back.
+        DriveRefused
+            It does not get there.
+        """
+        if not self.wait(lambda: self._state(server) is not State.FAULT_REACTION_ACTIVE, STEP_TIME):
+            raise DriveFault(f"{server.label}: does not end its fault reaction; switch it off")
+        if self._state(server) is State.FAULT:
+            self._reset(server, permitted=reset_fault)
+        self.switch_off(server)
+
+    def walk(self, goal: State, cycle: Callable[[], None]) -> None:
+        """Bring all drives to `goal` together, one command and one SYNC (`cycle`) at a time.
+
+        Raises
+        ------
+        DriveFault, DriveRefused
+            A drive faults, or does not get there in time.
+        """
+        ends = self._now() + STEP_TIME
+        while True:
+            cycle()
+            words = self._exchange.words
+            states = [decode_state(word) for word in words]
+            if all(state is goal for state in states):
+                return
+            late = self._now() > ends
+            for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
+                self._step(axis, server, state, goal, late=late)
+
+    def switch_off(self, server: SdoServer) -> None:
+        """Switch one drive off by SDO, and see that it shows it.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent
+            It does not take the command, does not answer, or stays energised.
+        """
+        for attempt in range(OFF_ATTEMPTS):
+            try:
+                server.put(objects.CONTROLWORD, Command.DISABLE_VOLTAGE.value[0])
+                break
+            except (DriveRefused, NodeSilent):
+                if attempt == OFF_ATTEMPTS - 1:
+                    raise
+        if not self.wait(lambda: self._state(server) in NOT_ENERGISED, STEP_TIME):
+            state = self._state(server)
+            raise DriveRefused(
+                f"{server.label}: does not switch off, it shows "
+                f"{'an undefined state' if state is None else state.value}; "
+                "press the emergency stop"
+            )
+
+    def _state(self, server: SdoServer) -> State | None:
+        return decode_state(server.get(objects.STATUSWORD))
+
+    def _reset(self, server: SdoServer, *, permitted: bool) -> None:
+        reason = self._supervision.reason(server)
+        if not permitted:
+            raise DriveFault(
+                f"{server.label}: {State.FAULT.value}: {reason}; remove the cause, then reset the "
+                "fault"
+            )
+        for word in Command.FAULT_RESET.value:
+            server.put(objects.CONTROLWORD, word)
+        if not self.wait(lambda: self._state(server) is not State.FAULT, STEP_TIME):
+            raise DriveFault(
+                f"{server.label}: the fault comes back after a reset: {reason}; remove the cause"
+            )
+
+    def _step(
+        self, axis: int, server: SdoServer, state: State | None, goal: State, *, late: bool
+    ) -> None:
+        if state in _FAULTS:
+            raise self._supervision.diagnose(server, self._exchange.words[axis])
+        if late and state is not goal:
+            locked = safe_torque_off(server)
+            if locked is not None:
+                raise DriveRefused(
+                    f"{server.label}: {locked}, so that {goal.value} cannot be reached; close "
+                    "guards and emergency stops, and release it"
+                )
+            shown = "an undefined state" if state is None else state.value
+            raise DriveRefused(
+                f"{server.label}: stays in {shown}, {goal.value} was commanded; check supply "
+                "voltage, enable input and safe torque off"
+            )
+        if self._exchange.flags[axis] & SampleFlag.MISSING or state is None:
+            return
+        command = next_command(state, goal)
+        if command is not None:
+            self._command(axis, command)
+
+    def _command(self, axis: int, command: Command) -> None:
+        position = self._exchange.positions[axis]
+        for word in command.value:
+            self._exchange.command(axis, position, word)

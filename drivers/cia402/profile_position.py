@@ -1,0 +1,212 @@
+"""Set-points of all axes on their way: offered, acknowledged, reached or failed.
+
+Profile velocity and acceleration go by SDO, and only when they change; the target goes by RPDO
+together with the controlword that makes it valid, so a move whose profile is known costs one frame.
+
+Some drives hold the acknowledge bit until the target is reached, which the handshake allows (the
+drives file says so: ``acknowledge: reached``). Then the whole motion may pass before the bit falls,
+and a set-point that comes meanwhile waits until the one before has reached its target.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers.axis import AxisScale
+from drivers.canopen.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
+from drivers.cia402.set_point import ENABLED, HALTED, Phase, SetPoint, Standstill, Stopping
+from drivers.drive_bus import MoveFailed, SampleFlag
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from drivers.canopen.process_data import Exchange
+    from drivers.canopen.sdo import SdoServer
+    from drivers.drive_bus import Move
+    from drivers.drives_file import AxisDrive
+
+ACKNOWLEDGE_CYCLES = 25
+"""How many SYNCs the handshake may take at least: four statuswords must come and go."""
+
+GRACE = 2.0
+"""How much longer than its trapezoid a move may take, beside half of that again [s]."""
+
+_NOT_REACHED = "check brake, load, position_window, and that the drive's limits allow the move"
+_REMEDIES = {
+    Phase.OFFERED: f"{_NOT_REACHED}, or state a longer acknowledge_timeout in the drives file",
+    Phase.TAKEN: f"{_NOT_REACHED}; where the drive holds its acknowledge until the target is "
+    "reached, state acknowledge: reached in the drives file",
+}
+_MISSING = SampleFlag.MISSING.value
+
+
+@dataclass(slots=True)
+class _Motion:
+    command: SetPoint | Stopping
+    deadline: float
+    duration: float
+    start: float = 0.0
+    under_way: bool = False
+    following: Move | None = None
+
+
+class Motions:
+    """Set-points under way.
+
+    Parameters
+    ----------
+    exchange : Exchange
+        Process data.
+    servers : sequence of SdoServer
+        The drives in joint order.
+    axes : sequence of AxisDrive
+        What the drives file states of them.
+    period : float
+        Time between two SYNCs [s].
+    now : callable
+        Time [s].
+
+    Attributes
+    ----------
+    active : dict
+        By axis, what has not come to its end.
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange,
+        servers: Sequence[SdoServer],
+        axes: Sequence[AxisDrive],
+        period: float,
+        now: Callable[[], float],
+    ) -> None:
+        self.active: dict[int, _Motion] = {}
+        self._exchange = exchange
+        self._servers = servers
+        self._axes = axes
+        self._scales = [AxisScale.of(axis) for axis in axes]
+        self._period = period
+        shortest = ACKNOWLEDGE_CYCLES * period
+        self._patience = [max(axis.acknowledge_timeout, shortest) for axis in axes]
+        self._holds = [axis.acknowledge == "reached" for axis in axes]
+        self._now = now
+        self._profiles = [(0.0, 0.0)] * len(axes)
+
+    def start(self, moves: Mapping[int, Move]) -> None:
+        """Give set-points that have passed their checks to axes."""
+        for axis, move in moves.items():
+            self._write_profile(axis, move)
+        for axis, move in moves.items():
+            self._offer(axis, move)
+
+    def halt(self) -> None:
+        """Bring all axes to rest with the deceleration of their last profile."""
+        for axis, drive in enumerate(self._axes):
+            self._exchange.command(axis, self._position(axis), HALTED)
+            duration = drive.limits.velocity / self.deceleration(axis)
+            command = Stopping(self._standstill(axis))
+            self.active[axis] = _Motion(command, self._deadline(duration), duration)
+
+    def velocity(self, axis: int) -> float:
+        """Return how fast the move of an axis may be [rad/s or m/s], 0 where it has none."""
+        return self._profiles[axis][0] if axis in self.active else 0.0
+
+    def deceleration(self, axis: int) -> float:
+        """Return the deceleration of an axis's last profile [rad/s^2 or m/s^2]."""
+        return self._profiles[axis][1] or self._axes[axis].limits.acceleration
+
+    def advance(self, time: float, exchange: Exchange) -> MoveFailed | None:
+        """Take what the SYNC at `time` [s] brought; return what failed, if anything.
+
+        Axes whose TPDO is missing wait for the next.
+        """
+        for axis, motion in tuple(self.active.items()):
+            if exchange.flags[axis] & _MISSING:
+                continue
+            position = exchange.positions[axis]
+            self._step(axis, motion, exchange.words[axis], position)
+            if time > motion.deadline and axis in self.active:
+                return self._failure(axis, motion, position)
+        return None
+
+    def _write_profile(self, axis: int, move: Move) -> None:
+        scale, server = self._scales[axis], self._servers[axis]
+        velocity, acceleration = self._profiles[axis]
+        if move.velocity != velocity:
+            server.put(PROFILE_VELOCITY, scale.velocity_to_counts(move.velocity))
+        if move.acceleration != acceleration:
+            counts = scale.acceleration_to_counts(move.acceleration)
+            server.put(PROFILE_ACCELERATION, counts)
+            if PROFILE_DECELERATION not in server.missing:
+                server.put(PROFILE_DECELERATION, counts)
+        self._profiles[axis] = (move.velocity, move.acceleration)
+
+    def _offer(self, axis: int, move: Move) -> None:
+        scale, drive = self._scales[axis], self._axes[axis]
+        target, word = scale.position_to_counts(move.target), self._exchange.words[axis]
+        window = drive.position_window / abs(scale.position)
+        distance = abs(target - self._position(axis)) * abs(scale.position)
+        duration = distance / move.velocity + 2 * move.velocity / move.acceleration
+        command = SetPoint(target, window, self._standstill(axis))
+        ends = self._now() + self._patience[axis]
+        motion = _Motion(command, ends, duration, self._position(axis))
+        earlier = self.active.get(axis)
+        if self._holds[axis] and earlier is not None and isinstance(earlier.command, SetPoint):
+            earlier.following = move
+            return
+        self.active[axis] = motion
+        if earlier is not None and earlier.command.phase is Phase.OFFERED:
+            # The drive must see bit 4 low before it can take another set-point.
+            self._exchange.command(axis, self._position(axis), ENABLED)
+        else:
+            self._step(axis, motion, word, self._position(axis))
+
+    def _step(self, axis: int, motion: _Motion, word: int, position: int) -> None:
+        command = motion.command
+        phase = command.phase
+        controlword = command.step(word, position)
+        if self._holds[axis]:
+            self._allow_for_travel(motion, position)
+        if command.phase is phase:
+            return
+        if controlword is not None and isinstance(command, SetPoint):
+            self._exchange.command(axis, command.target, controlword)
+        if command.phase is Phase.TRAVELLING:
+            motion.deadline = self._deadline(motion.duration)
+        elif command.phase is Phase.REACHED:
+            del self.active[axis]
+            if motion.following is not None:
+                self._offer(axis, motion.following)
+
+    def _allow_for_travel(self, motion: _Motion, position: int) -> None:
+        """Give a handshake the time of the whole motion, once it is seen to have begun."""
+        command = motion.command
+        if not isinstance(command, SetPoint) or motion.under_way:
+            return
+        moved = abs(position - motion.start) > command.window
+        if (command.phase is Phase.OFFERED and moved) or command.phase is Phase.TAKEN:
+            motion.under_way = True
+            motion.deadline = self._deadline(motion.duration)
+
+    def _deadline(self, duration: float) -> float:
+        return self._now() + 1.5 * duration + GRACE
+
+    def _failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
+        place, q = self._servers[axis].label, self._scales[axis].position_from_counts(position)
+        if isinstance(motion.command, Stopping):
+            return MoveFailed(f"{place}: does not come to rest after halt, q = {q:g}; check load")
+        target = self._scales[axis].position_from_counts(motion.command.target)
+        phase = motion.command.phase
+        return MoveFailed(
+            f"{place}: set-point {target:g} at q = {q:g}: {phase.value}, for too long; "
+            f"{_REMEDIES.get(phase, _NOT_REACHED)}"
+        )
+
+    def _position(self, axis: int) -> int:
+        return self._exchange.positions[axis]
+
+    def _standstill(self, axis: int) -> Standstill:
+        drive = self._axes[axis]
+        band = drive.position_window / abs(self._scales[axis].position)
+        return Standstill(band, max(1, round(drive.position_window_time / self._period)))

@@ -1,0 +1,129 @@
+"""The set-point handshake of profile position mode as a pure state machine.
+
+A target takes effect by a handshake of two bits: the master raises "new set-point" (6040 bit 4)
+while "set-point acknowledge" (6041 bit 12) is low, the drive answers with bit 12, the master drops
+bit 4, the drive drops bit 12. "Target reached" (bit 10) may be left over from the move before until
+then, and a move of zero length may never clear it. So a move counts as finished only after the
+whole handshake, with bit 10 set, the measured position inside the window and the axis at rest.
+
+Positions are in the drive's units; nothing here knows of frames or of time: `step` is called once
+for each statusword.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from drivers.cia402.states import Command, Control, Status
+
+ENABLED = Command.ENABLE_OPERATION.value[0]
+HALTED = ENABLED | Control.HALT
+RAISED = ENABLED | Control.NEW_SET_POINT | Control.CHANGE_IMMEDIATELY
+_ACKNOWLEDGE = int(Status.SET_POINT_ACKNOWLEDGE)
+_REACHED = int(Status.TARGET_REACHED)
+
+
+class Phase(enum.Enum):
+    """How far a set-point has come."""
+
+    WAITING = "waiting for the acknowledge bit of an earlier set-point to fall"
+    OFFERED = "offered, waiting for the drive to acknowledge it"
+    TAKEN = "acknowledged, waiting for the drive to be ready for another"
+    TRAVELLING = "on the way"
+    REACHED = "reached"
+
+
+@dataclass(slots=True)
+class Standstill:
+    """Tells from positions alone whether an axis rests.
+
+    An axis rests when its position stayed within `band` of one value for `count` samples.
+
+    Attributes
+    ----------
+    band : float
+        Half width [increments].
+    count : int
+        Samples, at least 1.
+    """
+
+    band: float
+    count: int
+    _anchor: float = field(default=float("inf"), init=False)
+    _still: int = field(default=0, init=False)
+
+    def update(self, position: float) -> bool:
+        """Take one position; return True while the axis rests."""
+        if abs(position - self._anchor) > self.band:
+            self._anchor = position
+            self._still = 0
+        self._still += 1
+        return self._still > self.count
+
+
+@dataclass(slots=True)
+class SetPoint:
+    """One target on its way into a drive.
+
+    Attributes
+    ----------
+    target : int
+        Target position (607A) [increments].
+    window : float
+        Largest distance from the target at which it counts as reached [increments].
+    rest : Standstill
+        Judges whether the axis rests.
+    phase : Phase
+        How far it has come.
+    """
+
+    target: int
+    window: float
+    rest: Standstill
+    phase: Phase = Phase.WAITING
+
+    def step(self, statusword: int, position: int) -> int | None:
+        """Take one statusword (6041) and position (6064); return a controlword to send, if any."""
+        if self.phase is not Phase.TRAVELLING:
+            self.rest.update(position)
+            return self._shake_hands(statusword & _ACKNOWLEDGE)
+        arrived = abs(position - self.target) <= self.window and self.rest.update(position)
+        if arrived and statusword & _REACHED:
+            self.phase = Phase.REACHED
+        return None
+
+    def _shake_hands(self, acknowledged: int) -> int | None:
+        match self.phase:
+            case Phase.WAITING if not acknowledged:
+                self.phase = Phase.OFFERED
+                return RAISED
+            case Phase.OFFERED if acknowledged:
+                self.phase = Phase.TAKEN
+                return ENABLED
+            case Phase.TAKEN if not acknowledged:
+                self.phase = Phase.TRAVELLING
+        return None
+
+
+@dataclass(slots=True)
+class Stopping:
+    """An axis that was told to come to rest; the same interface as `SetPoint`.
+
+    Attributes
+    ----------
+    rest : Standstill
+        Judges whether the axis rests.
+    phase : Phase
+        TRAVELLING, then REACHED.
+    """
+
+    rest: Standstill
+    phase: Phase = Phase.TRAVELLING
+
+    def step(self, statusword: int, position: int) -> int | None:
+        """Take one statusword and position; nothing is ever to be sent."""
+        del statusword
+        if self.rest.update(position):
+            self.phase = Phase.REACHED
+        return None

@@ -1,0 +1,108 @@
+"""Checks of a whole stream of set-points against the axes' limits, before anything is commanded.
+
+Velocities and accelerations are differences of set-points, and the axes count as resting before the
+first and after the last: a path that begins or ends in motion shows as an acceleration beyond all
+limits. They may exceed their limit by `ROUNDING`, since a difference of rounded numbers does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.cia402.set_point_limits import NONE, where_to_widen
+from drivers.drive_bus import LimitExceeded
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from drivers.drives_file import AxisDrive
+
+    Array = NDArray[np.float64]
+
+ROUNDING = 1e-3
+"""Share by which differences may exceed a limit."""
+
+
+def check_path(
+    path: Array,
+    axes: Sequence[AxisDrive],
+    here: Sequence[float],
+    period: float,
+    own: Sequence[Mapping[str, str]] = (),
+) -> None:
+    """Refuse set-points that leave the limits, or that do not begin where the axes stand.
+
+    Parameters
+    ----------
+    path : ndarray, shape (n, n_axes)
+        Set-points [rad or m].
+    axes : sequence of AxisDrive
+        In joint order, with the limits that hold.
+    here : sequence of float
+        Where the axes stand [rad or m].
+    period : float
+        Time between two set-points [s].
+    own : sequence of mapping
+        Of each axis, see `drivers.commissioning.effective_limits.EffectiveLimits.own`; by default
+        none.
+
+    Raises
+    ------
+    LimitExceeded
+        With axis, instant, value, bound and remedy.
+    """
+    if path.ndim != 2 or path.shape[1] != len(axes) or len(path) < 2:
+        raise LimitExceeded(
+            f"path of shape {path.shape} must have 2 rows or more of {len(axes)} axes each"
+        )
+    still = np.vstack([path[:1], path[:1], path, path[-1:], path[-1:]])
+    speed = np.diff(still, axis=0) / period
+    bend = np.diff(speed, axis=0) / period
+    for number, axis in enumerate(axes):
+        limits, unit = axis.limits, "rad" if axis.joint == "revolute" else "m"
+        place = f"joint {number + 1} ({axis.name})"
+        whose = own[number] if own else NONE
+        _check_start(place, float(path[0, number]), here[number], axis.position_window, unit)
+        for what, values, low, high, per in (
+            ("set-point", path[:, number], limits.q_min, limits.q_max, ""),
+            ("velocity", speed[:, number], *_about(limits.velocity), "/s"),
+            ("acceleration", bend[:, number], *_about(limits.acceleration), "/s^2"),
+        ):
+            _check_range(place, what, values, (low, high), unit + per, period, whose)
+
+
+def _about(limit: float) -> tuple[float, float]:
+    return -limit * (1 + ROUNDING), limit * (1 + ROUNDING)
+
+
+def _check_start(place: str, first: float, here: float, window: float, unit: str) -> None:
+    if not abs(first - here) <= window:
+        raise LimitExceeded(
+            f"{place}: the path begins at {first:.5g} {unit}, the axis stands at {here:.5g} {unit};"
+            f" they may differ by {window:g} {unit} (position_window): move there first"
+        )
+
+
+def _check_range(
+    place: str,
+    what: str,
+    values: Array,
+    bounds: tuple[float, float],
+    unit: str,
+    period: float,
+    own: Mapping[str, str],
+) -> None:
+    outside = np.flatnonzero(~((values >= bounds[0]) & (values <= bounds[1])))
+    if outside.size:
+        first = int(outside[0])
+        end = "q_min" if values[first] < bounds[0] else "q_max"
+        key = end if what == "set-point" else what
+        raise LimitExceeded(
+            f"{place}: {what} {values[first]:.5g} {unit} after {first * period:.3g} s of the path"
+            f" must be in [{bounds[0]:.5g}, {bounds[1]:.5g}] {unit}; plan a slower or smaller"
+            f" motion, or {where_to_widen(own, key)}"
+        )

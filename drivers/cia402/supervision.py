@@ -1,0 +1,136 @@
+"""Judging statuswords and emergencies: is every drive still with us, and if not, why not.
+
+While axes are powered, each drive must show OPERATION ENABLED. Anything else is trouble; the
+diagnosis names axis, state, error code in words and remedy, and may have to ask the drive for it.
+An emergency object (EMCY) of a drive that works on is a warning, to be noted.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects
+from drivers.cia402.error_codes import Emergency, decode_emergency, error_text
+from drivers.cia402.states import State, decode_state
+from drivers.drive_bus import DriveError, DriveFault
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.canopen.network import PumpedNetwork
+    from drivers.canopen.sdo import SdoServer
+
+CODE_SIZE = 2
+"""What an EMCY must hold at least: its error code [bytes]."""
+_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+
+
+class Supervision:
+    """Listens for emergencies and judges statuswords.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        Where emergencies are heard.
+    servers : sequence of SdoServer
+        The drives in joint order.
+
+    Attributes
+    ----------
+    emergency : bool
+        An emergency has come of which it is not yet told whether it was a warning.
+    """
+
+    def __init__(self, network: PumpedNetwork, servers: Sequence[SdoServer]) -> None:
+        self.emergency = False
+        self._servers = servers
+        self._emergencies: dict[int, Emergency] = {}
+        self._fresh: list[tuple[int, Emergency]] = []
+        self._settling: list[tuple[int, Emergency]] = []
+        self._told: set[tuple[int, int]] = set()
+        self._network = network
+        self._senders: dict[int, int] = {}
+        self.listen([0x80 + server.node for server in servers])
+
+    def listen(self, identifiers: Sequence[int | None]) -> None:
+        """Listen for the emergencies of each drive under its identifier (1014), None where off."""
+        for identifier in self._senders:
+            self._network.unsubscribe(identifier, self._on_emergency)
+        self._senders = {
+            identifier: server.node
+            for identifier, server in zip(identifiers, self._servers, strict=True)
+            if identifier is not None
+        }
+        for identifier in self._senders:
+            self._network.subscribe(identifier, self._on_emergency)
+
+    def forget(self) -> None:
+        """Forget emergencies of the time before the drives were switched on."""
+        self.emergency = False
+        self._emergencies.clear()
+        self._fresh.clear()
+        self._settling.clear()
+
+    def lost(self, statuswords: Sequence[int]) -> int | None:
+        """Return the first axis that is not in OPERATION ENABLED, None if all are."""
+        for axis, word in enumerate(statuswords):
+            if decode_state(word) is not State.OPERATION_ENABLED:
+                return axis
+        return None
+
+    def warnings(self) -> list[str]:
+        """Return the emergencies of drives that worked on, each once.
+
+        To be called at every SYNC while `emergency`. A fault may show in the statusword one SYNC
+        after its emergency, so each waits for that long.
+        """
+        settled, self._settling, self._fresh = self._settling, self._fresh, []
+        self.emergency = bool(self._settling)
+        labels = {server.node: server.label for server in self._servers}
+        found = []
+        for node, emergency in settled:
+            if (node, emergency.code) not in self._told:
+                self._told.add((node, emergency.code))
+                found.append(f"{labels[node]}: warning {emergency}; see the drive's manual")
+        return found
+
+    def diagnose(self, server: SdoServer, statusword: int) -> DriveError:
+        """Put into words why a drive is not in OPERATION ENABLED."""
+        state = decode_state(statusword)
+        if state in _FAULTS:
+            reason = self.reason(server)
+            return DriveFault(
+                f"{server.label}: {state.value}: {reason}; remove the cause, then reset the fault"
+            )
+        shown = f"undefined statusword {statusword:04X}h" if state is None else state.value
+        emergency = self._emergencies.get(server.node)
+        why = f" after emergency {emergency}" if emergency else ""
+        return DriveFault(
+            f"{server.label}: left OPERATION ENABLED for {shown}{why}; check emergency stop, safe "
+            "torque off and the drive's enable input"
+        )
+
+    def reason(self, server: SdoServer) -> str:
+        """Return a fault's reason: the last emergency, else what 603F or 1003 says."""
+        emergency = self._emergencies.get(server.node)
+        if emergency is not None:
+            return str(emergency)
+        try:
+            code = server.find(objects.ERROR_CODE)
+            if code is None:
+                code = server.find(objects.ERROR_HISTORY)
+        except DriveError:
+            code = None
+        return "the drive does not say why" if code is None else error_text(code & 0xFFFF)
+
+    def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        del timestamp
+        if len(data) < CODE_SIZE:
+            return  # neither tells of an error nor of its end
+        emergency, node = decode_emergency(data), self._senders[can_id]
+        if emergency.code & 0xFF00:
+            self._emergencies[node] = emergency
+            self._fresh.append((node, emergency))
+            self.emergency = True
+        else:
+            self._emergencies.pop(node, None)

@@ -1,0 +1,181 @@
+"""What the drives file states, compared with what the drive itself says, where it says anything.
+
+Ratings, encoder, gear and units scale every torque and every set-point. A drive that contradicts
+the file is refused; where it is silent or contradicts itself, the file is trusted and that is
+noted. Commissioning and `hil check` make the same comparisons.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers.canopen import objects
+from drivers.commissioning.comparison import Agreement, compared, unsettled
+from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
+from drivers.commissioning.ratings import compare_ratings
+from drivers.commissioning.unit_codes import acceleration_of, velocity_of
+from drivers.drive_bus import DriveRefused
+from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.commissioning.comparison import Comparison
+    from drivers.drives_file import AxisDrive
+    from drivers.rate_units import RateUnit
+
+POSITION = "position unit (6064)"
+_COUNTS = "increments_per_revolution"
+_POSITION_RANGE = (objects.POSITION_RANGE_MIN, objects.POSITION_RANGE_MAX)
+_ALL_COUNTS = (1 << 32) - 1
+"""A range of positions (607B) that is as wide as 32 bits wraps around as any counter does."""
+_SAME = Fraction(1, 10**6)
+"""Units that differ by less than this share are one."""
+_SPINDLE = Fraction(1, 1000)
+"""So too where the gear ratio of a prismatic axis [rad/m] turns lengths into revolutions."""
+
+
+def compare_statements(server: SdoServer, axis: AxisDrive) -> None:
+    """Refuse a drive that contradicts the drives file, and note what stays on trust.
+
+    Raises
+    ------
+    DriveRefused
+        The drive says something else than the drives file.
+    """
+    for comparison in comparisons(server, axis):
+        if comparison.agreement is Agreement.CONTRADICTED:
+            raise DriveRefused(
+                f"{server.label}: {comparison.check} is {comparison.found}, the drives "
+                f"file states {comparison.key}: {comparison.stated}; {comparison.remedy}"
+            )
+        if comparison.agreement is Agreement.UNSETTLED:
+            server.notes.append(f"{server.label}: {comparison.found}: {comparison.remedy}")
+    _note_positions(server)
+
+
+def _note_positions(server: SdoServer) -> None:
+    """Note what shifts positions or makes them wrap around; `zero` and the limits allow for it."""
+    if offset := _said(server, objects.HOME_OFFSET):
+        server.notes.append(
+            f"{server.label}: {objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
+            " the next homing or power-up on; zero in the drives file must allow for it"
+        )
+    low, high = (_said(server, entry) for entry in _POSITION_RANGE)
+    if low is not None and high is not None and low < high and high - low < _ALL_COUNTS:
+        server.notes.append(
+            f"{server.label}: positions wrap around in [{low}, {high}] (607B): keep the limits of"
+            " the drives file within, or set both to 0 with the maker's commissioning tool"
+        )
+
+
+def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
+    """Compare ratings (6075, 6076), position unit (608F to 60A8), velocity and acceleration units.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
+    yield from compare_ratings(server.find, axis)
+    factors = PositionFactors.read(partial(_said, server))
+    yield compare_positions(factors, axis)
+    gear = factors.gear or Fraction(1)
+    units = factors.unit, factors.stated.resolution
+    stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
+    if word := _said(server, objects.VELOCITY_UNIT):
+        said = velocity_of(word, *units)
+        yield _compare_rate(objects.VELOCITY_UNIT, word, said, stated, gear, axis)
+    else:
+        yield from _factor(server, objects.VELOCITY_FACTOR, objects.VELOCITY_DIVISOR, stated)
+    stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
+    if word := _said(server, objects.ACCELERATION_UNIT):
+        said = acceleration_of(word, *units)
+        yield _compare_rate(objects.ACCELERATION_UNIT, word, said, stated, gear, axis)
+    else:
+        factor, divisor = objects.ACCELERATION_FACTOR, objects.ACCELERATION_DIVISOR
+        yield from _factor(server, factor, divisor, stated)
+
+
+def _said(server: SdoServer, entry: Entry) -> int | None:
+    """Read an object that is only compared; one of another type than the standard's is noted."""
+    try:
+        return server.find(entry)
+    except DriveRefused as error:
+        server.notes.append(f"{error}; it is left out of the comparison")
+        return None
+
+
+def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
+    """Compare the counts of a motor revolution with what the drive's own objects lead to."""
+    stated, readings = axis.increments_per_revolution, position_readings(factors)
+    if not readings:
+        silent = "no encoder resolution (608F) nor feed (6092)"
+        if factors.resolution is not None:
+            silent = f"608F = {factors.resolution}{factors.caveat}"
+        if factors.unit:
+            silent += f", and 60A8 says {factors.unit_in_words}"
+        return unsettled(POSITION, silent, _COUNTS, str(stated), f"{_COUNTS} is taken on trust")
+    found = " or ".join(map(str, readings)) + factors.caveat
+    agrees = any(same(reading.per_revolution, stated) for reading in readings)
+    if agrees and (len(readings) > 1 or factors.assumed):
+        remedy = f"the drive leaves it open, {_COUNTS}: {shown(stated)} is taken on trust"
+        return unsettled(POSITION, found, _COUNTS, shown(stated), remedy)
+    return compared(
+        agrees,
+        POSITION,
+        found,
+        _COUNTS,
+        shown(stated),
+        f"correct {_COUNTS} or the drive's parameters: every angle scales with it",
+    )
+
+
+class _Rate(NamedTuple):
+    """A unit of velocities or accelerations in the drives file, and how its text is understood."""
+
+    key: str
+    text: str
+    unit: Callable[[str], RateUnit]
+
+
+def _compare_rate(
+    entry: Entry, word: int, said: str | None, stated: _Rate, gear: Fraction, axis: AxisDrive
+) -> Comparison:
+    """Compare with what 60A9 or 60AA codes; behind a gear it may be that of the gear's output."""
+    check, (key, text, unit) = f"{entry.name} ({entry.index:04X})", stated
+    if said is None:
+        unknown = f"{entry} is {word:08X}h, an unknown unit"
+        return unsettled(check, unknown, key, text, f"{key}: {text} is taken on trust")
+    wanted, found = (_turns(unit(name), axis) for name in (text, said))
+    lengths = {unit(text).of, unit(said).of} & {Per.METRE}
+    slack = wanted * (_SPINDLE if lengths else _SAME)
+    turning = unit(said).of in {Per.TURN, Per.RADIAN} and gear != 1
+    if turning and min(abs(found - wanted), abs(found * gear - wanted)) <= slack:
+        either = f"{entry} says {said} and the gear (6091) is {gear}"
+        remedy = f"{key}: {text} is taken on trust, that of the motor or of the gear's output"
+        return unsettled(check, either, key, text, remedy)
+    return compared(
+        abs(found - wanted) <= slack,
+        check,
+        f"{said} ({word:08X}h)",
+        key,
+        text,
+        "correct whichever is wrong: velocities and accelerations scale with it",
+    )
+
+
+def _factor(server: SdoServer, over: Entry, under: Entry, stated: _Rate) -> Iterator[Comparison]:
+    """Leave a factor of the profile's older edition to the file: makers scale by it differently."""
+    numerator, divisor = _said(server, over), _said(server, under)
+    if numerator and divisor and numerator != divisor:
+        found = f"{over.name} ({over.index:04X}) is {numerator}/{divisor}"
+        remedy = f"{stated.key}: {stated.text} is taken on trust"
+        yield unsettled(f"{over.name} ({over.index:04X})", found, stated.key, stated.text, remedy)
+
+
+def _turns(unit: RateUnit, axis: AxisDrive) -> Fraction:
+    return motor_turns(unit, axis.increments_per_revolution, axis.gear_ratio)

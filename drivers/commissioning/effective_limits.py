@@ -1,0 +1,228 @@
+"""Which limits hold on an axis: of the drive's own and the drives file's, the tighter ones.
+
+Whoever set up a drive with narrower limits had a reason, so none is ever widened: software limits
+(607D), speeds (607F, 6080), accelerations (60C5, 60C6, 6085) and torque (6072, 6073). Of each, what
+must stand in the drive is computed in the drive's own unit, so that a limit of its own is left as
+it is to the last count; what follows for the axis is computed in SI on the joint side, and that is
+what set-points are checked against. A limit of 0 or of all ones is not set; position limits are off
+unless the lower one is below the upper one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers.axis import AxisScale
+from drivers.canopen import objects
+from drivers.drive_bus import DriveRefused
+from drivers.drives_file import AxisLimits, Basis
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from drivers.canopen.sdo import Entry
+    from drivers.drives_file import AxisDrive
+
+SLOWEST_STOP = 0.25
+"""Share of an axis's acceleration limit: a slower ramp of its own (6085) is not waited for."""
+
+SLACK = 1e-3
+"""Share by which a drive's limit may be tighter without a note: rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class EffectiveLimits:
+    """What holds on one axis.
+
+    Attributes
+    ----------
+    limits : AxisLimits
+        Joint side, SI.
+    stop_deceleration : float or None
+        Deceleration of a quick stop, as it stands in the drive once it is configured
+        [rad/s^2 or m/s^2]; None where the drive has no 6085 and its ramp is the maker's.
+    values : mapping of Entry to int
+        What must stand in the drive, of the objects that limit it [the drive's unit].
+    own : mapping of str to str
+        Field of `limits` to the object of the drive that holds there, where the drive's is tighter.
+    notes : tuple of str
+        The same for the operator, with both numbers.
+    """
+
+    limits: AxisLimits
+    stop_deceleration: float | None
+    values: Mapping[Entry, int]
+    own: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def of(self, axis: AxisDrive) -> AxisDrive:
+        """Return the axis with the limits that hold in place of the drives file's."""
+        return axis.model_copy(update={"limits": self.limits})
+
+
+class _Bound(NamedTuple):
+    """One object that limits an axis: its field of `AxisLimits`, our value, SI per count, unit."""
+
+    entry: Entry
+    key: str
+    ours: int
+    per_count: float
+    unit: str
+
+
+def effective_limits(
+    find: Callable[[Entry], int | None], axis: AxisDrive, label: str
+) -> EffectiveLimits:
+    """Compare a drive's own limits with those of the drives file.
+
+    Parameters
+    ----------
+    find : callable
+        What an object held before we wrote to it, None where it is missing.
+    axis : AxisDrive
+        What the drives file states.
+    label : str
+        How messages name the drive.
+
+    Raises
+    ------
+    DriveRefused
+        The two ranges of positions have nothing in common; an object that cannot be read.
+    NodeSilent
+        No answer.
+    """
+    stated = axis.limits
+    notes: list[str] = []
+    values: dict[Entry, int] = {}
+    own: dict[str, str] = {}
+    range_ = _range(find, axis, label, values, own, notes)
+    holds = {"velocity": stated.velocity, "torque": stated.torque}
+    holds |= {"acceleration": stated.acceleration, _STOP: stated.acceleration}
+    for bound in _bounds(axis):
+        present = find(bound.entry)
+        if present is not None and not bound.ours:
+            raise DriveRefused(_too_small(label, bound, getattr(stated, bound.key)))
+        values[bound.entry] = bound.ours
+        if present is None or not _set(present, bound.entry) or present >= bound.ours:
+            continue
+        values[bound.entry] = present
+        value = present * bound.per_count
+        for key in _KEYS.get(bound.entry, (bound.key,)):
+            if value < holds[key]:
+                holds[key] = value
+                own[key] = _code(bound.entry)
+        if value < getattr(stated, bound.key) * (1 - SLACK):
+            notes.append(_note(label, bound, value, getattr(stated, bound.key)))
+    stop = holds.pop(_STOP) if find(_QUICK_STOP) is not None else None
+    if stop is not None and stop < SLOWEST_STOP * stated.acceleration:
+        notes.append(_slow_stop(label, stop, axis))
+    limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})
+    own.pop(_STOP, None)
+    return EffectiveLimits(limits, stop, values, own, tuple(notes))
+
+
+_FIELDS = ("velocity", "acceleration", "torque")
+_STOP = "stop_deceleration"
+_VELOCITY, _QUICK_STOP = objects.MAX_PROFILE_VELOCITY, objects.QUICK_STOP_DECELERATION
+_KEYS = {objects.MAX_DECELERATION: ("acceleration", _STOP), _QUICK_STOP: (_STOP,)}
+"""What a deceleration limits, beside the field that it is compared with."""
+
+
+def _bounds(axis: AxisDrive) -> Iterator[_Bound]:
+    """Yield what limits an axis, in the drive's units."""
+    scale, limits = AxisScale.of(axis), axis.limits
+    length, force = ("rad", "N m") if axis.joint == "revolute" else ("m", "N")
+    velocity, rpm = scale.velocity_to_counts(limits.velocity), 2 * math.pi / 60 / axis.gear_ratio
+    speed = math.ceil(limits.velocity / rpm * (1 - 1e-9))
+    yield _Bound(_VELOCITY, "velocity", velocity, scale.velocity, f"{length}/s")
+    yield _Bound(objects.MAX_MOTOR_SPEED, "velocity", speed, rpm, f"{length}/s")
+    count = scale.acceleration_to_counts(limits.acceleration)
+    for entry in (objects.MAX_ACCELERATION, objects.MAX_DECELERATION, _QUICK_STOP):
+        yield _Bound(entry, "acceleration", count, scale.acceleration, f"{length}/s^2")
+    count = scale.torque_limit_to_counts(limits.torque)
+    of_current = axis.current.basis is Basis.RATED_CURRENT
+    per_current = abs(scale.torque) if of_current else scale.torque_limit
+    yield _Bound(objects.MAX_TORQUE, "torque", count, scale.torque_limit, force)
+    yield _Bound(objects.MAX_CURRENT, "torque", count, per_current, force)
+
+
+def _range(
+    find: Callable[[Entry], int | None],
+    axis: AxisDrive,
+    label: str,
+    values: dict[Entry, int],
+    own: dict[str, str],
+    notes: list[str],
+) -> dict[str, float]:
+    scale, limits = AxisScale.of(axis), axis.limits
+    entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
+    ours = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
+    low, high = ours
+    present = [find(entry) for entry in entries]
+    if present[0] is not None and present[1] is not None and present[0] < present[1]:
+        low, high = max(low, present[0]), min(high, present[1])
+    q_present, unit = _joint(scale, present), "rad" if axis.joint == "revolute" else "m"
+    if low >= high:
+        raise DriveRefused(
+            f"{label}: the drive's own software limits (607D) {q_present} and the drives file's"
+            f" [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit} have nothing in common; correct"
+            " zero, sign and gear in the drives file, or the limits in the drive"
+        )
+    values |= dict(zip(entries, (low, high), strict=True))
+    keys = ("q_min", "q_max") if scale.position > 0 else ("q_max", "q_min")
+    holds = {"q_min": limits.q_min, "q_max": limits.q_max}
+    tighter = [key for key, end, we in zip(keys, (low, high), ours, strict=True) if end != we]
+    for key, end in zip(keys, (low, high), strict=True):
+        if key in tighter:
+            holds[key] = scale.position_from_counts(float(end))
+            own[key] = "607D"
+    slack = SLACK * (limits.q_max - limits.q_min)
+    if any(abs(holds[key] - getattr(limits, key)) > slack for key in tighter):
+        notes.append(
+            f"{label}: the drive's own software limits (607D) {q_present} are narrower than the"
+            f" drives file's [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit}; what holds is"
+            f" [{holds['q_min']:.5g}, {holds['q_max']:.5g}] {unit}"
+        )
+    return holds
+
+
+def _joint(scale: AxisScale, counts: list[int | None]) -> str:
+    ends = [scale.position_from_counts(float(end)) for end in counts if end is not None]
+    return f"[{', '.join(f'{q:.5g}' for q in sorted(ends))}]"
+
+
+def _set(value: int, entry: Entry) -> bool:
+    return value > 0 and value != (1 << 8 * entry.size) - 1
+
+
+def _code(entry: Entry) -> str:
+    return f"{entry.index:04X}"
+
+
+def _too_small(label: str, bound: _Bound, stated: float) -> str:
+    return (
+        f"{label}: limits.{bound.key} {stated:.4g} {bound.unit} is less than one count of"
+        f" {bound.entry}, {bound.per_count:.4g} {bound.unit}, and 0 would mean no limit; raise it,"
+        " or set a finer unit in the drive"
+    )
+
+
+def _slow_stop(label: str, stop: float, axis: AxisDrive) -> str:
+    unit, limits = "rad" if axis.joint == "revolute" else "m", axis.limits
+    return (
+        f"{label}: its quick stop slows down by {stop:.4g} {unit}/s^2 (6085, 60C6), which takes"
+        f" {limits.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
+        f" limits.acceleration {limits.acceleration:.4g} {unit}/s^2 is not waited for, its voltage"
+        " is disabled sooner: raise 6085 with the maker's commissioning tool, or state this ramp as"
+        " quick_stop_deceleration"
+    )
+
+
+def _note(label: str, bound: _Bound, value: float, stated: float) -> str:
+    return (
+        f"{label}: the drive's own {bound.entry.name} ({_code(bound.entry)}) is {value:.4g}"
+        f" {bound.unit}, tighter than the drives file's limits.{bound.key} {stated:.4g}"
+        f" {bound.unit}; the drive's holds"
+    )

@@ -1,0 +1,190 @@
+"""What one count of 6064 is, by what a drive itself says of its encoder, gear, feed and units.
+
+CiA 402 turns encoder increments into positions by three ratios::
+
+    position = increments * feed / (encoder resolution * gear ratio)        6092, 608F, 6091
+
+so that a revolution of the motor, which is as many increments as the encoder resolution says, is
+feed / gear ratio counts, whatever the encoder. A drive may state the unit itself besides (60A8), as
+a power of ten of a degree or a revolution at the gear's output. Feed and gear of 1, as drives leave
+the factory, say that nothing was configured: then a count is an increment.
+
+From all these follow the readings that are admissible, each with its reason; a unit coarser than a
+motor revolution is none. One reading is a fact. Several that differ leave the choice among them to
+the drives file: the drive contradicts itself, or states a gear and no feed, which may be counted
+before or behind that gear. A ratio whose divisor is missing or 0 is no fact either: the divisor may
+be meant to be 1, or the whole ratio may mean nothing. None leaves the file on trust. Draft, check
+and commissioning all ask here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects
+from drivers.commissioning import unit_codes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from drivers.canopen.sdo import Entry
+
+RATIOS = {
+    "encoder": (objects.ENCODER_INCREMENTS, objects.ENCODER_REVOLUTIONS),
+    "gear": (objects.GEAR_MOTOR, objects.GEAR_SHAFT),
+    "feed": (objects.FEED, objects.FEED_SHAFT),
+    "factor": (objects.POSITION_FACTOR, objects.POSITION_DIVISOR),
+}
+"""Fields of `PositionFactors`: numerator and divisor."""
+ROUNDED = Fraction(1, 10**9)
+"""Readings that differ by less are one: a radian is no ratio."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A number of counts per motor revolution that a drive's objects lead to.
+
+    Attributes
+    ----------
+    per_revolution : Fraction
+        Counts of 6064 per motor revolution.
+    reason : str
+        From which objects it follows.
+    """
+
+    per_revolution: Fraction
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{shown(self.per_revolution)} counts per motor revolution ({self.reason})"
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFactors:
+    """What a drive says of its positions; None where it says nothing.
+
+    Attributes
+    ----------
+    encoder, gear, feed, factor : Fraction or None
+        608F, 6091, 6092, and 6093 of the profile's older edition.
+    unit : int or None
+        60A8.
+    assumed : mapping of str to Entry
+        Ratios by name of which only the numerator is stated, and the divisor that was taken for 1.
+    """
+
+    encoder: Fraction | None = None
+    gear: Fraction | None = None
+    feed: Fraction | None = None
+    factor: Fraction | None = None
+    unit: int | None = None
+    assumed: Mapping[str, Entry] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, read: Callable[[Entry], int | None]) -> PositionFactors:
+        """Ask a live drive (`SdoServer.find`) or a dictionary (`Dictionary.value`)."""
+        assumed: dict[str, Entry] = {}
+
+        def ratio(name: str) -> Fraction | None:
+            over, under = RATIOS[name]
+            numerator, denominator = read(over), read(under)
+            if not numerator or not (denominator or numerator > 1):
+                return None
+            if not denominator:
+                assumed[name] = under
+            return Fraction(numerator, denominator or 1)
+
+        ratios = {name: ratio(name) for name in RATIOS}
+        return cls(**ratios, unit=read(objects.POSITION_UNIT), assumed=assumed)
+
+    @property
+    def stated(self) -> PositionFactors:
+        """The same without the ratios of which a divisor was assumed."""
+        return replace(self, **dict.fromkeys(self.assumed), assumed={})
+
+    @property
+    def caveat(self) -> str:
+        """Which divisors were assumed, as the end of a sentence; empty where none was."""
+        return "".join(
+            f"; {entry.index:04X}:{entry.subindex:02X} is 0 or not stated, 1 is assumed"
+            for entry in self.assumed.values()
+        )
+
+    @property
+    def resolution(self) -> Fraction | None:
+        """Increments per motor revolution; an encoder of 1 is one that was not configured."""
+        return None if self.encoder is None or self.encoder <= 1 else self.encoder
+
+    @property
+    def unit_in_words(self) -> str:
+        """What 60A8 says; 0 is the default of a drive that says nothing."""
+        if not self.unit:
+            return "nothing"
+        return unit_codes.position_of(self.unit) or f"{self.unit:08X}h, an unknown unit"
+
+
+def position_readings(factors: PositionFactors) -> tuple[Reading, ...]:
+    """Return the admissible readings, each value once, the strongest first."""
+    distinct: list[Reading] = []
+    for reading in (*_readings(factors), *_readings(factors.stated)):
+        for place, other in enumerate(distinct):
+            if same(other.per_revolution, reading.per_revolution):
+                if reading.reason not in other.reason:
+                    merged = f"{other.reason}; {reading.reason}"
+                    distinct[place] = Reading(other.per_revolution, merged)
+                break
+        else:
+            distinct.append(reading)
+    return tuple(distinct)
+
+
+def same(one: Fraction, other: Fraction) -> bool:
+    """Whether two numbers of counts are one."""
+    return abs(one - other) <= ROUNDED * one
+
+
+def shown(counts: Fraction) -> str:
+    """Put a number of counts into words, exactly where it is a ratio of short numbers."""
+    return str(counts) if counts.denominator < 10**6 else f"{float(counts):.10g}"
+
+
+def _readings(factors: PositionFactors) -> Iterator[Reading]:
+    gear, feed = factors.gear or Fraction(1), factors.feed
+    angle = _per_output_revolution(factors.unit)
+    if feed is not None and feed != 1 and feed > gear:
+        yield Reading(feed / gear, f"feed 6092 = {feed} over gear 6091 = {gear}")
+    if angle is not None and angle > gear:
+        behind = f" at the output of gear 6091 = {gear}" if gear != 1 else ""
+        yield Reading(angle / gear, f"60A8 says {factors.unit_in_words}{behind}")
+    if factors.resolution is not None:
+        yield from _increments(factors, factors.resolution, gear)
+
+
+def _increments(
+    factors: PositionFactors, resolution: Fraction, gear: Fraction
+) -> Iterator[Reading]:
+    encoder = f"608F = {factors.encoder}"
+    if factors.factor is not None and factors.factor != 1:
+        by_factor = f"{encoder} over position factor 6093 = {factors.factor}"
+        yield Reading(resolution / factors.factor, by_factor)
+    elif _says_increments(factors):
+        yield Reading(resolution, f"{encoder}, in increments")
+        if gear != 1 and factors.feed in {None, 1}:  # some take 6091 for an electronic gear
+            yield Reading(resolution / gear, f"{encoder} over gear 6091 = {gear}")
+
+
+def _says_increments(factors: PositionFactors) -> bool:
+    """Whether 60A8 says so, or nothing else is configured."""
+    if factors.unit:
+        return factors.unit_in_words == "inc"
+    return factors.feed in {None, 1}
+
+
+def _per_output_revolution(unit: int | None) -> Fraction | None:
+    """Counts per revolution of the gear's output, where the unit is an angle."""
+    if not unit or unit_codes.position_of(unit) is None:
+        return None
+    turn = unit_codes.ANGLES.get(unit_codes.codes_of(unit)[0])
+    return None if turn is None else turn / Fraction(10) ** unit_codes.power_of(unit)

@@ -1,0 +1,169 @@
+"""Rated current and rated torque of a drive's motor (6075, 6076) beside those of the drives file.
+
+By the standard 6075 is in mA and 6076 in mN m; some makers state 6076 in uN m. A factor of thousand
+scales every torque and every torque limit, so the unit is stated in the file, and two things tell
+it: the value that the file expects, and rated current times torque constant, which must lead to the
+rated torque. These need not meet exactly (rms and peak, warm and cold magnets), but never differ by
+hundreds. Where a maker's own objects state current and constant, they are compared too.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects
+from drivers.canopen.vendor_objects import MAKERS
+from drivers.commissioning.comparison import compared, unsettled
+from drivers.drives_file import Basis, TorqueUnit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from drivers.canopen.sdo import Entry
+    from drivers.canopen.vendor_objects import Quantity
+    from drivers.commissioning.comparison import Comparison
+    from drivers.drives_file import AxisDrive
+
+NEWTON_METRE = {TorqueUnit.MILLI: 1e-3, TorqueUnit.MICRO: 1e-6}
+"""One unit of 6076 [N m]."""
+ROUNDED = 1e-3
+"""A rated torque in uN m may differ from the file's by this share: a file is written by hand."""
+ALIKE = 2.0
+"""Rated torque and torque constant times rated current differ by less than this factor."""
+DISPARATE = 100.0
+"""A factor that only another unit explains."""
+
+_KEY = "rated_torque"
+_TORQUE = f"{objects.RATED_TORQUE.name} ({objects.RATED_TORQUE.index:04X})"
+_UNSET, _SET = "0, not configured", "set it with the maker's commissioning tool"
+_PRODUCT = "rated torque against rated current"
+
+
+def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Iterator[Comparison]:
+    """Compare what a drive says of its motor's ratings with the file.
+
+    Parameters
+    ----------
+    read : callable
+        Value of an object, None where the drive does not have it.
+    axis : AxisDrive
+        What the drives file states.
+    """
+    maker = MAKERS.get(axis.identity.vendor)
+    present = read(objects.RATED_CURRENT)
+    if present is None and maker is not None:
+        counts = read(maker.rated_current.entry)
+        yield _current(maker.rated_current.entry, counts or None, axis)
+    else:
+        yield _current(objects.RATED_CURRENT, present, axis)
+    yield _torque(read(objects.RATED_TORQUE), axis)
+    if maker is not None and axis.torque_constant is not None:
+        counts = read(maker.torque_constant.entry)
+        if counts:
+            yield _constant(maker.torque_constant, counts, axis.torque_constant)
+    if _disparate(axis):
+        yield compared(
+            False,
+            _PRODUCT,
+            f"{expected_torque(axis):.4g} N m by rated_current times torque_constant",
+            _KEY,
+            f"{axis.rated_torque:g} N m",
+            "a factor that no motor has: look all three up in the motor's data sheet, and state "
+            "rated_torque_unit: uN m where the drive states 6076 so",
+        )
+
+
+def expected_torque(axis: AxisDrive) -> float | None:
+    """Return rated current times torque constant [N m], None where the file has no constant."""
+    if axis.torque_constant is None or axis.current.basis is Basis.RATED_TORQUE:
+        return None
+    product = axis.torque_constant * axis.rated_current
+    if axis.current.amplitude != axis.torque_constant_amplitude:
+        product *= math.sqrt(2 if axis.current.amplitude == "rms" else 0.5)
+    return product
+
+
+def torque_unit(present: int, ampere: float, per_ampere: float) -> TorqueUnit | None:
+    """Return the unit of 6076 by rated current [A] times torque constant [N m/A].
+
+    Returns
+    -------
+    TorqueUnit or None
+        None where neither unit leads anywhere near that product.
+    """
+    for unit, newton_metre in NEWTON_METRE.items():
+        if present and _within(present * newton_metre / (ampere * per_ampere), ALIKE):
+            return unit
+    return None
+
+
+def _current(entry: Entry, present: int | None, axis: AxisDrive) -> Comparison:
+    check, key = f"{entry.name} ({entry.index:04X})", "rated_current"
+    stated = f"{axis.rated_current:g} A"
+    if present is None:
+        return unsettled(check, f"no object {entry}", key, stated, f"{key} is taken on trust")
+    if present == 0 and axis.current.basis is Basis.MILLIAMPERE:
+        found = f"{entry} is {_UNSET}"
+        return unsettled(check, found, key, stated, f"{key} is taken on trust")
+    if present == 0:
+        return compared(False, check, _UNSET, key, stated, f"per mille refer to it: {_SET}")
+    return compared(
+        abs(present - 1000 * axis.rated_current) <= 1,
+        check,
+        f"{present / 1000:g} A",
+        key,
+        stated,
+        f"correct {key} or the drive's parameter: torques scale with it",
+    )
+
+
+def _torque(present: int | None, axis: AxisDrive) -> Comparison:
+    stated, unit = f"{axis.rated_torque:g} N m", axis.rated_torque_unit
+    if present is None:
+        silent = f"no object {objects.RATED_TORQUE}"
+        return unsettled(_TORQUE, silent, _KEY, stated, f"{_KEY} is taken on trust")
+    if present == 0:
+        return compared(False, _TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
+    remedy = f"correct {_KEY} or the drive's parameter: torques scale with it"
+    (other,) = set(TorqueUnit) - {unit}
+    if _agrees(present, axis.rated_torque, other) and not _disparate(axis):
+        remedy = (
+            f"as {other.value} it would be {present * NEWTON_METRE[other]:g} N m: state "
+            f"rated_torque_unit: {other.value} if the drive's manual says so"
+        )
+    return compared(
+        _agrees(present, axis.rated_torque, unit),
+        _TORQUE,
+        f"{present * NEWTON_METRE[unit]:g} N m",
+        _KEY,
+        stated,
+        remedy,
+    )
+
+
+def _constant(quantity: Quantity, counts: int, stated: float) -> Comparison:
+    """Compare the torque constant, of which it is not said whether of rms or peak."""
+    return compared(
+        _within(quantity.value(counts) / stated, ALIKE),
+        f"{quantity.entry.name} ({quantity.place})",
+        f"{quantity.value(counts):g} N m/A",
+        "torque_constant",
+        f"{stated:g} N m/A",
+        "more than rms and peak can be apart: correct torque_constant or the drive's parameter",
+    )
+
+
+def _agrees(present: int, stated: float, unit: TorqueUnit) -> bool:
+    counts = stated / NEWTON_METRE[unit]
+    slack = 1.0 if unit is TorqueUnit.MILLI else max(1.0, ROUNDED * counts)
+    return abs(present - counts) <= slack * (1 + 1e-9)
+
+
+def _disparate(axis: AxisDrive) -> bool:
+    product = expected_torque(axis)
+    return product is not None and not _within(product / axis.rated_torque, DISPARATE)
+
+
+def _within(ratio: float, factor: float) -> bool:
+    return 1 / factor < ratio < factor

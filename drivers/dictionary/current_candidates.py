@@ -1,0 +1,135 @@
+"""Which object shows the motor's current or torque, judged by evidence.
+
+Torques are computed from this one, so it is chosen openly: every object that may serve is listed
+with what speaks for it. 6078 (current, per mille of 6075) comes first; a maker's own current of 32
+bits next, which is finer but costs a second TPDO; then 6077, which is a torque by name and on many
+drives the current over a rated value. What one count means is never concluded from the index: the
+standard's meaning is a suggestion that the drive's manual has to confirm.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers.drives_file import Basis
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from drivers.dictionary.dictionary import Declared, Dictionary
+
+CURRENT, TORQUE = 0x6078, 0x6077
+MAKERS_OBJECTS = range(0x2000, 0x6000)
+
+_QUANTITY = re.compile(
+    r"current|torque|amperage|strom\b|drehmoment|moment\b|(?<![a-z])i_?q(?![a-z])", re.I
+)
+_MEASURED = re.compile(
+    r"actual|measured|feedback|readback|present|active|istwert|[-_ ]act(ual)?\b|q[- ]?axis"
+    r"|quadrature|(?<![a-z])i_?q(?![a-z])|motor currents?\b",
+    re.I,
+)
+_OTHER = re.compile(
+    r"demand|command|target|reference|set[- ]?(value|point)|limit|max|min\b|offset|gain|controller"
+    r"|regulator|window|threshold|rated|nominal|constant|phase|adc|slope|peak|brake|braking|error"
+    r"|direct axis|d[- ]axis|i_?d\b|reactive|homing|hold|standby|position|velocity|speed|version"
+    r"|mode|time|scal|factor|ratio|i2t|i\u00b2t|warning|bandwidth|soll",
+    re.I,
+)
+_SMOOTHED = re.compile(r"averag|filter|mean|smooth|rms", re.I)
+_TORQUE = re.compile(r"torque|drehmoment|moment\b", re.I)
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentCandidate:
+    """An object that may show the motor's current.
+
+    Attributes
+    ----------
+    declared : Declared
+        The object.
+    usable : bool
+        An integer of 16 or 32 bits that a PDO can carry, as far as is known.
+    basis : Basis or None
+        What the standard says that a count is; None where only the manual can tell.
+    why : str
+        What speaks for it, or why it cannot be used.
+    """
+
+    declared: Declared
+    usable: bool
+    basis: Basis | None
+    why: str
+
+    @property
+    def place(self) -> str:
+        """Index, sub-index and type, such as "30D1:02 (i32)"."""
+        return f"{self.declared.place} ({self.declared.type or 'no integer'})"
+
+
+def current_candidates(dictionary: Dictionary) -> tuple[CurrentCandidate, ...]:
+    """Return all objects that may show the current, the most suitable first."""
+    found = [_judged(declared) for declared in _named(dictionary)]
+    return tuple(sorted(found, key=_preference))
+
+
+def _named(dictionary: Dictionary) -> Iterator[Declared]:
+    for (index, subindex), declared in sorted(dictionary.entries.items()):
+        counts_members = not subindex and (index, 1) in dictionary.entries
+        maker = index in MAKERS_OBJECTS and declared.readable is not False and not counts_members
+        if (index in {CURRENT, TORQUE} and not subindex) or (
+            maker and _speaks_of_current(declared)
+        ):
+            yield declared
+
+
+def _speaks_of_current(declared: Declared) -> bool:
+    name = declared.name
+    return bool(_QUANTITY.search(name) and _MEASURED.search(name) and not _OTHER.search(name))
+
+
+def _judged(declared: Declared) -> CurrentCandidate:
+    obstacle = _obstacle(declared)
+    if obstacle:
+        return CurrentCandidate(declared, usable=False, basis=None, why=obstacle)
+    basis, why = _meaning(declared)
+    if declared.index in MAKERS_OBJECTS and _SMOOTHED.search(declared.name):
+        why += ", smoothed by the drive, which delays it against the position"
+    return CurrentCandidate(declared, usable=True, basis=basis, why=why)
+
+
+def _obstacle(declared: Declared) -> str:
+    if declared.type not in {"i16", "i32"}:
+        return "is no signed integer of 16 or 32 bits"
+    if declared.mappable is False:
+        return "cannot be mapped into a PDO"
+    return ""
+
+
+def _meaning(declared: Declared) -> tuple[Basis | None, str]:
+    if declared.index == CURRENT:
+        return Basis.RATED_CURRENT, "the standard's motor current, per mille of 6075 by CiA 402"
+    if declared.index == TORQUE:
+        return (
+            Basis.RATED_TORQUE,
+            "the standard's torque, per mille of 6076 by CiA 402; on many drives it is the current "
+            "over a rated value",
+        )
+    finer = ", finer than per mille" if declared.type == "i32" else ""
+    return None, f'the maker\'s own, "{declared.name}"{finer}'
+
+
+def _preference(candidate: CurrentCandidate) -> tuple[bool, int, bool, int, int]:
+    declared = candidate.declared
+    if declared.index == CURRENT:
+        rank = 0
+    elif declared.index == TORQUE:
+        rank = 2
+    elif _TORQUE.search(declared.name):
+        rank = 4
+    else:
+        rank = 1 if declared.type == "i32" else 3
+    smoothed = bool(_SMOOTHED.search(declared.name)) and declared.index in MAKERS_OBJECTS
+    return (not candidate.usable, rank, smoothed, declared.index, declared.subindex)

@@ -1,0 +1,192 @@
+"""Electronic data sheets (EDS) and device configuration files (DCF), read liberally.
+
+Files in the wild break CiA 306 in every way that does no harm: section names and keys in any case,
+Latin-1, byte order marks, sections twice, hex without or with a sign, no PDOMapping, objects that
+are listed and not described. Such things are mended and noted. What cannot be understood is kept as
+`Dictionary.damaged` and told with file, line and section by whoever needs that object, so that a
+wrong section about an unused input does not keep anyone from working. canopen's own reader gives up
+at the first of them, and takes its types from the file alone.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from checked_files.yaml_file import FileError
+from drivers.dictionary.dictionary import Declared, Dictionary, Key
+from drivers.dictionary.eds_numbers import NoNumber, declared_type, number, within
+from drivers.dictionary.eds_objects import expand_compact, supply_listed
+from drivers.dictionary.eds_sections import Section, sections_of
+from drivers.dictionary.mapping_review import mapped_objects
+
+_OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?", re.I)
+_ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}
+_RATES = (10, 20, 50, 100, 125, 250, 500, 800, 1000)
+ARRAY, RECORD = 8, 9
+FIRST_OBJECT = 0x1000
+VALUES = ("parametervalue", "defaultvalue", "lowlimit", "highlimit")
+NODES = range(1, 128)
+
+
+def read_eds(path: Path | str, node: int | None = None) -> Dictionary:
+    """Read an EDS or DCF.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    node : int, optional
+        Node number that stands for $NODEID; by default that of the DCF.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or is none.
+    """
+    path = Path(path)
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from error
+    return parse_eds(raw, str(path), node)
+
+
+def parse_eds(raw: bytes, source: str, node: int | None = None) -> Dictionary:
+    """Read the content of an EDS or DCF; `source` names it in messages (see `read_eds`)."""
+    sections, notes = sections_of(raw, source)
+    reading = _Reading(source, sections, notes)
+    reading.node = node or reading.whole("devicecomissioning", "nodeid", NODES)
+    parents, members = reading.objects()
+    if not parents and not members:
+        raise FileError(
+            f"{source}: has no object section such as [1000] or [6041sub0]; give an EDS or DCF, "
+            "text as the drive's maker supplies it (an XDD must be converted)"
+        )
+    for index, section in parents.items():
+        if (index, 0) not in members and reading.is_number(section):
+            reading.declare((index, 0), section, "")
+    for key, section in (expand_compact(parents, sections) | members).items():
+        parent = parents.get(key[0])
+        reading.declare(key, section, parent.get("parametername") if parent else "")
+    described = parents.keys() | {index for index, _ in members}
+    supply_listed(sections, described, reading.entries, reading.notes)
+    return reading.dictionary()
+
+
+@dataclass
+class _Reading:
+    """A file half read."""
+
+    source: str
+    sections: dict[str, Section]
+    notes: list[str]
+    node: int | None = None
+    entries: dict[Key, Declared] = field(default_factory=dict)
+    damaged: dict[Key, str] = field(default_factory=dict)
+
+    def objects(self) -> tuple[dict[int, Section], dict[Key, Section]]:
+        """Return the sections of objects by index, and those of members by their place."""
+        parents, members = {}, {}
+        for name, section in self.sections.items():
+            found = _OBJECT.fullmatch(name)
+            if found and int(found[1], 16) >= FIRST_OBJECT:
+                if found[2] is None:
+                    parents[int(found[1], 16)] = section
+                else:
+                    members[int(found[1], 16), int(found[2], 16)] = section
+        return parents, members
+
+    def whole(self, section: str, key: str, allowed: range) -> int | None:
+        """Return a number from a general section; one that makes no sense is noted."""
+        found = self.sections.get(section)
+        text = found.get(key) if found else ""
+        try:
+            value = number(text)
+        except NoNumber:
+            value = -1
+        if value is None or value in allowed:
+            return value
+        if value:
+            self.notes.append(f"[{section}] {key}={text} makes no sense and was left out")
+        return None
+
+    def is_number(self, section: Section) -> bool:
+        """Tell whether an object is a number of its own, not the head of an array or record."""
+        try:
+            return number(section.get("objecttype")) not in {ARRAY, RECORD}
+        except NoNumber:
+            return bool(section.get("datatype"))
+
+    def declare(self, key: Key, section: Section, parent: str) -> None:
+        """Take one number, a member of what `parent` names."""
+        try:
+            self.entries[key] = self._declared(key, section, parent)
+        except NoNumber as error:
+            self.damaged[key] = f"{self.source}:{section.line}: [{section.name}] {error}"
+
+    def _declared(self, key: Key, section: Section, parent: str) -> Declared:
+        if section.contradictions:
+            raise NoNumber(section.contradictions[0])
+        kind = declared_type(section.get("datatype"), self.sections)
+        access = section.get("accesstype").lower() or None
+        if access not in {None, *_ACCESS}:
+            raise NoNumber(f"AccessType={access} is none of {', '.join(sorted(_ACCESS))}")
+        mapped = section.get("pdomapping").lower()
+        value, default, low, high = self._values(section, kind)
+        return Declared(
+            *key,
+            name=": ".join(filter(None, (parent, section.get("parametername")))),
+            type=kind,
+            access=access,
+            mappable=mapped not in {"0", "0x0", "0x00", "false", "no"} if mapped else None,
+            value=value,
+            default=default,
+            low=low,
+            high=high,
+        )
+
+    def _values(self, section: Section, kind: str | None) -> list[int | None]:
+        if kind is None:
+            return [None] * len(VALUES)
+        return [within(kind, number(section.get(key), self.node), key) for key in VALUES]
+
+    def dictionary(self) -> Dictionary:
+        """Return what was read."""
+        device = self.sections.get("deviceinfo") or Section("DeviceInfo", 0)
+        proved = mapped_objects(self.entries)
+        for key in proved & self.entries.keys():
+            self.entries[key] = replace(self.entries[key], mappable=True)
+        u32 = range(1, 1 << 32)
+        rate = self.whole("devicecomissioning", "baudrate", range(10, 1_000_001))
+        identity = [
+            self._identity(subindex, key)
+            for subindex, key in ((1, "vendornumber"), (2, "productnumber"), (3, "revisionnumber"))
+        ]
+        return Dictionary(
+            self.source,
+            live=False,
+            entries=self.entries,
+            damaged=self.damaged,
+            node=self.node,
+            bitrate=None if rate is None else rate if rate >= 10_000 else 1000 * rate,
+            bitrates=tuple(
+                1000 * kbit for kbit in _RATES if self.whole("deviceinfo", f"baudrate_{kbit}", u32)
+            ),
+            vendor=identity[0],
+            product=identity[1],
+            revision=identity[2],
+            serial=self._identity(4, ""),
+            maker=device.get("vendorname"),
+            model=device.get("productname"),
+            notes=tuple(self.notes),
+        )
+
+    def _identity(self, subindex: int, key: str) -> int | None:
+        """Return a number of 1018; 0 stands for "not filled in" in data sheets."""
+        declared = self.entries.get((0x1018, subindex))
+        for found in (declared and declared.value, declared and declared.default):
+            if found:
+                return found
+        return self.whole("deviceinfo", key, range(1, 1 << 32)) if key else None

@@ -1,0 +1,88 @@
+"""Numbers and types as data sheets write them.
+
+Decimal, octal and hex; hex also with a trailing h; `$NODEID + 0x180` in any order and spacing;
+signed values in hex, whose sign the width of the type decides (0xFFFF is -1 in 16 bits).
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from drivers.dictionary.dictionary import INTEGERS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from drivers.dictionary.eds_sections import Section
+
+_NODE = re.compile(r"\+?\$NODEID\+?", re.I)
+
+
+class NoNumber(ValueError):
+    """A text that is no number, or does not fit where it stands."""
+
+
+def number(text: str, node: int | None = None) -> int | None:
+    """Return a number; None for an empty text, and for $NODEID while that is not known.
+
+    Raises
+    ------
+    NoNumber
+        The text is none.
+    """
+    text = re.sub(r"[\s_]", "", text)
+    if not text:
+        return None
+    rest, formulas = _NODE.subn("", text)
+    value = _plain(rest, text) if rest else 0
+    if not formulas:
+        return value
+    return None if node is None else value + node
+
+
+def _plain(text: str, whole: str) -> int:
+    digits = text.lower().rstrip("ul")
+    try:
+        if re.fullmatch(r"[+-]?[0-9][0-9a-f]*h", digits):
+            return int(digits[:-1], 16)
+        if re.fullmatch(r"[+-]?0[0-7]+", digits):
+            return int(digits, 8)
+        return int(digits, 10) if re.fullmatch(r"[+-]?\d+", digits) else int(digits, 0)
+    except ValueError as error:
+        raise NoNumber(f"{whole!r} is no number; correct it") from error
+
+
+def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
+    """Return our name of a data type; None for texts, domains and reals.
+
+    Types of the device's own (40h and up) are described by their member 1, as CANfestival's editor
+    writes it.
+    """
+    index = number(text)
+    if index is not None and index >= 0x40:
+        described = sections.get(f"{index:x}sub1")
+        index = number(described.get("defaultvalue")) if described else None
+    return None if index is None else INTEGERS.get(index)
+
+
+def within(kind: str, value: int | None, key: str) -> int | None:
+    """Return a value as its type has it, with the sign of hex numbers.
+
+    Raises
+    ------
+    NoNumber
+        It does not fit the type.
+    """
+    bits = int(kind[1:])
+    if value is None:
+        return None
+    if kind.startswith("i") and 1 << bits - 1 <= value < 1 << bits:
+        return value - (1 << bits)
+    if kind.startswith("u") and -(1 << bits - 1) <= value < 0:
+        return value + (1 << bits)
+    if not -(1 << bits - 1) <= value < 1 << bits:
+        if key in {"lowlimit", "highlimit"}:
+            return None
+        raise NoNumber(f"{key}={value} does not fit {bits} bits; correct it")
+    return value

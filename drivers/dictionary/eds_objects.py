@@ -1,0 +1,89 @@
+"""Objects that a data sheet abbreviates or forgets.
+
+CiA 306 lets a long array be written as one section (CompactSubObj) with its members' names and
+values in two more. And tools drop sections of objects that they still list under [OptionalObjects];
+those are supplied as the standard has them, where it does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects
+from drivers.canopen.sdo import Entry
+from drivers.dictionary.dictionary import Declared, Key
+from drivers.dictionary.eds_numbers import NoNumber, number
+from drivers.dictionary.eds_sections import Section
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
+_STANDARD = {
+    (entry.index, entry.subindex): entry
+    for entry in vars(objects).values()
+    if isinstance(entry, Entry)
+}
+_NOTHING = Section("", 0)
+_STANDARD[0x6077, 0] = Entry(0x6077, 0, "i16", "torque actual value")
+_STANDARD[0x6078, 0] = Entry(0x6078, 0, "i16", "current actual value")
+
+
+def expand_compact(
+    parents: Mapping[int, Section], sections: Mapping[str, Section]
+) -> dict[Key, Section]:
+    """Return the members of objects that are written in short."""
+    return dict(
+        member
+        for index, section in parents.items()
+        if section.get("compactsubobj")
+        for member in _members(index, section, sections)
+    )
+
+
+def _members(
+    index: int, section: Section, sections: Mapping[str, Section]
+) -> Iterator[tuple[Key, Section]]:
+    try:
+        count = number(section.get("compactsubobj")) or 0
+    except NoNumber:
+        return
+    names = sections.get(f"{index:04x}name", _NOTHING)
+    values = sections.get(f"{index:04x}value", _NOTHING)
+    for subindex in range(1, min(count, 254) + 1):
+        member = Section(section.name, section.line, dict(section.values))
+        member.values["parametername"] = names.get(str(subindex))
+        member.values["parametervalue"] = values.get(str(subindex))
+        yield (index, subindex), member
+
+
+def supply_listed(
+    sections: Mapping[str, Section],
+    described: Collection[int],
+    entries: dict[Key, Declared],
+    notes: list[str],
+) -> None:
+    """Add objects that are listed and not described, as the standard has them; note it."""
+    supplied = []
+    for index in sorted(set(_listed(sections)) - set(described)):
+        members = [entry for key, entry in _STANDARD.items() if key[0] == index]
+        for entry in members:
+            key = (entry.index, entry.subindex)
+            entries[key] = Declared(*key, name=entry.name, type=entry.type)
+        if members:
+            supplied.append(f"{index:04X}")
+    if supplied:
+        notes.append(
+            f"lists {', '.join(supplied)} without describing them: taken as the standard has them"
+        )
+
+
+def _listed(sections: Mapping[str, Section]) -> Iterator[int]:
+    for name in _LISTS:
+        section = sections.get(name)
+        for key, text in section.values.items() if section else ():
+            if key.isdigit():
+                try:
+                    yield number(text) or 0
+                except NoNumber:
+                    continue

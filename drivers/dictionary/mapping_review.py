@@ -1,0 +1,256 @@
+"""Whether a drive's PDOs can carry what we need: status, position and current of one SYNC.
+
+Where a mapping may be written, all that counts is room, and what TPDO 1 has none for may go into
+TPDO 2. Where it is fixed, the drive serves only if its PDOs carry the right objects already, TPDOs
+in any order, and then it is the fixed mapping that decides which current is used
+(`drivers.canopen.pdo_set_up` does the work itself).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers.canopen.pdo_mapping import ON_SYNC
+from drivers.canopen.pdo_set_up import OFF
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from collections.abc import Mapping as MappingOf
+
+    from drivers.dictionary.current_candidates import CurrentCandidate
+    from drivers.dictionary.dictionary import Declared, Dictionary, Key
+
+Obstacle = tuple[str, str, str, bool]
+"""About what, the problem, its consequence, whether it is fatal."""
+
+_STATE = ((0x6041, 0, 16), (0x6064, 0, 32))
+_COMMAND = ((0x607A, 0, 32), (0x6040, 0, 16))
+
+
+@dataclass(frozen=True, slots=True)
+class PdoOffer:
+    """One PDO of a drive.
+
+    Attributes
+    ----------
+    name : str
+        "TPDO 1" and so on.
+    writable : bool or None
+        Its mapping may be changed; None where that is not known.
+    switchable : bool or None
+        Its COB-ID may be changed, and with that the PDO switched off.
+    on : bool
+        It is switched on as it stands.
+    transmission : int or None
+        Its transmission type, where that is fixed.
+    room : int or None
+        How many objects it can carry, where its count (sub-index 0) says so.
+    declared : int or None
+        How many sub-indices a data sheet declares for them.
+    carries : tuple of (index, sub-index, bits)
+        Its mapping as it stands.
+    """
+
+    name: str
+    writable: bool | None
+    switchable: bool | None
+    on: bool
+    transmission: int | None
+    room: int | None
+    declared: int | None
+    carries: tuple[tuple[int, int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """The PDOs that we would use; None where the drive does not have one."""
+
+    tpdo1: PdoOffer | None
+    tpdo2: PdoOffer | None
+    rpdo1: PdoOffer | None
+
+
+def review_mapping(
+    dictionary: Dictionary, usable: Sequence[CurrentCandidate]
+) -> tuple[Mapping, CurrentCandidate | None, tuple[Obstacle, ...]]:
+    """Find out what the PDOs can carry.
+
+    Returns
+    -------
+    Mapping
+        The PDOs.
+    CurrentCandidate or None
+        The first current object that fits, or where none does the first of all.
+    tuple of Obstacle
+        What keeps the PDOs from carrying what we need.
+    """
+    mapping = Mapping(
+        _offer(dictionary, "TPDO 1", 0x1800),
+        _offer(dictionary, "TPDO 2", 0x1801),
+        _offer(dictionary, "RPDO 1", 0x1400),
+    )
+    receiving = tuple(_obstacles(mapping.rpdo1, "RPDO 1", _COMMAND))
+    attempts = [(current, tuple(_sending(mapping, current))) for current in usable]
+    for current, obstacles in attempts:
+        if not any(fatal for *_, fatal in obstacles):
+            return mapping, current, (*receiving, *obstacles)
+    if not attempts:
+        return mapping, None, receiving
+    current, obstacles = attempts[0]
+    return mapping, current, (*receiving, *obstacles)
+
+
+def other_tpdos(
+    mapping: Mapping, current: CurrentCandidate | None
+) -> tuple[tuple[int, ...], ...] | None:
+    """Return the words that TPDO 1 and 2 carry, None where that is what we would have."""
+    if current is None:
+        return None
+    measured = _place(current)
+    together, apart = ((*_STATE, measured),), (_STATE, (measured,))
+    usual = together if current.declared.bits == 16 else apart
+    fits = usual is together and not any(
+        fatal for *_, fatal in _obstacles(mapping.tpdo1, "TPDO 1", together[0])
+    )
+    wanted = together if fits else apart
+    offers = (mapping.tpdo1, mapping.tpdo2)
+    found = tuple(
+        offer.carries if offer is not None and offer.writable is False else objects
+        for offer, objects in zip(offers, wanted, strict=False)
+    )
+    if found == usual:
+        return None
+    return tuple(tuple(i << 16 | sub << 8 | bits for i, sub, bits in words) for words in found)
+
+
+def carried(word: int) -> tuple[int, int, int]:
+    """Return index, sub-index and bits of a mapping entry."""
+    return word >> 16, word >> 8 & 0xFF, word & 0xFF
+
+
+def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
+    mapping = communication + 0x200
+    if {(communication, 1), (mapping, 0)} & dictionary.unanswered.keys():
+        return PdoOffer(name, None, None, False, None, None, None, ())
+    cob = dictionary.find(communication, 1)
+    members = list(dictionary.members(mapping))
+    if cob is None or not members:
+        return None
+    slots = [member for member in members if member.subindex]
+    writable = [member.writable for member in members]
+    return PdoOffer(
+        name,
+        None if None in writable else all(writable),
+        cob.writable,
+        not ((cob.default if cob.value is None else cob.value) or 0) & OFF,
+        _fixed_type(dictionary, communication),
+        members[0].high if members[0].subindex == 0 else None,
+        None if dictionary.live else len(slots),
+        tuple(_contents(members[0], slots)),
+    )
+
+
+def _fixed_type(dictionary: Dictionary, communication: int) -> int | None:
+    kind = dictionary.find(communication, 2)
+    if kind is None or kind.writable is not False:
+        return None
+    return kind.default if kind.value is None else kind.value
+
+
+def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int, int, int]]:
+    number = count.default if count.value is None else count.value
+    for slot in slots[: len(slots) if number is None or count.subindex else number]:
+        word = slot.default if slot.value is None else slot.value
+        if word:
+            yield carried(word)
+
+
+def _sending(mapping: Mapping, current: CurrentCandidate) -> Iterator[Obstacle]:
+    declared, carried_current = current.declared, _place(current)
+    first, second = mapping.tpdo1, mapping.tpdo2
+    together = list(_obstacles(first, "TPDO 1", (*_STATE, carried_current)))
+    if declared.bits == 16 and not any(fatal for *_, fatal in together):
+        yield from _types(first)
+        yield from together
+        yield from _goes_on(second)
+        return
+    fixed = first is not None and first.writable is False
+    if declared.bits == 16 and (first is None or (fixed and not _has(second, carried_current))):
+        yield from together
+        return
+    if declared.bits == 16 and not fixed:
+        so = "the current goes into TPDO 2, which takes more of the bus"
+        yield "TPDO 1", "has no room for 3 objects", so, False
+    yield from _types(first, second)
+    yield from _obstacles(first, "TPDO 1", _STATE)
+    yield from _obstacles(second, "TPDO 2", (carried_current,))
+
+
+def _place(current: CurrentCandidate) -> tuple[int, int, int]:
+    declared = current.declared
+    return declared.index, declared.subindex, declared.bits or 0
+
+
+def _has(offer: PdoOffer | None, wanted: tuple[int, int, int]) -> bool:
+    return offer is not None and wanted in offer.carries
+
+
+def _types(*offers: PdoOffer | None) -> Iterator[Obstacle]:
+    for offer in offers:
+        if offer is not None and offer.transmission not in {None, ON_SYNC}:
+            problem = f"has the fixed transmission type {offer.transmission}"
+            yield offer.name, problem, "its values are not those of a SYNC (type 1)", True
+
+
+def _goes_on(offer: PdoOffer | None) -> Iterator[Obstacle]:
+    """Note a TPDO that we do not use and that goes on to be sent."""
+    if offer is not None and offer.switchable is False and offer.on:
+        so = "it goes on to be sent, which does no harm under an identifier of its own"
+        yield offer.name, "cannot be switched off (its COB-ID is fixed)", so, False
+
+
+def _obstacles(
+    offer: PdoOffer | None, name: str, wanted: tuple[tuple[int, int, int], ...]
+) -> Iterator[Obstacle]:
+    what = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in wanted)
+    if offer is None:
+        yield name, "is missing", f"{what} cannot be exchanged", True
+        return
+    if offer.writable is False and not _serves(offer, wanted):
+        has = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in offer.carries) or "nothing"
+        yield (
+            name,
+            f"is fixed and carries {has}",
+            f"{what} is needed; map it with the maker's tool or use another drive",
+            True,
+        )
+    elif offer.writable is False:
+        return
+    elif offer.room is not None and offer.room < len(wanted):
+        yield name, f"takes {offer.room} objects at most", f"{what} does not fit", True
+    elif offer.declared is not None and offer.declared < len(wanted):
+        so = f"{what} is needed; whether it fits shows when the drive is set up"
+        yield name, f"declares room for {offer.declared} objects", so, False
+    elif offer.switchable is False and offer.carries != wanted:
+        so = "whether its mapping may be changed all the same shows when the drive is set up"
+        yield name, "cannot be switched off (its COB-ID is fixed)", so, False
+
+
+def _serves(offer: PdoOffer, wanted: tuple[tuple[int, int, int], ...]) -> bool:
+    """Whether a fixed mapping will do: an RPDO as it is, a TPDO in any order and with more."""
+    if wanted == _COMMAND:
+        return offer.carries == wanted
+    whole = all(bits % 8 == 0 for _, _, bits in offer.carries)
+    return whole and set(wanted) <= set(offer.carries)
+
+
+def mapped_objects(entries: MappingOf[Key, Declared]) -> frozenset[Key]:
+    """Return what any TPDO or RPDO carries as it stands: proof that it can be mapped."""
+    return frozenset(
+        carried(word)[:2]
+        for (index, subindex), member in entries.items()
+        if subindex and (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00)
+        for word in (member.default, member.value)
+        if word
+    )

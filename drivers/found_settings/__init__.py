@@ -1,0 +1,1 @@
+"""What drives held before anything was written to them: kept, and put back."""

@@ -1,0 +1,263 @@
+"""Keeping what drives held, before each object is first written.
+
+A `SettingsKeeper` stands in front of every write of a session: the first one to an object reads
+what it held. What start-up will overwrite is known beforehand (`announcement`), so that all of it
+is on the disk before the first write; an object that is first written later, in the middle of a
+session, is added by itself. Where the file of an earlier session is there that never put back what
+it had found, its values stand: what the drives hold by now is ours. But where a drive holds neither
+what was found nor what that session wrote, it has been set up anew: then it is the drive's that
+stands.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import DriveRefused
+from drivers.found_settings.reading import before, extended, standing, with_planned, with_written
+from drivers.found_settings.restoring import restore_drive
+from drivers.found_settings.settings_file import (
+    FoundDrive,
+    FoundSettings,
+    difference,
+    dump_found_settings,
+    load_found_settings,
+    read_identity,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Mapping
+    from pathlib import Path
+
+    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.drives_file import AxisDrive, DrivesFile
+
+
+class SettingsKeeper:
+    """Reads and keeps what drives hold, before it is overwritten.
+
+    Parameters
+    ----------
+    path : Path, optional
+        The file; None to keep everything in memory only.
+    write : callable, optional
+        ``write(path, content)`` puts a file on the disk, whole or not at all. Needed with `path`.
+    bus : tuple of str, optional
+        Interface and channel that the drives are on, for who puts them back.
+
+    Attributes
+    ----------
+    path : Path or None
+    later : tuple of Entry
+        Objects that the session will write once the drives are on: they are kept with the others.
+    unannounced : list of str
+        Objects that were first written after the announcement, in words.
+    """
+
+    def __init__(
+        self,
+        path: Path | None = None,
+        write: Callable[[Path, bytes], None] | None = None,
+        bus: tuple[str | None, str | None] = (None, None),
+    ) -> None:
+        self.path = path
+        self.later: tuple[Entry, ...] = ()
+        self.unannounced: list[str] = []
+        self._write = write
+        self._interface, self._channel = bus
+        self._settings: FoundSettings | None = None
+        self._announced = False
+        self._earlier: frozenset[int] = frozenset()
+
+    @property
+    def settings(self) -> FoundSettings:
+        """What is kept by now.
+
+        Raises
+        ------
+        LookupError
+            Nothing has been kept yet.
+        """
+        if self._settings is None:
+            raise LookupError("settings are kept once `open` was called")
+        return self._settings
+
+    @property
+    def unrestored(self) -> bool:
+        """Whether a drive may hold values of ours."""
+        return self._announced and self._settings is not None and not self._settings.restored
+
+    def open(self, drives: DrivesFile) -> None:
+        """Begin a session; read what an earlier one left behind.
+
+        Raises
+        ------
+        FileError
+            There is a file that cannot be used.
+        """
+        self._settings = FoundSettings(
+            bitrate=drives.bitrate,
+            sdo_timeout=drives.sdo_timeout,
+            interface=self._interface or None,
+            channel=self._channel or None,
+        )
+        self._announced = False
+        self.unannounced.clear()
+        if self.path is not None and self.path.exists():
+            earlier = load_found_settings(self.path)
+            self._settings = self._settings.with_drives(earlier.unrestored)
+        self._earlier = frozenset(drive.node for drive in self._settings.drives)
+
+    def found(self, server: SdoServer, entry: Entry) -> int | None:
+        """Return what an object held before any of our writes; None where it is missing."""
+        kept = self._drive(server.node)
+        for each in kept.objects if kept else ():
+            if each.place == (entry.index, entry.subindex):
+                present = None if each.written is None else server.find(entry)
+                return present if each.set_anew(present) else each.value
+        return server.find(entry)
+
+    def take(
+        self,
+        server: SdoServer,
+        axis: AxisDrive,
+        found: Mapping[Entry, int],
+        planned: Mapping[Entry, int],
+    ) -> None:
+        """Add what one drive holds, and what will be written; values of an earlier session stay.
+
+        Raises
+        ------
+        DriveRefused
+            The earlier session's values are those of another drive.
+        NodeSilent
+            No answer.
+        """
+        earlier, identity = self._drive(server.node), read_identity(server)
+        if earlier is not None and (differs := difference(earlier.identity, identity)):
+            raise DriveRefused(
+                f"{server.label}: {self.path} holds what another drive was set to, which was never"
+                f" put back: {differs}; connect that drive and put it back with hil drives restore"
+                f" {self.path}, or remove the file if the drive is gone"
+            )
+        kept = FoundDrive(name=axis.name, node=axis.node, identity=identity)
+        if earlier is not None:
+            server.notes += [earlier.doubt] if earlier.doubt else []
+            kept = standing(server, earlier)
+        kept = with_planned(extended(kept, found), {**found, **planned})
+        self._settings = self.settings.with_drives([kept])
+        server.saved = {each.place for each in self.drive(server).objects}
+
+    def announced(self, servers: Iterable[SdoServer]) -> None:
+        """Put on the disk what was taken; from here on a further object is kept when it comes.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written.
+        """
+        self.save()
+        self._announced = True
+        for server in servers:
+            self.guard(server)
+
+    def configured(self, servers: Iterable[SdoServer]) -> None:
+        """Note what drives hold once start-up has written to them, and put that on the disk.
+
+        Raises
+        ------
+        NodeSilent
+            No answer.
+        FileError
+            The file cannot be written.
+        """
+        for server in servers:
+            kept = self.drive(server)
+            objects = tuple(with_written(server, each) for each in kept.objects)
+            changed = kept.model_copy(update={"objects": objects})
+            self._settings = self.settings.with_drives([changed])
+        self.save()
+
+    def guard(self, server: SdoServer) -> None:
+        """Keep what `server` holds before each first write to it."""
+        server.first_write = lambda entry: self._keep(server, entry)
+
+    def drive(self, server: SdoServer) -> FoundDrive:
+        """Return what is kept of a drive.
+
+        Raises
+        ------
+        LookupError
+            Nothing is.
+        """
+        kept = self._drive(server.node)
+        if kept is None:
+            raise LookupError(f"{server.label}: nothing was kept")
+        return kept
+
+    def restore(self, server: SdoServer) -> None:
+        """Put back what a drive held that is shown off, and note it; `close` brings that to disk.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent, BusUnavailable
+            See `drivers.found_settings.restoring.restore_drive`.
+        """
+        restore_drive(server, self.drive(server))
+        self._note_restored(server)
+
+    def close(self, servers: Iterable[SdoServer], written: Collection[SdoServer]) -> list[str]:
+        """End a session; return for the operator which drives could not be put back.
+
+        Parameters
+        ----------
+        servers : iterable of SdoServer
+            The drives of the session.
+        written : collection of SdoServer
+            Those that something may have been written to.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written.
+        """
+        if not self._announced:
+            return []
+        for server in servers:
+            if server not in written and server.node not in self._earlier:
+                self._note_restored(server)
+        self.save()
+        remedy = f": put it back with hil drives restore {self.path}" if self.path else ""
+        return [
+            *(f"{each} was written without having been announced" for each in self.unannounced),
+            *(
+                f"{server.label}: does not hold again what it held before{remedy}"
+                for server in servers
+                if not self.drive(server).restored
+            ),
+        ]
+
+    def save(self) -> None:
+        """Write the file, if there is to be one.
+
+        Raises
+        ------
+        FileError
+            It cannot be written.
+        """
+        if self.path is not None and self._write is not None:
+            self._write(self.path, dump_found_settings(self.settings).encode())
+
+    def _note_restored(self, server: SdoServer) -> None:
+        self._settings = self.settings.with_drives([self.drive(server).done()])
+
+    def _drive(self, node: int) -> FoundDrive | None:
+        return next((drive for drive in self.settings.drives if drive.node == node), None)
+
+    def _keep(self, server: SdoServer, entry: Entry) -> None:
+        found = before(server, entry)
+        if found:
+            self._settings = self.settings.with_drives([extended(self.drive(server), found)])
+            self.save()
+            self.unannounced.append(f"{server.label}: {entry}")
+        server.saved.update((each.index, each.subindex) for each in (*found, entry))

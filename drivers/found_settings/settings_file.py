@@ -1,0 +1,331 @@
+"""What drives held before the driver wrote to them, as a file: `found-settings.yaml`.
+
+A drive that was only borrowed is left as it was found. So each value is read before it is first
+overwritten, and all of them are on the disk before anything is written: after a crash the file is
+the only place where they stand. It names each drive by its identity, since values of another drive
+must never be written. Nor does a file make more of a drive's dictionary writable than a session
+changes itself: an object that is not in `SETTINGS` is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+import yaml
+from pydantic import BeforeValidator, Field, model_validator
+
+from checked_files.yaml_file import FileModel, load_yaml
+from drivers.canopen.objects import PRODUCT, REVISION, SERIAL, VENDOR
+from drivers.canopen.sdo import Entry
+from drivers.drives_file import U32
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Sequence
+    from pathlib import Path
+
+    from drivers.canopen.sdo import SdoServer
+
+NAME = "found-settings.yaml"
+"""How the file is called in the folder of a run."""
+
+COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
+"""Controlword and targets: they command, and are neither kept nor put back."""
+SETTINGS = frozenset(
+    {
+        *(0x1005, 0x1006, 0x1019),  # SYNC
+        *(0x100C, 0x100D, 0x1016, 0x1017),  # who watches whom
+        *range(0x1400, 0x1C00),  # PDOs
+        *(0x6007, 0x605A, 0x605D),  # reactions
+        0x6060,  # mode
+        *(0x6065, 0x6066, 0x6067, 0x6068),  # windows
+        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),  # limits
+        *(0x6081, 0x6083, 0x6084, 0x6085, 0x6086),  # profile
+        *(0x607C, 0x6098, 0x6099, 0x609A),  # homing
+        0x60C2,  # period of a streamed path
+    }
+)
+"""Index of every object that start-up, motions, streaming or homing write, beside commands."""
+
+WRITTEN_ONCE = frozenset(
+    {
+        *(0x6007, 0x605A, 0x605D),
+        *(0x6065, 0x6066, 0x6067, 0x6068),
+        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),
+        *(0x6085, 0x6086),
+    }
+)
+"""Those of which a session holds one value from the end of start-up to its own end."""
+_RANGES = {
+    kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
+    for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
+}
+
+
+def _printable(text: object) -> object:
+    """Take what a terminal could mistake for commands out of a name, and what is too long."""
+    if not isinstance(text, str):
+        return text
+    return "".join(c if c.isprintable() else "?" for c in text[:LONGEST_NAME])
+
+
+LONGEST_NAME = 200
+Name = Annotated[str, BeforeValidator(_printable)]
+
+
+Place = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
+"""Name of an interface or a channel: of such characters as a terminal does not obey."""
+
+
+class FoundObject(FileModel):
+    """One object of a drive, and the value that it held.
+
+    Attributes
+    ----------
+    written : int or None
+        What the drive held once a session had written to it. A drive that holds neither this nor
+        `value` has been set up anew since. None where no session got that far, and for what a
+        session goes on changing.
+    refused : bool
+        The drive did not take it back, which has been reported.
+    """
+
+    index: int
+    subindex: Annotated[int, Field(ge=0, le=0xFF)]
+    type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
+    value: int
+    name: Name = ""
+    written: int | None = None
+    refused: bool = False
+
+    @model_validator(mode="after")
+    def _a_setting(self) -> Self:
+        if self.index not in SETTINGS:
+            raise ValueError(
+                f"index {self.index:04X}h is no setting that a run changes; remove this object"
+            )
+        low, high = _RANGES[self.type]
+        for value in (self.value, self.value if self.written is None else self.written):
+            if not low <= value <= high:
+                raise ValueError(
+                    f"value {value} must be in [{low}, {high}] of a {self.type}; correct either"
+                )
+        return self
+
+    @property
+    def entry(self) -> Entry:
+        """Where it stands in the drive's object dictionary."""
+        return Entry(self.index, self.subindex, self.type, self.name)
+
+    def set_anew(self, present: int | None) -> bool:
+        """Whether a drive that holds `present` has been given it by somebody else since."""
+        return self.written is not None and present not in {None, self.value, self.written}
+
+    def comparison(self, present: int) -> str:
+        """State what was found, what was written, and what is there."""
+        return (
+            f"object {self.entry} held {self.value} when it was found and {self.written} in a"
+            f" session that was ended; it holds {present}, so it has been set up anew since"
+        )
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return self.index, self.subindex
+
+
+class FoundIdentity(FileModel):
+    """Which drive it was (1018); None for what it lacks."""
+
+    vendor: U32 | None = None
+    product: U32 | None = None
+    revision: U32 | None = None
+    serial: U32 | None = None
+
+
+IDENTITY = {"vendor": VENDOR, "product": PRODUCT, "revision": REVISION, "serial": SERIAL}
+
+
+class FoundDrive(FileModel):
+    """One drive and the values that it held.
+
+    Attributes
+    ----------
+    name : str
+        Of its axis.
+    restored : bool
+        The drive holds all of them again that it takes back.
+    objects : tuple of FoundObject
+        In the order in which they were first written.
+    """
+
+    name: Annotated[Name, Field(min_length=1)]
+    node: Annotated[int, Field(ge=1, le=127)]
+    identity: FoundIdentity
+    restored: bool = False
+    objects: tuple[FoundObject, ...] = ()
+
+    def done(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
+        """Return this drive as one that holds everything again but what it did not take back."""
+        objects = tuple(
+            each.model_copy(update={"written": None, "refused": each.place in refused})
+            for each in self.objects
+        )
+        return self.model_copy(update={"restored": True, "objects": objects})
+
+    @property
+    def doubt(self) -> str:
+        """Why this may be another drive in spite of its identity, in words; empty if it is not."""
+        if self.identity.serial:
+            return ""
+        return (
+            f"{self.name} (node {self.node}): has no serial number (1018:04), so its values cannot"
+            " be kept from another drive of its type; make sure that no drives were swapped"
+        )
+
+    @property
+    def refused(self) -> tuple[Entry, ...]:
+        """What the drive did not take back."""
+        return tuple(each.entry for each in self.objects if each.refused)
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        places = [each.place for each in self.objects]
+        for index, subindex in places:
+            if places.count((index, subindex)) > 1:
+                raise ValueError(f"object {index:04X}:{subindex:02X} stands twice; remove one")
+        return self
+
+
+class FoundSettings(FileModel):
+    """Content of the file.
+
+    Attributes
+    ----------
+    restored : bool
+        All drives hold again what they held.
+    bitrate : int
+        Of the bus [bit/s].
+    sdo_timeout : float
+        How long a drive may take to answer [s].
+    interface, channel : str or None
+        The bus that the drives are on, as python-can names it; None where that is not stated.
+    """
+
+    format: Literal[1] = 1
+    restored: bool = False
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
+    sdo_timeout: Annotated[float, Field(ge=0.01, le=30)] = 0.5
+    interface: Place | None = None
+    channel: Place | None = None
+    drives: tuple[FoundDrive, ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        nodes = [drive.node for drive in self.drives]
+        for node in nodes:
+            if nodes.count(node) > 1:
+                raise ValueError(f"node {node} stands twice; remove one of the drives")
+        if self.restored and not all(drive.restored for drive in self.drives):
+            raise ValueError("restored: true, but not of all drives; write false")
+        return self
+
+    @property
+    def unrestored(self) -> tuple[FoundDrive, ...]:
+        """Drives that may still hold values of ours."""
+        return tuple(drive for drive in self.drives if not drive.restored)
+
+    def with_drives(self, drives: Iterable[FoundDrive]) -> FoundSettings:
+        """Return the settings with these drives in place of those with their node numbers."""
+        changed = {drive.node: drive for drive in drives}
+        kept = {drive.node: drive for drive in self.drives} | changed
+        everything = tuple(kept.values())
+        restored = all(drive.restored for drive in everything)
+        return self.model_copy(update={"drives": everything, "restored": restored})
+
+
+def load_found_settings(path: Path | str) -> FoundSettings:
+    """Read the file.
+
+    Raises
+    ------
+    FileError
+        It is missing, or not such a file.
+    """
+    return load_yaml(path, FoundSettings)
+
+
+def dump_found_settings(settings: FoundSettings) -> str:
+    """Return the file's text; `load_found_settings` reads the same settings from it."""
+    lines = [
+        "# What the drives held before they were written to. To put it back after a crash, with",
+        "# the drives powered but off: hil drives restore FILE",
+        f"format: {settings.format}",
+        f"restored: {_shown(settings.restored)}",
+        f"bitrate: {settings.bitrate} # bit/s",
+        f"sdo_timeout: {settings.sdo_timeout!r} # s",
+        *(
+            f"{key}: {_quoted(value)}"
+            for key, value in (("interface", settings.interface), ("channel", settings.channel))
+            if value is not None
+        ),
+        "drives:" if settings.drives else "drives: []",
+    ]
+    for drive in settings.drives:
+        lines += _drive_lines(drive)
+    return "\n".join(lines) + "\n"
+
+
+def read_identity(server: SdoServer) -> FoundIdentity:
+    """Ask a drive for its identity.
+
+    Raises
+    ------
+    NodeSilent, DriveRefused
+        It does not answer.
+    """
+    return FoundIdentity(**{key: server.find(entry) for key, entry in IDENTITY.items()})
+
+
+def difference(found: FoundIdentity, present: FoundIdentity) -> str:
+    """Name the first object in which two identities differ, with both values; empty if none."""
+    for key, entry in IDENTITY.items():
+        then, now = getattr(found, key), getattr(present, key)
+        if then != now:
+            return f"{entry} was {_hex(then)}, now it is {_hex(now)}"
+    return ""
+
+
+def _drive_lines(drive: FoundDrive) -> Sequence[str]:
+    identity = ", ".join(f"{key}: {_shown(getattr(drive.identity, key))}" for key in IDENTITY)
+    return [
+        f"- name: {_quoted(drive.name)}",
+        f"  node: {drive.node}",
+        f"  identity: {{{identity}}}",
+        f"  restored: {_shown(drive.restored)}",
+        "  objects:" if drive.objects else "  objects: []",
+        *map(_object_line, drive.objects),
+    ]
+
+
+def _object_line(each: FoundObject) -> str:
+    written = "" if each.written is None else f", written: {each.written}"
+    refused = ", refused: true" if each.refused else ""
+    return (
+        f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
+        f" value: {each.value}{written}{refused}, name: {_quoted(each.name)}}}"
+    )
+
+
+def _quoted(text: str) -> str:
+    return yaml.safe_dump(text, default_style='"', width=math.inf).rstrip("\n")
+
+
+def _shown(value: bool | int | None) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return "null" if value is None else f"0x{value:X}"
+
+
+def _hex(value: int | None) -> str:
+    return "missing" if value is None else f"{value:08X}h"

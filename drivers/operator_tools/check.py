@@ -1,0 +1,196 @@
+"""`hil check`: whether the drives file tells the truth about the drives on the bus.
+
+It goes from harmless to less so. First the drives are asked by SDO, unpowered, and nothing is
+written. If that refuses any, it ends there. Then, with the operator's consent, all are configured
+and powered as for a run and hold their position; then each axis in turn goes a few degrees there
+and back, slowly and watched (`powered_check`). At the end all are switched off and must stay where
+they are, which is what brakes are for. Verdicts come as they are found.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from drivers.axis import AxisScale
+from drivers.canopen import objects
+from drivers.canopen.bus_load import MAX_LOAD, cycle_time
+from drivers.canopen.sdo import SDO_TIMEOUT
+from drivers.commissioning.announcement import announce
+from drivers.commissioning.configure import check_identity
+from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.dictionary.live import read_dictionary
+from drivers.dictionary.review import review
+from drivers.drive_bus import DriveError
+from drivers.found_settings.keeping import SettingsKeeper
+from drivers.operator_tools.check_limits import check_limits
+from drivers.operator_tools.check_powered import REST_TIME, check_powered, shown_way
+from drivers.operator_tools.check_reactions import check_reactions
+from drivers.operator_tools.check_scaling import check_scaling
+from drivers.operator_tools.operator import StoppedByOperator
+from drivers.operator_tools.unpowered import StandingDrives
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterator, Sequence
+
+    import can
+
+    from drivers.canopen.network import PumpedNetwork
+    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sync_clock import PacingName
+    from drivers.dictionary.dictionary import Dictionary
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.operator_tools.check_gravity import Gravity
+    from drivers.operator_tools.check_powered import SmallMoves
+    from drivers.operator_tools.operator import Operator
+
+
+def check(
+    bus: can.BusABC,
+    drives: DrivesFile,
+    moves: SmallMoves,
+    operator: Operator,
+    pacing: PacingName = "auto",
+    keeper: SettingsKeeper | None = None,
+    gravity: Gravity | None = None,
+) -> Generator[Verdict, None, None]:
+    """Check every axis of a drives file on a live bus.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus.
+    drives : DrivesFile
+        The axes to check, in joint order.
+    moves : SmallMoves
+        How far and how fast.
+    operator : Operator
+        Who agrees to motion, can stop it, and is asked which way it went.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.canopen.sync_clock.choose_pacing`.
+    keeper : SettingsKeeper, optional
+        See `drivers.canopen_bus.CanopenDriveBus`.
+    gravity : callable, optional
+        Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
+
+    Yields
+    ------
+    Verdict
+        As they are found. However the iteration ends, all axes are stopped and switched off.
+    """
+    stop = False
+    keeper = keeper or SettingsKeeper()
+    keeper.open(drives)
+    for verdict in _unpowered(StandingDrives(bus, drives, pacing), drives, keeper):
+        stop |= verdict.grade is Grade.REFUSED
+        yield verdict
+    if stop:
+        yield Verdict(
+            Grade.REFUSED,
+            "all axes",
+            "motion",
+            "not tried, nothing was powered on",
+            remedy="mend what is refused above, or check the other axes alone with --axis",
+        )
+        return
+    if not operator.agrees(_intent(drives, moves)):
+        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    yield from check_powered(bus, drives, moves, operator, pacing, keeper, gravity)
+    yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
+
+
+def _unpowered(
+    standing: StandingDrives, drives: DrivesFile, keeper: SettingsKeeper
+) -> Iterator[Verdict]:
+    for server, axis in zip(standing.servers, drives.axes, strict=True):
+        serves = True
+        for verdict in _ask(standing.network, server, axis):
+            serves &= verdict.grade is not Grade.REFUSED
+            yield verdict
+        if serves:
+            yield from _written(server, axis, drives, partial(keeper.found, server))
+    yield _load(drives)
+
+
+def _written(
+    server: SdoServer, axis: AxisDrive, drives: DrivesFile, find: Callable[[Entry], int | None]
+) -> Iterator[Verdict]:
+    """State what powering on will write to the drive, with the values there; write nothing."""
+    try:
+        changes = announce(server, axis, drives, drives.sync_period, find).changes
+    except DriveError as error:
+        yield refused(server.label, "configuration", error)
+        return
+    for change in changes:
+        entry, present = change.entry, change.present
+        bound = f"{entry.shown(change.value)} is written for the session"
+        if present is not None:
+            bound += f", then {entry.shown(present)} again"
+        found = "write-only" if present is None else entry.shown(present)
+        yield Verdict(Grade.OK, server.label, f"set: {entry}", found, bound)
+
+
+def _ask(network: PumpedNetwork, server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+    """What can be asked without power; the first error ends it, for it would only repeat."""
+    try:
+        yield Verdict(Grade.OK, server.label, "identity (1018)", check_identity(server, axis))
+        yield from _offer(read_dictionary(network, axis.node, SDO_TIMEOUT), server.label, axis)
+        yield from check_scaling(server, axis)
+        yield from check_limits(server, axis)
+        yield from check_reactions(server, axis)
+    except DriveError as error:
+        yield refused(server.label, "answers", error)
+
+
+def _offer(dictionary: Dictionary, place: str, axis: AxisDrive) -> Iterator[Verdict]:
+    """What the dictionary lacks; the current is left out, for the file states its object."""
+    check = "objects that measuring needs"
+    findings = [f for f in review(dictionary).findings if not f.about.startswith("motor current")]
+    for finding in findings:
+        excused = axis.allow_no_heartbeat and finding.about.startswith("1016")
+        grade = Grade.REFUSED if finding.fatal and not excused else Grade.WARNING
+        found = f"{finding.about} {finding.problem}"
+        yield Verdict(grade, place, check, found, remedy=finding.consequence)
+    if not findings:
+        yield Verdict(Grade.OK, place, check, "all there")
+
+
+def _brakes(standing: StandingDrives, axes: Sequence[AxisDrive]) -> Iterator[Verdict]:
+    try:
+        before = [server.get(objects.POSITION) for server in standing.servers]
+        standing.wait(REST_TIME)
+        after = [server.get(objects.POSITION) for server in standing.servers]
+    except DriveError as error:
+        yield refused("all axes", "brakes", error)
+        return
+    for server, axis, *ends in zip(standing.servers, axes, before, after, strict=True):
+        sagged = abs(ends[1] - ends[0]) * abs(AxisScale.of(axis).position)
+        unit = "rad" if axis.joint == "revolute" else "m"
+        yield graded(
+            sagged <= axis.position_window,
+            Grade.REFUSED,
+            server.label,
+            "holding without power (brake)",
+            f"moved {sagged:.2g} {unit} in {REST_TIME:g} s",
+            f"at most {axis.position_window:g} {unit}",
+            "the axis sinks when it is switched off: check the brake before anything else",
+        )
+
+
+def _load(drives: DrivesFile) -> Verdict:
+    load = cycle_time(drives) / drives.sync_period
+    return graded(
+        load <= MAX_LOAD,
+        Grade.REFUSED,
+        "bus",
+        "load",
+        f"{load:.1%} at {1 / drives.sync_period:.4g} Hz and {drives.bitrate // 1000} kbit/s",
+        f"at most {MAX_LOAD:.0%}",
+        f"lengthen sync_period to {cycle_time(drives) / MAX_LOAD:.4g} s",
+    )
+
+
+def _intent(drives: DrivesFile, moves: SmallMoves) -> str:
+    """What the operator is asked to agree to."""
+    ways = ", ".join(f"{axis.name} {shown_way(axis, moves.of(axis)[0])}" for axis in drives.axes)
+    return f"Power on, and move one after the other there and back: {ways}?"

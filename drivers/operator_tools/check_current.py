@@ -1,0 +1,151 @@
+"""In what unit a drive shows its current, judged by what physics allows; arrays in, verdicts out.
+
+There are two ways. Where the drive shows torque (6077) beside the current, both of them in the
+course of some work, their ratio is that of their units::
+
+    counts per count of 6077 = T / (kt a)        current in mA: T in N m, kt in N m/A
+                               T / (kt a I)      in per mille of the rated current I
+                               1                 in per mille of the rated torque T
+
+The nearest is the unit, if it is near at all. Otherwise magnitude decides, but roughly: no motor
+holds more than its rated torque for long, and the friction of a geared axis at slow speed is a few
+per cent of it. Shares beyond `HELD_MAX` and outside `FRICTION` are taken for impossible, and a unit
+is confirmed only if it alone is possible.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.axis import motor_torque_per_count
+from drivers.commissioning.verdict import Grade, Verdict
+from drivers.drives_file import Basis
+from drivers.operator_tools.check_motion import friction_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from drivers.drives_file import AxisDrive
+    from drivers.operator_tools.small_move import Stroke
+
+CHECK = "unit of the current"
+LEAST_COUNTS = 10.0
+"""Root mean square that 6077 must show: below it is rounding and noise."""
+LINEAR = 0.9
+"""Least squared correlation of the two objects; less is another quantity."""
+NEAR = 1.3
+"""A ratio within this factor of the expected one is that one: data sheets are that far off."""
+ALIKE = 1.05
+"""Units within this factor are one: they cannot be distinguished, and need not be."""
+HELD_MAX = 1.2
+"""Share of the rated torque that an axis may hold at rest."""
+FRICTION = (0.003, 0.6)
+"""Shares of the rated torque that friction at slow speed may take."""
+
+
+def judge_current_unit(
+    place: str,
+    drive: AxisDrive,
+    counts: NDArray[np.float64],
+    held: NDArray[np.float64],
+    strokes: Sequence[Stroke],
+) -> Verdict:
+    """Judge the unit that the drives file states for the current.
+
+    Parameters
+    ----------
+    place : str
+        The axis, for messages.
+    drive : AxisDrive
+        What the drives file states.
+    counts : ndarray, shape (n, 2)
+        Pairs of 6077 and of the object that is measured, from `CurrentReadings`; none where that
+        is 6077 itself.
+    held : ndarray, shape (m,)
+        Torque at rest, by the file's scale [N m]; NaN where TPDOs are missing.
+    strokes : sequence of Stroke
+        There and back.
+    """
+    ratio = _ratio(counts)
+    if ratio is not None:
+        return _by_ratio(place, drive, ratio)
+    return _by_magnitude(place, drive, held, strokes)
+
+
+def _ratio(counts: NDArray[np.float64]) -> float | None:
+    """Slope of the measured counts over those of 6077, None where it means nothing."""
+    reference, measured = counts.T
+    if counts.shape[0] < 4 or math.sqrt(float(np.mean(reference**2))) < LEAST_COUNTS:
+        return None
+    squares = float(reference @ reference), float(measured @ measured)
+    product = float(reference @ measured)
+    if product**2 < LINEAR * squares[0] * squares[1]:
+        return None
+    return abs(product) / squares[0]
+
+
+def _by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
+    expected, stated = _expected(drive), drive.current.basis
+    found = f"{ratio:.3g} counts per count of 6077"
+    bound = f"{stated.value}: {expected[stated]:.3g}"
+    apart = _apart(ratio, expected[stated])
+    others = [b for b, value in expected.items() if _apart(value, expected[stated]) > ALIKE]
+    nearer = [b.value for b in others if _apart(ratio, expected[b]) < min(apart, NEAR)]
+    if apart < NEAR and not nearer:
+        return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)
+    if apart >= NEAR and nearer:
+        remedy = f"set basis: {' or '.join(nearer)}"
+        return Verdict(Grade.REFUSED, place, CHECK, f"contradicts, {found}", bound, remedy)
+    if apart >= NEAR:
+        confused = _apart(apart, math.sqrt(2)) < ALIKE
+        remedy = "a factor of 1.41: rms and peak are confused" if confused else "see its manual"
+        return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
+    return _cannot_tell(place, f"{found}, and {' or '.join(nearer)} is nearer")
+
+
+def _expected(drive: AxisDrive) -> dict[Basis, float]:
+    """Counts of the measured object per count of 6077, by the basis of the measured one."""
+    torques = {basis: motor_torque_per_count(drive, basis) for basis in Basis}
+    return {basis: drive.rated_torque / 1000 / value for basis, value in torques.items() if value}
+
+
+def _by_magnitude(
+    place: str, drive: AxisDrive, held: NDArray[np.float64], strokes: Sequence[Stroke]
+) -> Verdict:
+    rated = drive.gear_ratio * drive.rated_torque
+    friction, error = friction_of(strokes)
+    rest = abs(float(np.nanmean(held))) / rated if np.isfinite(held).any() else 0.0
+    moved = abs(friction) / rated if abs(friction) > 4 * error else math.nan
+    shown = "too little friction" if math.isnan(moved) else f"friction {moved:.1%}"
+    found = f"{rest:.1%} of the rated torque held, {shown}"
+    counts = _expected(drive)
+    factors = {basis: counts[drive.current.basis] / value for basis, value in counts.items()}
+    possible = [b for b, factor in factors.items() if _possible(rest * factor, moved * factor)]
+    bound = f"held at most {HELD_MAX:.0%}, friction {FRICTION[0]:.1%} to {FRICTION[1]:.0%}"
+    if drive.current.basis not in possible:
+        names = " or ".join(basis.value for basis in possible)
+        remedy = f"it would be possible as {names}" if names else "check rated_torque and current"
+        return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
+    if all(_apart(factors[basis], 1) < ALIKE for basis in possible) and not math.isnan(moved):
+        return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)
+    return _cannot_tell(place, found)
+
+
+def _possible(rest: float, friction: float) -> bool:
+    low, high = FRICTION
+    return rest <= HELD_MAX and (math.isnan(friction) or low <= friction <= high)
+
+
+def _apart(one: float, other: float) -> float:
+    """Factor between two positive numbers, at least 1."""
+    return math.inf if not one or not other else max(one / other, other / one)
+
+
+def _cannot_tell(place: str, found: str) -> Verdict:
+    remedy = "move farther, or an axis that carries a load; else take it from the drive's manual"
+    return Verdict(Grade.WARNING, place, CHECK, f"cannot tell here, {found}", remedy=remedy)

@@ -1,0 +1,100 @@
+"""Which way a joint turns, judged by the gravity that a robot's model predicts; arrays in.
+
+A stroke there and back over the same way cancels friction: half the sum of both mean torques is
+gravity. A joint whose `sign` is wrong shows its angle and its torque with the wrong sign, so what
+it measures at q is what the model predicts, turned round, at -q::
+
+    sign right    tau(q) =  g(q)
+    sign wrong    tau(q) = -g(-q)
+
+An arm that hangs straight down is its own mirror image: both predictions are the same there, and
+nothing can be found. So too where they differ by less than friction leaves undecided.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from drivers.commissioning.verdict import Grade, Verdict
+from drivers.operator_tools.check_motion import force_unit, friction_of, gravity_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from drivers.drives_file import AxisDrive
+    from drivers.operator_tools.small_move import Stroke
+
+Gravity: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.float64]]"
+"""Joint torques that hold an arm at rest [N m], shape (n,), at joint coordinates, shape (n,)."""
+
+CHECK = "direction of the joint"
+SIGNIFICANT = 4.0
+"""How many standard errors the two predictions must be apart."""
+LEFT_OVER = 0.2
+"""Share of friction that may differ between both directions, and pass for gravity."""
+CLOSE = 0.3
+"""The torque must be that near to one prediction, as a share of their distance."""
+
+
+def judge_direction(
+    place: str,
+    drive: AxisDrive,
+    number: int,
+    pose: NDArray[np.float64],
+    strokes: Sequence[Stroke],
+    gravity: Gravity | None,
+) -> Verdict:
+    """Judge the sign of one joint.
+
+    Parameters
+    ----------
+    place : str
+        The axis, for messages.
+    drive : AxisDrive
+        What the drives file states.
+    number : int
+        The joint, from 0.
+    pose : ndarray, shape (n,)
+        Where all joints rest [rad or m]; `number` moves, the others stay.
+    strokes : sequence of Stroke
+        There and back.
+    gravity : callable or None
+        What a robot's model predicts; None where there is no model.
+    """
+    if gravity is None:
+        return _cannot_tell(place, "no model of the robot", "watch a jog, or give a run's model")
+    measured, error = gravity_of(strokes)
+    if not math.isfinite(error):
+        return _cannot_tell(place, "too few samples at constant speed", "move farther")
+    passed = np.linspace(strokes[0].q[0], strokes[0].move.target, 11)
+    right = float(np.mean([_torque(gravity, pose, number, q) for q in passed]))
+    wrong = -float(np.mean([_torque(gravity, pose, number, -q) for q in passed]))
+    unit = force_unit(drive)
+    found = f"gravity {measured:+.3g} {unit}"
+    bound = f"model: {right:+.3g} {unit}, turned round {wrong:+.3g} {unit}"
+    apart = abs(right - wrong)
+    if apart < SIGNIFICANT * error + LEFT_OVER * abs(friction_of(strokes)[0]):
+        remedy = "both are too near to each other here: bring the arm to where it is not upright"
+        return _cannot_tell(place, found, remedy, bound)
+    if abs(measured - right) < CLOSE * apart:
+        return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)
+    if abs(measured - wrong) < CLOSE * apart:
+        remedy = f"set sign: {-drive.sign} in the drives file, and zero anew"
+        return Verdict(Grade.REFUSED, place, CHECK, f"contradicts, {found}", bound, remedy)
+    remedy = "neither: compare gear_ratio, zero, the unit of the current, and the payload"
+    return _cannot_tell(place, found, remedy, bound)
+
+
+def _torque(gravity: Gravity, pose: NDArray[np.float64], number: int, q: float) -> float:
+    at = pose.copy()
+    at[number] = q
+    return float(gravity(at)[number])
+
+
+def _cannot_tell(place: str, found: str, remedy: str, bound: str = "") -> Verdict:
+    return Verdict(Grade.WARNING, place, CHECK, f"cannot tell here, {found}", bound, remedy)

@@ -1,0 +1,206 @@
+"""What samples at rest and of a small move back and forth say of an axis; arrays in, verdicts out.
+
+The sign of the current follows from friction. On the way there and on the way back the axis passes
+the same places at the same speed, so gravity adds the same torque to both, and half the difference
+of the two means is friction::
+
+    tau_f = (mean of tau in positive direction - mean of tau in negative direction) / 2
+
+Friction takes power, whatever the axis and the load: tau_f > 0, or the current has the wrong sign.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.axis import AxisScale
+from drivers.commissioning.verdict import Grade, Verdict, graded, unknown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from drivers.drives_file import AxisDrive
+    from drivers.operator_tools.small_move import Stroke
+
+SIGNIFICANT = 4.0
+"""Friction must exceed its standard error this many times for its sign to be believed."""
+VELOCITY_SAME = 0.3
+"""The measured velocity may differ from the commanded one by this share: a short way is mostly
+transients, and units differ by more."""
+NOISE_MAX = 0.01
+"""Of the torque limit: noise of the current above it costs accuracy."""
+QUANTUM_MAX = 0.005
+"""Of the torque limit: coarser steps of the current cost accuracy."""
+WINDOW_SHARE = 0.5
+"""Of the following error window that a slow move may take up."""
+
+
+def judge_rest(
+    place: str, drive: AxisDrive, q: NDArray[np.float64], tau: NDArray[np.float64]
+) -> Iterator[Verdict]:
+    """Judge samples of an axis that holds its position.
+
+    Parameters
+    ----------
+    place : str
+        The axis, for messages.
+    drive : AxisDrive
+        What the drives file states.
+    q, tau : ndarray, shape (n,)
+        [rad], [N m]; NaN where TPDOs are missing.
+    """
+    unit, force = _units(drive)
+    wander = float(np.nanmax(q) - np.nanmin(q))
+    yield graded(
+        wander <= drive.position_window,
+        Grade.REFUSED,
+        place,
+        "holding (brake, load)",
+        f"wanders by {wander:.2g} {unit}",
+        f"at most {drive.position_window:g} {unit}",
+        "check the brake's release, the load, and the tuning of the drive's loops",
+    )
+    limit, quantum = drive.limits.torque, abs(AxisScale.of(drive).torque)
+    yield graded(
+        quantum <= QUANTUM_MAX * limit,
+        Grade.WARNING,
+        place,
+        "current quantisation",
+        f"{quantum:.3g} {force}, {quantum / limit:.2%} of the limit",
+        f"at most {QUANTUM_MAX:.1%}",
+        "use a finer object where the drive has one",
+    )
+    noise = float(np.nanstd(np.diff(tau))) / math.sqrt(2)  # a slow drift is no noise
+    yield graded(
+        noise <= NOISE_MAX * limit,
+        Grade.WARNING,
+        place,
+        "current noise",
+        f"{noise:.3g} {force} rms, {noise / limit:.2%} of the limit",
+        f"at most {NOISE_MAX:.0%}",
+        "set a filter of the current's display, check shield and grounding",
+    )
+
+
+def judge_strokes(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Iterator[Verdict]:
+    """Judge two strokes in opposite directions over the same way.
+
+    Parameters
+    ----------
+    place : str
+        The axis, for messages.
+    drive : AxisDrive
+        What the drives file states.
+    strokes : sequence of Stroke
+        There and back.
+    """
+    yield _velocity(place, drive, strokes)
+    yield _current_sign(place, drive, strokes)
+    yield _following(place, drive, strokes)
+
+
+def _velocity(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
+    wanted = strokes[0].move.velocity
+    found = [_slope(stroke) for stroke in strokes]
+    worst = max(found, key=lambda value: abs(abs(value) - wanted))
+    unit = _units(drive)[0]
+    return graded(
+        abs(abs(worst) - wanted) <= VELOCITY_SAME * wanted,
+        Grade.REFUSED,
+        place,
+        "velocity scale",
+        f"{abs(worst):.4g} {unit}/s",
+        f"commanded: {wanted:.4g} {unit}/s",
+        "correct velocity_unit; where the way was too short for it, move farther",
+    )
+
+
+def _current_sign(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
+    friction, error = friction_of(strokes)
+    force = _units(drive)[1]
+    found = f"friction {friction:+.3g} ± {error:.2g} {force}"
+    bound = "along the motion: positive"
+    if not abs(friction) > SIGNIFICANT * error:
+        remedy = "too little to tell: move farther, or make sure that this is the motor's current"
+        return Verdict(Grade.WARNING, place, "sign of the current", found, bound, remedy)
+    return graded(
+        friction > 0,
+        Grade.REFUSED,
+        place,
+        "sign of the current",
+        found,
+        bound,
+        "the current counts against the position: set current.sign: "
+        f"{-drive.current.sign} in the drives file",
+    )
+
+
+def _following(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
+    largest = max(stroke.following_error for stroke in strokes)
+    unit, window = _units(drive)[0], drive.following_error_window
+    if math.isnan(largest):
+        return unknown(place, "following error (60F4)", "watch it in the maker's tool")
+    return graded(
+        largest <= WINDOW_SHARE * window,
+        Grade.WARNING,
+        place,
+        "following error (60F4)",
+        f"{largest:.2g} {unit}",
+        f"at most half of following_error_window, {window:g} {unit}",
+        "widen following_error_window or tune the drive's position loop",
+    )
+
+
+def friction_of(strokes: Sequence[Stroke]) -> tuple[float, float]:
+    """Return friction and its standard error; torque varies along the way, which counts as noise.
+
+    Parameters
+    ----------
+    strokes : sequence of Stroke
+        There and back.
+
+    Returns
+    -------
+    tuple of float
+        [N m], positive where it takes power; 0 and infinity if the strokes were too short.
+    """
+    return _half_sum(strokes, [math.copysign(1.0, _slope(stroke)) for stroke in strokes])
+
+
+def gravity_of(strokes: Sequence[Stroke]) -> tuple[float, float]:
+    """Return the torque that both directions have in common, and its standard error [N m]."""
+    return _half_sum(strokes, [1.0 for _ in strokes])
+
+
+def _half_sum(strokes: Sequence[Stroke], signs: Sequence[float]) -> tuple[float, float]:
+    means, variances = [], []
+    for stroke, sign in zip(strokes, signs, strict=True):
+        tau = stroke.tau[stroke.cruising]
+        tau = tau[np.isfinite(tau)]
+        if tau.size < 2:
+            return 0.0, math.inf
+        means.append(sign * float(np.mean(tau)))
+        variances.append(float(np.var(tau)) / tau.size)
+    return sum(means) / 2, math.sqrt(sum(variances)) / 2
+
+
+def _slope(stroke: Stroke) -> float:
+    """Velocity while cruising, by a straight line through the positions [rad/s]."""
+    use = stroke.cruising & np.isfinite(stroke.q)
+    if np.count_nonzero(use) < 2:
+        return math.nan
+    return float(np.polyfit(stroke.time[use], stroke.q[use], 1)[0])
+
+
+def force_unit(drive: AxisDrive) -> str:
+    """Return the unit of an axis's torque or force."""
+    return _units(drive)[1]
+
+
+def _units(drive: AxisDrive) -> tuple[str, str]:
+    return ("rad", "N m") if drive.joint == "revolute" else ("m", "N")

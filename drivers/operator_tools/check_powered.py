@@ -1,0 +1,214 @@
+"""The part of `hil check` that needs power: holding, rate of SYNC, a small move of each axis.
+
+All axes are powered as for a run, since that is what has to work: first they hold their position
+for a second, then one after the other moves there and back. Whatever ends it, leaving the driver
+stops all axes and switches them off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.canopen.bus_load import StopwatchBus, achievable_rate
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.drive_bus import DriveError, SampleFlag
+from drivers.operator_tools.check_current import judge_current_unit
+from drivers.operator_tools.check_gravity import judge_direction
+from drivers.operator_tools.check_motion import judge_rest, judge_strokes
+from drivers.operator_tools.current_readings import CurrentReadings
+from drivers.operator_tools.operator import StoppedByOperator, answer, supervised_sample
+from drivers.operator_tools.small_move import small_move, travel
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import can
+    from numpy.typing import NDArray
+
+    from drivers.canopen.sync_clock import PacingName
+    from drivers.drive_bus import Sample
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.found_settings.keeping import SettingsKeeper
+    from drivers.operator_tools.check_gravity import Gravity
+    from drivers.operator_tools.operator import Operator
+
+REST_TIME = 1.0
+"""How long axes are watched at rest, powered and unpowered [s]."""
+HELD_TIME = 0.1
+"""How long an axis is watched holding its load before it moves [s]."""
+ANSWERED = 0.99
+"""Share of the SYNCs that must be answered, and in the time that the rate is computed from."""
+_GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
+
+
+@dataclass(frozen=True, slots=True)
+class SmallMoves:
+    """How far and how fast each axis moves in a check.
+
+    Attributes
+    ----------
+    angle, angular_velocity : float
+        Of revolute axes [rad], [rad/s].
+    length, velocity : float
+        Of prismatic axes [m], [m/s].
+    """
+
+    angle: float = math.radians(3)
+    angular_velocity: float = math.radians(5)
+    length: float = 0.005
+    velocity: float = 0.01
+
+    def of(self, axis: AxisDrive) -> tuple[float, float]:
+        """Return way and velocity of one axis."""
+        if axis.joint == "prismatic":
+            return self.length, self.velocity
+        return self.angle, self.angular_velocity
+
+
+def check_powered(
+    bus: can.BusABC,
+    drives: DrivesFile,
+    moves: SmallMoves,
+    operator: Operator,
+    pacing: PacingName,
+    keeper: SettingsKeeper | None = None,
+    gravity: Gravity | None = None,
+) -> Iterator[Verdict]:
+    """All that needs power; an error ends it with a verdict, after the axes are off."""
+    try:
+        with (
+            StopwatchBus(bus, drives) as timed,
+            CanopenDriveBus(timed, drives, pacing=pacing, keeper=keeper) as axes,
+        ):
+            yield from _notes(axes)
+            yield from _rest(axes, drives, operator)
+            yield _rate(timed, axes, drives)
+            for number, axis in enumerate(axes.limited_axes):
+                yield from _move(axes, number, axis, moves, operator, gravity)
+    except StoppedByOperator:
+        raise
+    except DriveError as error:
+        yield refused("all axes", "stopped and switched off", error)
+
+
+def _notes(axes: CanopenDriveBus) -> Iterator[Verdict]:
+    """What was found when configuring; what is missing or on trust has been stated before."""
+    for note in axes.notes:
+        place, _, what = note.partition(": ")
+        if not what.startswith("no ") and "is taken on trust" not in what:
+            yield Verdict(Grade.WARNING, place, "configuration", what)
+
+
+def _rest(axes: CanopenDriveBus, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:
+    count = round(REST_TIME / axes.period)
+    samples = [supervised_sample(axes, operator) for _ in range(count)]
+    q = np.array([sample.q for sample in samples])
+    tau = np.array([sample.tau for sample in samples])
+    gaps = np.array([sample.flags for sample in samples]) & _GAPS
+    for number, (server, axis) in enumerate(zip(axes.servers, drives.axes, strict=True)):
+        yield _regularity(server.label, gaps[:, number], axes.period)
+        yield from judge_rest(server.label, axis, q[:, number], tau[:, number])
+
+
+def _regularity(place: str, gaps: NDArray[np.int64], period: float) -> Verdict:
+    good = int(np.count_nonzero(gaps == 0))
+    return graded(
+        good >= ANSWERED * gaps.size,
+        Grade.REFUSED,
+        place,
+        "TPDOs at each SYNC",
+        f"{good} of {gaps.size} at {1 / period:.4g} Hz",
+        f"at least {ANSWERED:.0%}",
+        "lengthen sync_period, check wiring and termination",
+    )
+
+
+def _move(
+    axes: CanopenDriveBus,
+    number: int,
+    drive: AxisDrive,
+    moves: SmallMoves,
+    operator: Operator,
+    gravity: Gravity | None,
+) -> Iterator[Verdict]:
+    label = axes.servers[number].label
+    held = _hold(axes, operator)
+    pose = held[-1].q
+    start = pose[number]
+    limits = drive.limits
+    way, velocity = moves.of(drive)
+    way = way if start + way <= limits.q_max else -way
+    if not limits.q_min <= start + way <= limits.q_max:
+        yield Verdict(
+            Grade.REFUSED, label, "small move", f"no room at q = {start:.4g}",
+            f"[{limits.q_min:.4g}, {limits.q_max:.4g}]", "correct zero, or move the axis by hand",
+        )  # fmt: skip
+        return
+    readings = CurrentReadings(axes.servers[number], drive)
+    strokes = [
+        travel(axes, number, drive, small_move(drive, target, velocity), operator, readings.poll)
+        for target in (start + way, start)
+    ]
+    yield from judge_strokes(label, drive, strokes)
+    torque = np.array([sample.tau[number] for sample in held])
+    yield judge_current_unit(label, drive, readings.counts, torque, strokes)
+    yield judge_direction(label, drive, number, np.array(pose), strokes, gravity)
+    yield _direction(axes, label, drive, way, operator)
+
+
+def _hold(axes: CanopenDriveBus, operator: Operator) -> list[Sample]:
+    """Return samples of a short rest."""
+    return [supervised_sample(axes, operator) for _ in range(math.ceil(HELD_TIME / axes.period))]
+
+
+def _direction(
+    axes: CanopenDriveBus, label: str, drive: AxisDrive, way: float, operator: Operator
+) -> Verdict:
+    """Which way the joint turned, and how far, only eyes can tell."""
+    moved, check = shown_way(drive, way), "sign and size of the motion"
+    if not operator.present:
+        remedy = "nobody was asked: see that a jog turns the joint as the robot file has it"
+        return Verdict(Grade.WARNING, label, check, moved, remedy=remedy)
+    key = answer(
+        axes,
+        operator,
+        f"{label}: moved {moved} and back. Was that so, by the robot file's sense of rotation? "
+        "[y]es, [o]pposite direction, [w]rong amount",
+        "yow",
+    )
+    remedies = {
+        "o": f"set sign: {-drive.sign} in the drives file",
+        "w": "correct gear_ratio or increments_per_revolution",
+    }
+    shown = {"y": "as seen", "o": "the other way", "w": "another amount"}[key]
+    return graded(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))
+
+
+def _rate(timed: StopwatchBus, axes: CanopenDriveBus, drives: DrivesFile) -> Verdict:
+    """Highest rate of SYNC that bus and drives carry; in lock-step answers take no time."""
+    slowest = 0.0
+    if not timed.lock_step:
+        slowest = float(np.quantile(timed.answers, ANSWERED))
+    rate = achievable_rate(drives, slowest, axes.transmitted)
+    took = f"slowest answer {1000 * slowest:.2g} ms" if slowest else "answers are not timed here"
+    return graded(
+        1 / axes.period <= rate * (1 + 1e-9),
+        Grade.WARNING,
+        "bus",
+        "achievable rate of SYNC",
+        f"{rate:.0f} Hz, {took}",
+        f"file: {1 / axes.period:.4g} Hz",
+        f"lengthen sync_period to {1 / rate:.4g} s",
+    )
+
+
+def shown_way(axis: AxisDrive, way: float) -> str:
+    """Put a relative motion [rad or m] into words."""
+    if axis.joint == "prismatic":
+        return f"{1000 * way:+.3g} mm"
+    return f"{math.degrees(way):+.3g}°"

@@ -1,0 +1,104 @@
+"""How a drive stops by itself: its option codes, its brake, and whether it is locked.
+
+Three ways of stopping are the drive's own, and no driver sees to them: on a fault (605E), when it
+is switched off (605C) and when it is shut down (605B). Option 0 takes the torque away at once, so
+that the axis coasts, and one that hangs falls until its brake has closed. Quick stop (605A) and the
+reaction to a lost connection (6007) are written before a run; what stands there holds for every
+other master.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects
+from drivers.canopen.vendor_objects import MAKERS
+from drivers.cia402.interlocks import safe_torque_off
+from drivers.commissioning.verdict import Grade, Verdict, graded
+from drivers.dictionary import probed_objects as probed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from drivers.canopen.sdo import SdoServer
+    from drivers.drives_file import AxisDrive
+
+COASTS, GOES_ON = "takes the torque away", "does nothing"
+_RAMPS = {1: "slows down on the ramp", 2: "slows down on the quick stop ramp"}
+_LIMITS = {3: "slows down at the current limit", 4: "slows down at the voltage limit"}
+_STAYS = {number + 4: f"{text} and stays powered" for number, text in (_RAMPS | _LIMITS).items()}
+_QUICK_STOP = {0: COASTS} | _RAMPS | _LIMITS | _STAYS
+_SHUT_DOWN = {0: COASTS, 1: _RAMPS[1]}
+_FAULT = {0: COASTS} | _RAMPS | _LIMITS
+_CONNECTION = {0: GOES_ON, 1: "goes into a fault", 2: COASTS, 3: "makes a quick stop"}
+
+_FALLS = "the axis coasts, and one that hangs falls until its brake has closed"
+_CONSEQUENCES = {COASTS: _FALLS, GOES_ON: "the axis goes on"}
+_SET = "set it with the maker's tool"
+_WRITTEN = "hil run writes another option over it, every other master meets this one"
+
+
+def check_reactions(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+    """State how one drive stops by itself.
+
+    Parameters
+    ----------
+    server : SdoServer
+        Its object dictionary; only read.
+    axis : AxisDrive
+        What the drives file states.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
+    for entry, check, meanings, when, remedy in (
+        (probed.FAULT_REACTION, "fault reaction", _FAULT, "on a fault", _SET),
+        (probed.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),
+        (probed.SHUTDOWN_OPTION, "shutting down", _SHUT_DOWN, "when it is shut down", _SET),
+        (objects.QUICK_STOP_OPTION, "quick stop", _QUICK_STOP, "at a quick stop", _WRITTEN),
+        (objects.ABORT_CONNECTION_OPTION, "lost bus", _CONNECTION, "without a bus", _WRITTEN),
+    ):
+        present = server.find(entry)
+        if present is not None:
+            meaning = meanings.get(present, "the maker's own, see its manual")
+            name, found = f"{check} ({entry.index:04X})", f"{present}, {meaning}"
+            yield _option(server.label, name, found, meaning, f"{when} {{}}: {remedy}")
+    yield from _brake(server, axis)
+    yield from _interlock(server)
+
+
+def _option(place: str, check: str, found: str, meaning: str, remedy: str) -> Verdict:
+    """Warn of an option that lets the axis coast or go on."""
+    consequence = _CONSEQUENCES.get(meaning)
+    if consequence is None:
+        return Verdict(Grade.OK, place, check, found)
+    return Verdict(Grade.WARNING, place, check, found, remedy=remedy.format(consequence))
+
+
+def _brake(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+    """Compare the time that a brake takes, where the maker has an object for it."""
+    maker = MAKERS.get(axis.identity.vendor)
+    counts = server.find(maker.brake_delay.entry) if maker else None
+    if maker and counts:
+        delay = maker.brake_delay
+        yield graded(
+            delay.value(counts) <= axis.brake_delay * (1 + 1e-9),
+            Grade.WARNING,
+            server.label,
+            f"brake ({delay.place})",
+            f"{delay.value(counts):g} s",
+            f"file: {axis.brake_delay:g} s",
+            "the voltage goes before the brake has closed: an axis that hangs sags; state it as "
+            "brake_delay",
+        )
+
+
+def _interlock(server: SdoServer) -> Iterator[Verdict]:
+    active = safe_torque_off(server)
+    if active:
+        remedy = "release it before you agree to motion: while it is active nothing powers on"
+        yield Verdict(Grade.WARNING, server.label, "interlock", active, remedy=remedy)
+    elif server.find(objects.DIGITAL_INPUTS) is not None:
+        yield Verdict(Grade.OK, server.label, "interlock (60FD)", "none")

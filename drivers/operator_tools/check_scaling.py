@@ -1,0 +1,137 @@
+"""What a drive says of its motor, encoder and gear against what the drives file states.
+
+Torques are proportional to the rated values, positions to encoder and gear: an error of any of
+them is an error of every result of the axis and shows in no residual. So each is read by SDO,
+nothing is written, and a contradiction is refused. What a drive does not tell stays on trust, and
+that is said too.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from drivers.canopen.pdo_mapping import current_entry
+from drivers.commissioning.comparison import Agreement
+from drivers.commissioning.consistency import comparisons
+from drivers.commissioning.position_units import PositionFactors
+from drivers.commissioning.ratings import expected_torque
+from drivers.commissioning.verdict import Grade, Verdict, graded, unknown
+from drivers.dictionary import probed_objects as probed
+from drivers.drives_file import Basis
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from drivers.canopen.sdo import SdoServer
+    from drivers.commissioning.comparison import Comparison
+    from drivers.drives_file import AxisDrive
+
+SAME = 1e-3
+"""Ratios may differ by this share, which is what rounding in a drive comes to."""
+CONSISTENT = 0.1
+"""Rated torque may differ from torque constant times rated current by this share."""
+
+
+def check_scaling(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+    """Compare ratings, encoder, gear and units of one drive with the file.
+
+    Parameters
+    ----------
+    server : SdoServer
+        Its object dictionary; only read.
+    axis : AxisDrive
+        What the drives file states.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
+    for comparison in comparisons(server, axis):
+        yield _verdict(server.label, comparison)
+    if axis.current.basis is not Basis.RATED_TORQUE:
+        yield _torque_constant(server.label, axis)
+    yield _gear(server, axis)
+    yield _polarity(server)
+    yield _current(server, axis)
+
+
+def _verdict(place: str, comparison: Comparison) -> Verdict:
+    bound = f"file: {comparison.stated}"
+    if comparison.agreement is Agreement.UNSETTLED:
+        found, remedy = comparison.found, comparison.remedy
+        return Verdict(Grade.WARNING, place, comparison.check, found, bound, remedy)
+    return graded(
+        comparison.agreement is Agreement.CONFIRMED,
+        Grade.REFUSED,
+        place,
+        comparison.check,
+        comparison.found,
+        bound,
+        comparison.remedy,
+    )
+
+
+def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
+    """Rated torque and rated current must lead to the torque constant: sqrt(2) is rms or peak."""
+    product = expected_torque(axis)
+    assert product is not None  # noqa: S101 - the file's validator saw to it
+    ratio = product / axis.rated_torque
+    confused = (
+        min(abs(ratio * root - 1) for root in (math.sqrt(2), math.sqrt(0.5))) < CONSISTENT / 3
+    )
+    return graded(
+        abs(ratio - 1) <= CONSISTENT,
+        Grade.WARNING,
+        place,
+        "torque constant",
+        f"times rated current {product:.4g} N m",
+        f"rated torque {axis.rated_torque:g} N m",
+        "a factor of 1.41: rms and peak are confused in one of them"
+        if confused
+        else "look all three up in the motor's data sheet",
+    )
+
+
+def _gear(server: SdoServer, axis: AxisDrive) -> Verdict:
+    """Compare the gear; one that stands without a feed may be the drive's electronic gear."""
+    factors = PositionFactors.read(server.find)
+    check, stated, gear = "gear (6091)", axis.gear_ratio, factors.gear
+    if gear is None or gear == 1:
+        return unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
+    alone = (factors.feed in {None, 1} and not factors.unit) or "gear" in factors.assumed
+    return graded(
+        math.isclose(float(gear), stated, rel_tol=SAME),
+        Grade.WARNING if alone else Grade.REFUSED,
+        server.label,
+        check,
+        f"{float(gear):g}",
+        f"file: {stated:g}",
+        "an electronic gear of the drive, or correct gear_ratio: it shows by eye, in a move"
+        if alone
+        else "correct gear_ratio or the drive's parameter: angles and torques scale with it",
+    )
+
+
+def _polarity(server: SdoServer) -> Verdict:
+    present = server.find(probed.POLARITY)
+    return graded(
+        not present,
+        Grade.WARNING,
+        server.label,
+        "polarity (607E)",
+        "not reversed" if not present else f"{present:02X}h",
+        "",
+        "the drive reverses position or velocity: sign must allow for it, see encoder and current",
+    )
+
+
+def _current(server: SdoServer, axis: AxisDrive) -> Verdict:
+    entry = current_entry(axis)
+    return Verdict(
+        Grade.OK,
+        server.label,
+        f"current object ({entry.index:04X}:{entry.subindex:02X})",
+        f"{server.get(entry)} ({axis.current.basis.value})",
+    )

@@ -1,0 +1,276 @@
+"""A first drives file from what dictionaries tell; the rest is left to be stated, line by line.
+
+A value stands in the draft only where a drive has it: read from the drive, set in its configuration
+file, or fixed by its maker. A default of a data sheet is no such thing (the motor is another one),
+and is at most mentioned. All else is marked `!state` with what to fill in, and `load_drives`
+refuses the file until that is done; so nothing can be overlooked and nothing is guessed.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import UNSTATED
+from drivers.canopen import objects
+from drivers.canopen.vendor_objects import MAKERS
+from drivers.commissioning.requirements import GUARDING
+from drivers.dictionary.mapping_review import other_tpdos
+from drivers.drive_bus import DriveRefused
+from drivers.drives_file import TorqueUnit
+from drivers.operator_tools.draft_hints import (
+    acceleration_unit,
+    increments,
+    meaning_of,
+    velocity_unit,
+)
+from drivers.operator_tools.draft_ratings import Ratings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from drivers.dictionary.current_candidates import CurrentCandidate
+    from drivers.dictionary.dictionary import Dictionary
+    from drivers.dictionary.review import Review
+
+HIGHEST_NODE = 126
+WIDTH = 100
+
+
+_LIMITS = (
+    ("q_min", "lowest position [rad, or m if prismatic], well inside the mechanical stop"),
+    ("q_max", "highest position [rad or m], well inside the mechanical stop"),
+    ("velocity", "highest speed [rad/s or m/s]"),
+    ("acceleration", "highest acceleration [rad/s^2 or m/s^2]"),
+    ("torque", "highest torque [N m, or N if prismatic]"),
+)
+_WINDOWS = (
+    ("following_error_window", "largest following error [rad or m], such as 0.05"),
+    ("following_error_time", "how long it may be exceeded [s], such as 0.05"),
+    ("position_window", "how near to its target an axis counts as there [rad or m], such as 0.002"),
+    ("position_window_time", "and for how long [s], such as 0.02"),
+)
+
+
+@dataclass(frozen=True)
+class DraftedAxis:
+    """One drive to be put into a drives file: what is known of it, and its node if that is."""
+
+    dictionary: Dictionary
+    review: Review
+    node: int | None
+
+
+def draft_drives(axes: Sequence[DraftedAxis], bitrate: int | None = None) -> str:
+    """Write a drives file for these drives, in joint order.
+
+    Parameters
+    ----------
+    axes : sequence of DraftedAxis
+        The drives.
+    bitrate : int, optional
+        Of the bus, if it is known [bit/s].
+
+    Raises
+    ------
+    DriveRefused
+        Drives that cannot serve, or node numbers that cannot be; a line each.
+    """
+    refuse_unfit(axes)
+    sources = ", ".join(dict.fromkeys(axis.dictionary.source for axis in axes))
+    lines = [
+        f"# Drafted from {_plain(sources)}.",
+        f"# What nobody but you can know is marked {UNSTATED}: replace each mark and its text by",
+        "# the value, joint side and SI unless said otherwise. Until then the file is refused.",
+        *_shared(axes, bitrate),
+        "",
+        "axes:",
+    ]
+    for number, axis in enumerate(axes, start=1):
+        lines += _axis(number, axis)
+    return "\n".join(lines) + "\n"
+
+
+def refuse_unfit(axes: Sequence[DraftedAxis]) -> None:
+    """Refuse drives that cannot serve, and nodes that cannot be or stand twice (`DriveRefused`)."""
+    problems = [
+        f"{axis.dictionary.source}: cannot serve: {refusal}"
+        for axis in {axis.dictionary.source: axis for axis in axes}.values()
+        for refusal in axis.review.refusals
+    ]
+    nodes = [axis.node for axis in axes if axis.node is not None]
+    problems += [
+        f"node {node}: must be in 1...{HIGHEST_NODE}; 127 is ours"
+        for node in nodes
+        if not 1 <= node <= HIGHEST_NODE
+    ]
+    problems += [
+        f"node {node}: is given to {nodes.count(node)} axes; give each drive its own"
+        for node in sorted(set(nodes))
+        if nodes.count(node) > 1
+    ]
+    if problems:
+        raise DriveRefused("\n".join(problems))
+
+
+def _shared(axes: Sequence[DraftedAxis], bitrate: int | None) -> Iterator[str]:
+    rates = {axis.dictionary.bitrate for axis in axes} - {None}
+    if bitrate is None and len(rates) == 1:
+        bitrate = rates.pop()
+    common = set.intersection(*(set(axis.dictionary.bitrates) for axis in axes))
+    choice = f", one of {', '.join(map(str, sorted(common)))}" if common else ""
+    yield _line("bitrate", bitrate, "bit/s", f"bit rate of the bus [bit/s]{choice}")
+    yield "sync_period: 0.004 # s, a choice: the plan's sample_period"
+    yield "master_node: 127 # our own number on the bus, a choice"
+    yield "heartbeat_period: 0.1 # s, a choice"
+    yield "heartbeat_timeout: 0.5 # s, a choice: how long after our death the drives stop"
+    yield "quick_stop_option: 2 # 605A, a choice: quick stop ramp, then off"
+
+
+def _axis(number: int, axis: DraftedAxis) -> Iterator[str]:
+    dictionary = axis.dictionary
+    device = ", ".join(filter(None, (dictionary.maker, dictionary.model))) or "unnamed device"
+    yield from _comment(f"{device} ({dictionary.source})")
+    for note in (*map(str, axis.review.findings), *(f"the file {n}" for n in dictionary.notes)):
+        yield from _comment(note)
+    body = [
+        f"name: joint {number}",
+        _line("node", axis.node, "", "node number of the drive, 1 to 126"),
+        *_identity(dictionary),
+        *_drive_train(dictionary),
+        *_current(axis.review, dictionary),
+        *_ratings(dictionary),
+        "limits:",
+        *("  " + _line(key, None, "", hint) for key, hint in _LIMITS),
+        *(_line(key, None, "", hint) for key, hint in _WINDOWS),
+        *_brake(dictionary),
+        *_watch(dictionary),
+        *_tpdos(axis.review),
+    ]
+    yield f"  - {body[0]}"
+    yield from (f"    {line}" for line in body[1:])
+
+
+def _identity(dictionary: Dictionary) -> Iterator[str]:
+    yield "identity: # object 1018; what is left out is not compared"
+    for key, value, place in (
+        ("vendor", dictionary.vendor, "1018:01"),
+        ("product", dictionary.product, "1018:02"),
+    ):
+        shown = None if value is None else f"0x{value:X}"
+        hint = f"{place} of the drive, a number such as 0x{0x4D2:X}: `hil scan` shows it"
+        yield "  " + _line(key, shown, "", hint)
+    if dictionary.revision is not None:
+        told = f"revision: 0x{dictionary.revision:X}"
+        certain = "" if dictionary.live else "# of the data sheet, add it to have it compared: "
+        yield f"  {certain}{told}"
+
+
+def _drive_train(dictionary: Dictionary) -> Iterator[str]:
+    yield _line("joint", None, "", "revolute or prismatic")
+    ratio = "motor angle over joint coordinate, positive [-, or rad/m if prismatic]"
+    yield _line("gear_ratio", None, "", ratio)
+    yield _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it")
+    yield _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]")
+    count, reason, hint = increments(dictionary)
+    yield _line("increments_per_revolution", count, reason, hint)
+    unit, hint = velocity_unit(dictionary)
+    yield _line("velocity_unit", unit, "60A9", hint)
+    unit, hint = acceleration_unit(dictionary)
+    yield _line("acceleration_unit", unit, "60AA", hint)
+
+
+def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
+    chosen = review.current
+    yield "current: # torques are computed from this object: nothing about it may be guessed"
+    if chosen is None:
+        yield "  " + _line("index", None, "", "object of the motor current, such as 0x6078")
+        yield "  " + _line("type", None, "", "i16 or i32")
+    else:
+        yield from _chosen(chosen)
+    for other in review.currents:
+        if other is not chosen:
+            may = "instead of it" if other.usable else "of no use"
+            yield from _comment(f"{may}, {other.place}: {other.why}", "  ")
+    yield "  " + _line("basis", None, "", meaning_of(chosen, dictionary))
+    yield "  " + _line("amplitude", None, "", "rms or peak: how the drive counts a motor current")
+
+
+def _chosen(chosen: CurrentCandidate) -> Iterator[str]:
+    declared = chosen.declared
+    yield from _comment(f"{chosen.place}: {chosen.why}", "  ")
+    yield f"  index: 0x{declared.index:X}"
+    yield f"  subindex: {declared.subindex}"
+    yield f"  type: {declared.type}"
+
+
+def _ratings(dictionary: Dictionary) -> Iterator[str]:
+    ratings = Ratings.of(dictionary)
+    current, torque = ratings.current, ratings.torque
+    yield _line("rated_current", current.value, current.reason, current.hint)
+    yield _line("rated_torque", torque.value, torque.reason, torque.hint)
+    if ratings.torque_unit.value != TorqueUnit.MILLI.value:
+        unit = ratings.torque_unit
+        yield _line("rated_torque_unit", unit.value, unit.reason, unit.hint)
+    unless = "; remove this line if the basis is per mille of rated torque"
+    constant = ratings.constant
+    yield _line("torque_constant", constant.value, constant.reason, constant.hint + unless)
+    hint = f"rms or peak: the current that the torque constant refers to{unless}"
+    yield _line("torque_constant_amplitude", None, "", hint)
+
+
+def _brake(dictionary: Dictionary) -> Iterator[str]:
+    """Quote the drive's own delay of its brake."""
+    maker = MAKERS.get(dictionary.vendor or 0)
+    counts = dictionary.value(maker.brake_delay.entry) if maker else None
+    if maker and counts:
+        delay = maker.brake_delay
+        said = f"s, {delay.place} of the drive ({delay.entry.name})"
+        yield _line("brake_delay", f"{delay.value(counts):g}", said, "")
+
+
+def _watch(dictionary: Dictionary) -> Iterator[str]:
+    """Ask for a reason where the drive cannot watch our heartbeat, and cannot be guarded."""
+    if all(map(dictionary.entry, GUARDING)):
+        return
+    declared = dictionary.entry(objects.CONSUMER_HEARTBEAT)
+    place = (objects.CONSUMER_HEARTBEAT.index, objects.CONSUMER_HEARTBEAT.subindex)
+    if declared is None and place not in dictionary.unanswered:
+        hint = "what else stops the axis when our process dies, in words: the drive has no 1016"
+        yield _line("allow_no_heartbeat", None, "", hint)
+
+
+def _tpdos(review: Review) -> Iterator[str]:
+    """State what the TPDOs carry, where that is fixed or does not fit into one."""
+    found = other_tpdos(review.mapping, review.current)
+    if found is not None:
+        words = (", ".join(f"0x{word:08X}" for word in each) for each in found)
+        yield f"tpdos: [{', '.join(f'[{each}]' for each in words)}] # 1A00, 1A01"
+
+
+def _line(key: str, value: object, unit: str, hint: str) -> str:
+    """Return a line with the value and its unit or source, or one to be stated."""
+    if value is None:
+        return f"{key}: {UNSTATED} {json.dumps(_plain(hint), ensure_ascii=False)}"
+    return f"{key}: {value}" + (f" # {unit}" if unit else "")
+
+
+def _comment(text: str, indent: str = "") -> list[str]:
+    """Return a comment, folded."""
+    start = f"{indent or '  '}# "
+    return textwrap.wrap(
+        _plain(text),
+        WIDTH - len(indent and "    "),
+        initial_indent=start,
+        subsequent_indent=f"{start}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _plain(text: str) -> str:
+    """Return a text of a foreign file as one line of printable characters."""
+    return re.sub(r"\s+", " ", "".join(c if c.isprintable() else " " for c in text)).strip()

@@ -1,0 +1,131 @@
+"""What a dictionary says of units and ratings: a fact where it is certain, else a hint.
+
+Only a configured or fixed value counts, and only where all that the drive says leads to one
+reading; what is a default, unknown or contradictory becomes part of the hint.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects
+from drivers.commissioning import unit_codes
+from drivers.commissioning.position_units import PositionFactors, position_readings, shown
+from drivers.drives_file import Basis
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from fractions import Fraction
+
+    from drivers.canopen.sdo import Entry
+    from drivers.dictionary.current_candidates import CurrentCandidate
+    from drivers.dictionary.dictionary import Declared, Dictionary
+
+_NAMES = {
+    "rated_current": re.compile(r"(rated|nominal|nenn).*(current|strom)", re.I),
+    "rated_torque": re.compile(r"(rated|nominal|nenn).*(torque|moment)", re.I),
+    "increments": re.compile(
+        r"(encoder|sensor).*(resolution|pulses)|pulse number|increments per|encoder lines", re.I
+    ),
+    "torque_constant": re.compile(r"torque const|drehmomentkonst", re.I),
+}
+
+
+def velocity_unit(dictionary: Dictionary) -> tuple[str | None, str]:
+    """Return the unit of velocities if it is certain, and what to state otherwise."""
+    choice = "unit of velocities in the drive (6081): inc/s, rpm, 0.1 rpm, mrpm, rps, deg/s or so"
+    return _unit(dictionary, objects.VELOCITY_UNIT, unit_codes.velocity_of, choice)
+
+
+def acceleration_unit(dictionary: Dictionary) -> tuple[str | None, str]:
+    """Return the unit of accelerations if it is certain, and what to state otherwise."""
+    choice = "unit of accelerations in the drive (6083): inc/s^2, rpm/s, 0.1 rpm/s, rps/s or so"
+    return _unit(dictionary, objects.ACCELERATION_UNIT, unit_codes.acceleration_of, choice)
+
+
+def _unit(
+    dictionary: Dictionary,
+    entry: Entry,
+    decode: Callable[[int, int | None, Fraction | None], str | None],
+    choice: str,
+) -> tuple[str | None, str]:
+    word, default = dictionary.value(entry), _default(dictionary, entry)
+    factors = PositionFactors.read(dictionary.value)
+    gear, resolution = factors.gear, factors.stated.resolution
+    said = decode(word, factors.unit, resolution) if word else None
+    if said and gear not in {None, 1} and not said.endswith(("inc/s", "inc/s^2")):
+        place = f"{entry.index:04X} says {said}"
+        return None, f"{choice}; {place}, of the motor or of the output of gear 6091 = {gear}"
+    if word and said is None:
+        return None, f"{choice}; {entry.index:04X} is {word:08X}h, an unknown unit"
+    by_default = decode(default, None, None) if default else None
+    return said, f"{choice}; by default {by_default} ({entry.index:04X})" if by_default else choice
+
+
+def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
+    """Return the counts per motor revolution if certain, their reason, and what to state.
+
+    What is left at a default may hold in the drive, so a reading must hold with it too.
+    """
+    hint = "counts of 6064 per revolution of the motor (encoder lines times 4), or a ratio"
+    factors = PositionFactors.read(dictionary.value)
+    readings = position_readings(factors)
+    by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
+    counts = {reading.per_revolution for reading in (*readings, *by_default)}
+    if readings and len(counts) == 1 and not factors.assumed:
+        return shown(readings[0].per_revolution), readings[0].reason, hint
+    if readings:
+        either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
+        return None, "", f"{hint}; the drive leaves it open: {either}{factors.caveat}"
+    if factors.unit and factors.unit_in_words != "inc":
+        hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
+    if by_default:
+        hint += f"; by its defaults {' or '.join(map(str, by_default))}"
+    return None, "", hint + also_named(dictionary, "increments")
+
+
+def default_of(dictionary: Dictionary, entry: Entry) -> str:
+    """Return a remark on a data sheet's default, empty where there is none worth telling."""
+    default = _default(dictionary, entry)
+    return f"; the data sheet's default of {entry.index:04X} is {default}" if default else ""
+
+
+def also_named(dictionary: Dictionary, key: str) -> str:
+    """Return a remark on a maker's object that may hold a rating, by its name."""
+    for (index, _), declared in sorted(dictionary.entries.items()):
+        if 0x2000 <= index < 0x6000 and _NAMES[key].search(declared.name):
+            return f"; {declared.place} ({declared.name}) may hold it{_shown(declared)}"
+    return ""
+
+
+def meaning_of(chosen: CurrentCandidate | None, dictionary: Dictionary) -> str:
+    """Return what to state of the current object's unit."""
+    choice = ", ".join(basis.value for basis in Basis)
+    if chosen is None:
+        return f"what one count is: {choice}"
+    place = chosen.declared.place
+    if chosen.basis is None:
+        rated = also_named(dictionary, "rated_current").replace("may hold it", "may be in its unit")
+        return f"what one count of {place} is: {choice}; see its manual{rated}"
+    return (
+        f"what one count of {place} is: {choice}; by the standard {chosen.basis.value}, see the "
+        "drive's manual"
+    )
+
+
+def _value_or_default(dictionary: Dictionary, entry: Entry) -> int | None:
+    value = dictionary.value(entry)
+    return _default(dictionary, entry) if value is None else value
+
+
+def _default(dictionary: Dictionary, entry: Entry) -> int | None:
+    declared = dictionary.entry(entry)
+    return None if declared is None or declared.value is not None else declared.default
+
+
+def _shown(declared: Declared) -> str:
+    if declared.value is not None:
+        return f", it is {declared.value}"
+    return f", {declared.default} by default" if declared.default else ""

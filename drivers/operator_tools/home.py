@@ -1,0 +1,191 @@
+"""`hil home`: one axis finds its reference by the drive's own homing mode (6).
+
+The drive does it all: method (6098), speeds (6099), acceleration (609A), and which position the
+home position shall have (607C). It is commanded by bit 4 of the controlword and answers in the
+statusword: bit 12 homing attained, bit 13 homing error, bit 10 at rest. Where it goes meanwhile
+only the drive knows, so a stop key and a time limit are what remains. Only this axis is powered.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.axis import AxisScale
+from drivers.canopen import objects
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402.set_point import ENABLED
+from drivers.cia402.states import Control, Mode, Status
+from drivers.commissioning.effective_limits import effective_limits
+from drivers.dictionary import probed_objects as probed
+from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
+from drivers.found_settings.keeping import SettingsKeeper
+from drivers.operator_tools.jog import SLOW, shown
+from drivers.operator_tools.operator import STOP_KEYS, StoppedByOperator
+from drivers.operator_tools.unpowered import StandingDrives
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import can
+
+    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sync_clock import PacingName
+    from drivers.drives_file import AxisDrive, DrivesFile, Homing
+    from drivers.operator_tools.operator import Operator
+
+MODE_TIME = 3.0
+"""How long a drive may take to show a mode [s]."""
+POLLED = 0.05
+"""Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
+
+_WRITTEN = (
+    probed.HOMING_METHOD,
+    objects.HOME_OFFSET,
+    probed.HOMING_SPEED,
+    probed.HOMING_CREEP,
+    probed.HOMING_ACCELERATION,
+)
+_START = ENABLED | Control.NEW_SET_POINT
+_ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR
+
+
+def home(
+    bus: can.BusABC,
+    drives: DrivesFile,
+    axis: AxisDrive,
+    homing: Homing,
+    operator: Operator,
+    *,
+    patience: float,
+    pacing: PacingName = "auto",
+    keeper: SettingsKeeper | None = None,
+) -> float:
+    """Home one axis and return where it stands then [rad or m]; it is off afterwards.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus.
+    drives : DrivesFile
+        The file that the axis is in.
+    axis : AxisDrive
+        Which.
+    homing : Homing
+        How.
+    operator : Operator
+        Who agrees to it and may stop it.
+    patience : float
+        How long it may take [s].
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.canopen.sync_clock.choose_pacing`.
+    keeper : SettingsKeeper, optional
+        See `drivers.canopen_bus.CanopenDriveBus`.
+
+    Raises
+    ------
+    DriveRefused
+        The drive has no homing mode or not this method.
+    LimitExceeded
+        Too fast; nothing was powered on.
+    MoveFailed
+        The drive found no reference.
+    StoppedByOperator, DriveError
+        The axis is stopped and off.
+    """
+    alone = drives.model_copy(update={"axes": (axis,)})
+    (server,) = StandingDrives(bus, alone, pacing).servers
+    _refuse(server, effective_limits(server.find, axis, server.label).of(axis), homing)
+    intent = (
+        f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
+        f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."
+    )
+    if not operator.agrees(intent):
+        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    keeper = keeper or SettingsKeeper()
+    keeper.later = _WRITTEN
+    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:
+        session = _Session(axes, operator)
+        _configure(session.server, axis, homing)
+        session.change_mode(Mode.HOMING)
+        session.run(homing.method, patience)
+        session.change_mode(Mode.PROFILE_POSITION)
+        return axes.follow().q[0]
+
+
+def _refuse(server: SdoServer, axis: AxisDrive, homing: Homing) -> None:
+    supported = server.find(objects.SUPPORTED_MODES)
+    if supported is not None and not supported & Mode.HOMING.supported_bit:
+        raise DriveRefused(
+            f"{server.label}: no homing mode (6502 = {supported:08X}h, bit 5 is clear); bring the "
+            f"axis to a mark instead and state its position there in zero, now it is "
+            f"{server.get(objects.POSITION)}"
+        )
+    fastest = SLOW * axis.limits.velocity
+    for key, value in (("velocity", homing.velocity), ("creep", homing.creep)):
+        if value > fastest:
+            raise LimitExceeded(
+                f"{axis.name}: homing.{key} {shown(axis, value)}/s must be at most "
+                f"{shown(axis, fastest)}/s, {SLOW:.0%} of its limit"
+            )
+
+
+def _configure(server: SdoServer, axis: AxisDrive, homing: Homing) -> None:
+    scale = AxisScale.of(axis)
+    server.set(probed.HOMING_METHOD, homing.method)
+    server.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
+    for entry, value in (
+        (probed.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
+        (probed.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
+        (probed.HOMING_ACCELERATION, scale.acceleration_to_counts(homing.acceleration)),
+    ):
+        server.set_if_present(entry, value, "the drive's own homing value is used")
+
+
+class _Session:
+    """One powered axis in the drive's own hands."""
+
+    def __init__(self, axes: CanopenDriveBus, operator: Operator) -> None:
+        self.server = axes.servers[0]
+        self._axes = axes
+        self._operator = operator
+
+    def change_mode(self, mode: Mode) -> None:
+        """Take a mode and wait until the drive shows it."""
+        self.server.put(objects.CONTROLWORD, ENABLED)
+        self.server.put(objects.MODE, mode)
+        if not self._wait(lambda: self.server.get(objects.MODE_DISPLAY) == mode, MODE_TIME):
+            raise DriveRefused(
+                f"{self.server.label}: does not take mode {mode.value} while powered: 6061 shows "
+                f"{self.server.get(objects.MODE_DISPLAY)}; home it with the maker's tool"
+            )
+
+    def run(self, method: int, patience: float) -> None:
+        """Start homing and wait for its end."""
+        self.server.put(objects.CONTROLWORD, _START)
+        if not self._wait(self._attained, patience):
+            raise MoveFailed(
+                f"{self.server.label}: no reference found by method {method} in {patience:g} s; "
+                "check switches and direction, or allow more time with --patience"
+            )
+        self.server.put(objects.CONTROLWORD, ENABLED)
+
+    def _attained(self) -> bool:
+        word = self.server.get(objects.STATUSWORD)
+        if word & _ERROR:
+            raise MoveFailed(
+                f"{self.server.label}: the drive reports a homing error (statusword {word:04X}h); "
+                "check the method, its switches and the load"
+            )
+        return bool(word & _ATTAINED and word & Status.TARGET_REACHED)
+
+    def _wait(self, holds: Callable[[], bool], patience: float) -> bool:
+        begin = self._axes.follow().time
+        ends, due = begin + patience, begin + POLLED
+        while (time := self._axes.follow().time) < ends:
+            if STOP_KEYS.intersection(self._operator.pressed()):
+                raise StoppedByOperator("stopped by the operator; the axis is stopped and off")
+            if time >= due:
+                due = time + POLLED
+                if holds():
+                    return True
+        return False

@@ -1,0 +1,99 @@
+"""`hil jog`: one axis by a stated relative way, slowly, with no other axis powered.
+
+The other axes stay as they are, in their brakes. Way and velocity are checked against the limits
+before anything is powered on, the operator agrees to the very numbers, and the move is watched as
+in a check.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from drivers.axis import AxisScale
+from drivers.canopen import objects
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402.set_point_limits import check_move
+from drivers.commissioning.effective_limits import effective_limits
+from drivers.drive_bus import LimitExceeded
+from drivers.operator_tools.operator import StoppedByOperator
+from drivers.operator_tools.small_move import small_move, travel
+from drivers.operator_tools.unpowered import StandingDrives
+
+if TYPE_CHECKING:
+    import can
+
+    from drivers.canopen.sync_clock import PacingName
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.found_settings.keeping import SettingsKeeper
+    from drivers.operator_tools.operator import Operator
+    from drivers.operator_tools.small_move import Stroke
+
+SLOW = 0.2
+"""Share of its velocity limit at which an axis may jog."""
+
+
+def jog(
+    bus: can.BusABC,
+    drives: DrivesFile,
+    axis: AxisDrive,
+    way: float,
+    velocity: float,
+    operator: Operator,
+    pacing: PacingName = "auto",
+    keeper: SettingsKeeper | None = None,
+) -> Stroke:
+    """Move one axis and return what was seen of it; the axis is off afterwards.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus.
+    drives : DrivesFile
+        The file that the axis is in.
+    axis : AxisDrive
+        Which.
+    way, velocity : float
+        Signed [rad or m], and at most `SLOW` of the limit [rad/s or m/s].
+    operator : Operator
+        Who agrees to it and may stop it.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.canopen.sync_clock.choose_pacing`.
+    keeper : SettingsKeeper, optional
+        See `drivers.canopen_bus.CanopenDriveBus`.
+
+    Raises
+    ------
+    LimitExceeded
+        Too far or too fast; nothing was powered on.
+    StoppedByOperator, DriveError
+        The axis is stopped and off.
+    """
+    alone = drives.model_copy(update={"axes": (axis,)})
+    (server,) = StandingDrives(bus, alone, pacing).servers
+    limits = effective_limits(server.find, axis, server.label)
+    held = limits.of(axis)
+    scale, fastest = AxisScale.of(axis), SLOW * held.limits.velocity
+    if velocity > fastest:
+        raise LimitExceeded(
+            f"{axis.name}: {shown(axis, velocity)}/s must be at most {shown(axis, fastest)}/s, "
+            f"{SLOW:.0%} of its limit; jog more slowly"
+        )
+    start = scale.position_from_counts(float(server.get(objects.POSITION)))
+    move = small_move(held, start + way, velocity)
+    check_move(move, held, scale, drives.axes.index(axis) + 1, limits.own)
+    intent = (
+        f"Power on {axis.name} alone and move it from {shown(axis, start)} to "
+        f"{shown(axis, move.target)} at {shown(axis, move.velocity)}/s?"
+    )
+    if not operator.agrees(intent):
+        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    with CanopenDriveBus(bus, alone, pacing=pacing, keeper=keeper) as axes:
+        return travel(axes, 0, held, move, operator)
+
+
+def shown(axis: AxisDrive, value: float) -> str:
+    """Put a joint coordinate [rad or m] into words, in degrees or mm."""
+    if axis.joint == "prismatic":
+        return f"{1000 * value + 0.0:.4g} mm"
+    return f"{math.degrees(value) + 0.0:.4g}°"

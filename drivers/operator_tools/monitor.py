@@ -1,0 +1,177 @@
+"""What can be seen of the drives by listening alone: states, positions, currents, emergencies.
+
+`BusPicture` takes frames and sends none, so it works beside a running master, on a bus object of
+its own. TPDOs are understood as our driver maps them or as the drives file has them
+(`pdo_mapping.transmitted`); one of another length is counted as foreign, not guessed at. Digital
+inputs, which show safe torque off, are in none of them: they are taken from the answers to
+whoever asks, and `questions` are frames to ask.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import can
+
+from drivers.axis import AxisScale
+from drivers.canopen import objects
+from drivers.canopen.pdo_mapping import current_entry, transmitted
+from drivers.cia402.error_codes import Emergency, decode_emergency
+from drivers.cia402.interlocks import interlock
+from drivers.cia402.states import State, decode_state
+
+if TYPE_CHECKING:
+    from drivers.canopen.sdo import Entry
+    from drivers.drives_file import DrivesFile
+
+NMT_STATES = {0x00: "booting", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
+_SYNC, _SDO_ANSWER, _SDO_REQUEST = 0x80, 0x580, 0x600
+_UPLOAD = b"\x40" + objects.DIGITAL_INPUTS.index.to_bytes(2, "little") + b"\x00"
+_EXPEDITED = 0x43
+RATE_OVER = 50
+"""SYNCs over which their rate is taken."""
+STOPPED = 2.0
+"""Without a SYNC for so long there is no rate any more [s]."""
+
+
+@dataclass(slots=True)
+class AxisPicture:
+    """What was seen of one axis last.
+
+    Attributes
+    ----------
+    name : str
+    node : int
+    heard : float
+        When any frame of the drive came last [s]; -inf if none ever did.
+    nmt : str
+        From its heartbeat.
+    state : State or None
+        From the statusword; None while unknown.
+    q, tau : float
+        [rad or m], [N m or N]; NaN while unknown.
+    interlock : str
+        What its digital inputs (60FD) say of an interlock, if anybody asks for them.
+    emergency : Emergency or None
+        The last one, until the drive reports its end.
+    emergencies, foreign : int
+        How many emergencies came, and how many TPDOs that are not mapped as ours.
+    """
+
+    name: str
+    node: int
+    heard: float = -math.inf
+    nmt: str = ""
+    state: State | None = None
+    q: float = math.nan
+    tau: float = math.nan
+    interlock: str = ""
+    emergency: Emergency | None = None
+    emergencies: int = 0
+    foreign: int = 0
+
+
+@dataclass
+class BusPicture:
+    """What was seen of all axes of a drives file.
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        The axes in joint order.
+
+    Attributes
+    ----------
+    axes : list of AxisPicture
+        In joint order.
+    """
+
+    drives: DrivesFile
+    axes: list[AxisPicture] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.axes = [AxisPicture(axis.name, axis.node) for axis in self.drives.axes]
+        self._syncs: deque[float] = deque(maxlen=RATE_OVER)
+        self._last_sync = -math.inf
+        self._tpdos = {
+            pdo.cob_id: (number, pdo.entries, pdo.size)
+            for number, axis in enumerate(self.drives.axes)
+            for pdo in transmitted(axis)
+        }
+        self._of_node = {axis.node: number for number, axis in enumerate(self.drives.axes)}
+        self._scales = [AxisScale.of(axis) for axis in self.drives.axes]
+
+    def sync_rate(self, now: float) -> float:
+        """Rate of the last SYNCs [1/s], 0 if there are none any more at `now` [s]."""
+        if now - self._last_sync > STOPPED:
+            return 0.0
+        span = self._syncs[-1] - self._syncs[0] if len(self._syncs) > 1 else 0.0
+        return (len(self._syncs) - 1) / span if span > 0 else 0.0
+
+    def take(self, frame: can.Message, now: float) -> None:
+        """Take a frame, heard at `now` [s] of any steady clock."""
+        if frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id:
+            return
+        number, data = frame.arbitration_id, bytes(frame.data)
+        if number == _SYNC:
+            self._syncs.append(frame.timestamp or now)
+            self._last_sync = now
+        elif number in self._tpdos:
+            self._take_tpdo(number, data, now)
+        elif number & 0x780 == _SDO_ANSWER and number & 0x7F in self._of_node:
+            _take_inputs(self.axes[self._of_node[number & 0x7F]], data)
+        elif number & 0x780 in {0x080, 0x700} and number & 0x7F in self._of_node and data:
+            axis = self.axes[self._of_node[number & 0x7F]]
+            axis.heard = now
+            if number & 0x700:
+                axis.nmt = NMT_STATES.get(data[0] & 0x7F, f"{data[0]:02X}h")
+            else:
+                _take_emergency(axis, data)
+
+    def _take_tpdo(self, number: int, data: bytes, now: float) -> None:
+        slot, entries, size = self._tpdos[number]
+        axis = self.axes[slot]
+        axis.heard = now
+        if len(data) != size:
+            axis.foreign += 1
+            return
+        for entry in entries:
+            value, data = data[: entry.size], data[entry.size :]
+            self._show(slot, entry, int.from_bytes(value, "little", signed=entry.signed))
+
+    def _show(self, slot: int, entry: Entry, value: int) -> None:
+        axis, scale = self.axes[slot], self._scales[slot]
+        if entry == objects.STATUSWORD:
+            axis.state = decode_state(value)
+        elif entry == objects.POSITION:
+            axis.q = scale.position_from_counts(float(value))
+        elif entry == current_entry(self.drives.axes[slot]):
+            axis.tau = scale.torque_from_counts(float(value))
+
+
+def questions(drives: DrivesFile) -> tuple[can.Message, ...]:
+    """Return the requests that ask each drive for its digital inputs (60FD)."""
+    return tuple(
+        can.Message(
+            arbitration_id=_SDO_REQUEST + axis.node, data=_UPLOAD + bytes(4), is_extended_id=False
+        )
+        for axis in drives.axes
+    )
+
+
+def _take_inputs(axis: AxisPicture, data: bytes) -> None:
+    """Take the answer to an upload of 60FD in four bytes, whoever asked for it."""
+    if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == _UPLOAD[1:]:
+        axis.interlock = interlock(int.from_bytes(data[4:], "little")) or ""
+
+
+def _take_emergency(axis: AxisPicture, data: bytes) -> None:
+    emergency = decode_emergency(data)
+    if emergency.code & 0xFF00:
+        axis.emergency = emergency
+        axis.emergencies += 1
+    else:
+        axis.emergency = None

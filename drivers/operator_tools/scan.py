@@ -1,0 +1,167 @@
+"""Who is on the bus: all 127 node numbers, by what is heard and by who answers.
+
+First the scan only listens: heartbeats, boot-ups and emergencies tell of nodes that answer no SDO,
+and a SYNC of another master. Then every number is asked for its device type (1000), all in a row,
+which takes no longer than one time-out; and of each node that answers, what a review needs is read.
+Nothing is written, no state of a node changes and nothing is energised: the only frames sent are
+reading SDO requests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from drivers.canopen.network import PumpedNetwork
+from drivers.dictionary.live import read_dictionary
+from drivers.dictionary.review import review
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import can
+
+    from drivers.dictionary.dictionary import Dictionary
+    from drivers.dictionary.review import Review
+
+NODES = range(1, 128)
+LISTENING = 1.2
+"""Heartbeats rarely come less often than once a second [s]."""
+ANSWERING = 0.5
+"""How long the nodes may take for their first answer [s]."""
+SDO_TIMEOUT = 0.25
+BATCH = 8
+"""Requests in a row; socketcan queues ten."""
+REQUEST = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])
+SYNC = 0x80
+STATES = {0x00: "boot-up", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
+
+
+@dataclass
+class FoundNode:
+    """One node.
+
+    Attributes
+    ----------
+    node : int
+        Its number.
+    state : str
+        NMT state of its last heartbeat, empty where none was heard.
+    boots, emergencies : int
+        So many boot-ups and emergencies were heard.
+    answers : int
+        So many answers came to one question: more than one are two devices with the same number.
+    dictionary : Dictionary or None
+        What was read; None where no SDO is answered.
+    review : Review or None
+        What it offers.
+    """
+
+    node: int
+    state: str = ""
+    boots: int = 0
+    emergencies: int = 0
+    answers: int = 0
+    dictionary: Dictionary | None = None
+    review: Review | None = None
+
+
+@dataclass
+class Scan:
+    """What a scan found.
+
+    Attributes
+    ----------
+    nodes : dict of int to FoundNode
+        By node number.
+    syncs : int
+        SYNCs heard, from another master.
+    """
+
+    nodes: dict[int, FoundNode] = field(default_factory=dict)
+    syncs: int = 0
+
+    def heard(self, node: int) -> FoundNode:
+        """Return the node of this number, found from now on."""
+        return self.nodes.setdefault(node, FoundNode(node))
+
+
+def scan_bus(
+    bus: can.BusABC,
+    *,
+    listening: float = LISTENING,
+    answering: float = ANSWERING,
+    timeout: float = SDO_TIMEOUT,
+    only: range | tuple[int, ...] = NODES,
+) -> Scan:
+    """Find the nodes on an open bus and what they offer.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus; one in lock-step is not listened to, since its time stands still.
+    listening, answering, timeout : float
+        How long to listen, to wait for the first answers, and for each further one [s].
+    only : sequence of int
+        Node numbers to be asked.
+
+    Raises
+    ------
+    BusUnavailable
+        The bus takes no frames or has gone.
+    """
+    network = PumpedNetwork(bus, synchronous=getattr(bus, "lock_step", False) is True)
+    scan = Scan()
+    _listen_to_all(network, scan)
+    network.pump(listening)
+    asked = tuple(only)
+    for first in range(0, len(asked), BATCH):
+        for node in asked[first : first + BATCH]:
+            network.send_message(0x600 + node, REQUEST)
+        network.pump(0.01)
+    network.pump(answering)
+    for node, found in sorted(scan.nodes.items()):
+        answers = found.answers
+        if answers and node in asked:
+            found.dictionary = read_dictionary(network, node, timeout)
+            found.review = review(found.dictionary)
+        found.answers = answers
+    scan.nodes = {node: scan.nodes[node] for node in sorted(scan.nodes) if node in asked}
+    return scan
+
+
+def _listen_to_all(network: PumpedNetwork, scan: Scan) -> None:
+    for node in NODES:
+        network.subscribe(0x700 + node, _on_heartbeat(scan, node))
+        network.subscribe(0x580 + node, _on_answer(scan, node))
+        network.subscribe(0x080 + node, _on_emergency(scan, node))
+    network.subscribe(SYNC, lambda *_: _count_sync(scan))
+
+
+def _on_heartbeat(scan: Scan, node: int) -> Callable[[int, bytearray, float], None]:
+    def take(_: int, data: bytearray, __: float) -> None:
+        found = scan.heard(node)
+        found.state = STATES.get(data[0] & 0x7F, "unknown state") if data else "unknown state"
+        found.boots += found.state == "boot-up"
+
+    return take
+
+
+def _on_answer(scan: Scan, node: int) -> Callable[[int, bytearray, float], None]:
+    def take(_: int, data: bytearray, __: float) -> None:
+        if len(data) == 8 and data[1:4] == REQUEST[1:4]:
+            scan.heard(node).answers += 1
+
+    return take
+
+
+def _on_emergency(scan: Scan, node: int) -> Callable[[int, bytearray, float], None]:
+    def take(_: int, data: bytearray, __: float) -> None:
+        if len(data) == 8:
+            scan.heard(node).emergencies += 1
+
+    return take
+
+
+def _count_sync(scan: Scan) -> None:
+    scan.syncs += 1

@@ -1,0 +1,135 @@
+"""How late this computer wakes up for a deadline: what SYNC on the wall clock can be at best.
+
+Nothing is sent and no drive takes part. For some seconds the process does what the driver does
+between two SYNCs: it waits for the next deadline of an absolute grid, on the same bus. How late it
+comes is noted for every deadline, also for those that passed while it slept on. The driver leaves
+out a SYNC that is later than `drivers.canopen.sync_clock.TOO_LATE` of the period, so the highest
+rate is the one at which hardly any is.
+
+Where the kernel sends SYNC (`drivers.can_bus.kernel_sync`) its deadlines are kept without us; a
+late wake-up delays there only what we see and how soon we react.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.canopen.sync_clock import TOO_LATE
+from drivers.commissioning.verdict import Grade, Verdict, graded
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import can
+    from numpy.typing import NDArray
+
+RATES = (1000.0, 500.0, 250.0, 200.0, 125.0, 100.0, 50.0, 25.0)
+"""Usual rates of SYNC, highest first [Hz]."""
+IN_TIME = 0.999
+"""Share of the wake-ups that must come in time for a rate to be recommended."""
+
+
+@dataclass(frozen=True, eq=False)
+class WakeUps:
+    """How late a process came for its deadlines.
+
+    Attributes
+    ----------
+    period : float
+        Time between two deadlines [s].
+    late : array (n,)
+        How late it came for each [s].
+    """
+
+    period: float
+    late: NDArray[np.float64]
+
+    def quantile(self, share: float) -> float:
+        """Lateness that this share of the wake-ups does not exceed [s]."""
+        return float(np.quantile(self.late, share))
+
+    @property
+    def longest(self) -> float:
+        """Greatest lateness [s]."""
+        return float(self.late.max())
+
+    @property
+    def missed(self) -> float:
+        """Share of the deadlines that count as missed at this period."""
+        return float(np.mean(self.late > TOO_LATE * self.period))
+
+    @property
+    def recommended(self) -> float | None:
+        """Highest of the usual rates that is kept, None if none is [Hz]."""
+        most = self.quantile(IN_TIME)
+        return next((rate for rate in RATES if most < TOO_LATE / rate), None)
+
+
+def measure_wake_ups(
+    period: float,
+    duration: float,
+    wait: Callable[[float], object],
+    clock: Callable[[], float] = time.perf_counter,
+) -> WakeUps:
+    """Wait for one deadline after the other.
+
+    Parameters
+    ----------
+    period, duration : float
+        Time between deadlines, and for how long [s].
+    wait : callable
+        Waits for so long at most [s], as a bus does when nothing is received.
+    clock : callable
+        Monotonic time [s].
+    """
+    count = max(1, round(duration / period))
+    late = np.empty(count)
+    begun = clock()
+    for number in range(count):
+        deadline = begun + (number + 1) * period
+        while (left := deadline - clock()) > 0.0:
+            wait(left)
+        late[number] = clock() - deadline
+    return WakeUps(period, late)
+
+
+def wake_ups_on(bus: can.BusABC, period: float, duration: float) -> WakeUps | None:
+    """Measure on an open bus, whose frames are dropped; None in lock-step, where nothing waits."""
+    if getattr(bus, "lock_step", False) is True:
+        return None
+    return measure_wake_ups(period, duration, bus.recv)
+
+
+def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) -> Verdict:
+    """Compare the rate that this computer keeps with the one that is wanted.
+
+    Parameters
+    ----------
+    found : WakeUps
+        At the wanted period.
+    real_time : bool
+        It was measured in real time.
+    by_kernel : bool
+        The kernel sends SYNC, so that a late wake-up delays supervision and no SYNC.
+    """
+    wanted, best = 1.0 / found.period, found.recommended
+    ok = found.missed <= 1.0 - IN_TIME and best is not None
+    remedies = [] if real_time else ["try --realtime"]
+    if best is not None and best < wanted:
+        remedies.append(f"set sync_period to {1.0 / best:g} s or more")
+    remedies.append("set this computer up as docs/can.md says")
+    return graded(
+        ok,
+        Grade.WARNING,
+        "this computer",
+        "wake-ups for SYNC",
+        f"{found.missed:.2%} too late at {wanted:.4g} Hz; "
+        + ("no usual rate is kept" if best is None else f"keeps {best:g} Hz")
+        + ("; SYNC is the kernel's, only supervision comes late" if by_kernel else ""),
+        f"at most {1.0 - IN_TIME:.1%} later than {TOO_LATE:g} of the period",
+        ", or ".join(remedies),
+    )

@@ -1,1 +1,0 @@
-"""What is found out about drives before they are trusted: who is there, and what each can do."""

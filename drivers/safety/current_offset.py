@@ -1,0 +1,59 @@
+"""Whether current sensors read zero where no current can flow: with the power stage off.
+
+Looked at before the axes are energised and after they were switched off. A constant offset is no
+reason to stop, for an estimate of friction absorbs it, but the operator shall know.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.axis import AxisScale
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from drivers.canopen.process_data import Exchange
+    from drivers.drives_file import AxisDrive
+
+SYNCS = 10
+"""Samples that are averaged."""
+
+OFFSET = 0.02
+"""Share of an axis's torque limit that its sensor may read with power off."""
+
+
+def offsets(
+    exchange: Exchange, axes: Sequence[AxisDrive], cycle: Callable[[], object], when: str
+) -> list[str]:
+    """Let some SYNCs pass with all power stages off; return which sensors do not read zero.
+
+    Parameters
+    ----------
+    exchange : Exchange
+        Process data.
+    axes : sequence of AxisDrive
+        In joint order.
+    cycle : callable
+        Lets one SYNC pass.
+    when : str
+        For the message.
+    """
+    rows = []
+    for _ in range(SYNCS):
+        cycle()
+        rows.append(exchange.currents)
+    found = []
+    for axis, current in zip(axes, np.mean(rows, axis=0), strict=True):
+        torque = abs(float(current) * AxisScale.of(axis).torque)
+        if torque > OFFSET * axis.limits.torque:
+            unit = "N m" if axis.joint == "revolute" else "N"
+            bound = OFFSET * axis.limits.torque
+            found.append(
+                f"{axis.name} (node {axis.node}): {when} its current reads {torque:.3g} {unit}, at "
+                f"most {bound:.3g} {unit} may be; the torques of this axis carry that offset: have "
+                "it adjusted, and measure the axis again if it was not there from the start"
+            )
+    return found

@@ -1,0 +1,71 @@
+"""Axes whose process data stay away: one sample is a gap in a recording, ten are no control.
+
+In lock-step nothing arrives unless something is sent. So after a gap our heartbeat goes out early:
+a TPDO that was merely late comes with it, is flagged as late and dropped, and is not taken for the
+answer to the next SYNC.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import NodeSilent, SampleFlag
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.canopen.heartbeat import Heartbeats
+    from drivers.canopen.network import PumpedNetwork
+    from drivers.canopen.sdo import SdoServer
+
+BLIND = 10
+"""SYNCs in a row without an axis's TPDO after which all axes are stopped."""
+
+
+class Gaps:
+    """Counts the SYNCs that an axis left unanswered.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        The bus.
+    servers : sequence of SdoServer
+        The drives in joint order.
+    heartbeats : Heartbeats
+        Ours is sent early after a gap.
+
+    Attributes
+    ----------
+    open : bool
+        The last sample had a gap.
+    """
+
+    def __init__(
+        self, network: PumpedNetwork, servers: Sequence[SdoServer], heartbeats: Heartbeats
+    ) -> None:
+        self.open = False
+        self._network = network
+        self._servers = servers
+        self._heartbeats = heartbeats
+        self._counts = [0] * len(servers)
+
+    def look(self, flags: Sequence[int]) -> NodeSilent | None:
+        """Take the flags of a sample; return which axis we are blind for, if any."""
+        missing = [bool(flag & SampleFlag.MISSING) for flag in flags]
+        pairs = zip(self._counts, missing, strict=True)
+        self._counts = [count + 1 if gone else 0 for count, gone in pairs]
+        self.open = any(missing)
+        if self.open:
+            self._heartbeats.hurry()
+            self._network.pump(0.0)
+        blind = [
+            server.label
+            for server, count in zip(self._servers, self._counts, strict=True)
+            if count >= BLIND
+        ]
+        if not blind:
+            return None
+        return NodeSilent(
+            f"{', '.join(blind)}: no TPDO for {BLIND} SYNCs in a row; check the drive's supply, "
+            "CAN wiring and termination"
+        )

@@ -1,0 +1,172 @@
+"""Stopping all axes for what the samples show, whatever the drives think of it.
+
+Three things are looked for, all in the drives' own counts so that a look costs next to nothing:
+
+corridor
+    an axis lies between where it stood and where it was sent, give or take the following error
+    window; at rest, where it was sent last. This stands in for the following error (60F4), which
+    the TPDO has no room for and each drive watches for itself (6065): it needs no model of the
+    drive's profile, and it guards what was planned, for no axis leaves the ways that were checked.
+speed
+    the encoder shows no more than `drives_file.Trip.velocity`. A jump of the encoder is speed too.
+torque
+    none beyond `drives_file.Trip.torque` lasts longer than `drives_file.Trip.torque_time`.
+
+Corridor and speed take turns, torque is looked at at every eighth SYNC. So the first two trip at
+the latest with the second SYNC that shows it.
+"""
+
+from __future__ import annotations
+
+from operator import gt, lt, sub
+from typing import TYPE_CHECKING
+
+from drivers.axis import AxisScale
+from drivers.drive_bus import Tripped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.canopen.process_data import Exchange
+    from drivers.drives_file import AxisDrive
+
+TORQUE_SHARE = 0.95
+"""Share of its torque limit that an axis may not need for long, unless stated."""
+
+SPEED_SHARE = 1.3
+"""Multiple of its speed limit that an axis may not reach, unless stated."""
+
+JITTER = 0.5
+"""Share of the period by which a SYNC may reach the drives at another instant than it was sent."""
+
+_TURNS = 8
+
+
+class Trips:
+    """Looks at each exchange and tells why the axes must stop, if they must.
+
+    Parameters
+    ----------
+    axes : sequence of AxisDrive
+        In joint order.
+    period : float
+        Time between two SYNCs [s].
+    """
+
+    def __init__(self, axes: Sequence[AxisDrive], period: float) -> None:
+        self._axes = axes
+        self._period = period
+        self._scales = [AxisScale.of(axis) for axis in axes]
+        self._windows = [
+            axis.following_error_window / abs(scale.position)
+            for axis, scale in zip(axes, self._scales, strict=True)
+        ]
+        self._velocities = [
+            (axis.trip.velocity or SPEED_SHARE * axis.limits.velocity) / abs(scale.position)
+            for axis, scale in zip(axes, self._scales, strict=True)
+        ]
+        self._steps = [2 * velocity * period for velocity in self._velocities]
+        self._currents = [
+            (axis.trip.torque or TORQUE_SHARE * axis.limits.torque) / abs(scale.torque)
+            for axis, scale in zip(axes, self._scales, strict=True)
+        ]
+        self._since: dict[int, float] = {}
+        self._turn = 0
+
+    def arm(self, time: float, positions: Sequence[int]) -> None:
+        """Begin to look: all axes rest at `positions` [increments]."""
+        pairs = list(zip(positions, self._windows, strict=True))
+        self._lows = [position - window for position, window in pairs]
+        self._highs = [position + window for position, window in pairs]
+        self._last, self._last_time = tuple(positions), time
+        self._since.clear()
+
+    def expect(self, axis: int, position: int, target: float, *, moving: bool) -> None:
+        """Let an axis go from `position` to `target` [rad or m].
+
+        An axis that is still `moving` may overrun on its way to another target, so it keeps the
+        corridor that it has as well.
+        """
+        counts, window = self._scales[axis].position_to_counts(target), self._windows[axis]
+        low, high = min(position, counts) - window, max(position, counts) + window
+        self._lows[axis] = min(low, self._lows[axis]) if moving else low
+        self._highs[axis] = max(high, self._highs[axis]) if moving else high
+
+    def follow(self, lows: Sequence[int], highs: Sequence[int]) -> None:
+        """Let all axes be between `lows` and `highs` [increments] until told otherwise."""
+        self._lows, self._highs = list(lows), list(highs)
+
+    def look(self, time: float, exchange: Exchange) -> Tripped | None:
+        """Return why the axes must stop now, None if they need not.
+
+        Parameters
+        ----------
+        time : float
+            The SYNC's instant [s].
+        exchange : Exchange
+            What it brought.
+        """
+        self._turn = turn = (self._turn + 1) % _TURNS
+        positions = exchange.positions
+        if turn & 1:
+            if exchange.irregular:  # the SYNC before must do, with a longer time in between
+                return None
+            last, then = self._last, self._last_time
+            self._last, self._last_time = positions, time
+            if True in map(gt, map(abs, map(sub, positions, last)), self._steps):
+                return self._judge_speed(time - then, positions, last)
+            return None
+        if True in map(gt, positions, self._highs) or True in map(lt, positions, self._lows):
+            return self._outside(positions)
+        return None if turn else self._judge_torque(time, exchange.currents)
+
+    def _outside(self, positions: Sequence[int]) -> Tripped:
+        bounds = zip(positions, self._lows, self._highs, strict=True)
+        axis = next(i for i, (p, low, high) in enumerate(bounds) if not low <= p <= high)
+        to_joint = self._scales[axis].position_from_counts
+        ends = sorted((to_joint(self._lows[axis]), to_joint(self._highs[axis])))
+        unit = self._unit(axis)
+        return Tripped(
+            f"{self._label(axis)}: at {to_joint(positions[axis]):.4g} {unit}, outside"
+            f" {ends[0]:.4g} ... {ends[1]:.4g} {unit}, where its set-point leads (following error"
+            f" window {self._axes[axis].following_error_window:g} {unit}); check sign, gear ratio,"
+            " brake, encoder and load"
+        )
+
+    def _judge_speed(
+        self, elapsed: float, positions: Sequence[int], last: Sequence[int]
+    ) -> Tripped | None:
+        for axis, velocity in enumerate(self._velocities):
+            way = abs(positions[axis] - last[axis])
+            if way > velocity * (elapsed + JITTER * self._period):
+                per_count, unit = abs(self._scales[axis].position), self._unit(axis)
+                return Tripped(
+                    f"{self._label(axis)}: {way * per_count:.4g} {unit} in {elapsed:.3g} s is"
+                    f" {way * per_count / elapsed:.4g} {unit}/s, at most"
+                    f" {velocity * per_count:.4g} {unit}/s may be (trip.velocity); the axis runs"
+                    " away or its encoder jumps: check encoder cable and tuning"
+                )
+        return None
+
+    def _judge_torque(self, time: float, currents: Sequence[int]) -> Tripped | None:
+        for axis, (current, bound) in enumerate(zip(currents, self._currents, strict=True)):
+            if abs(current) <= bound:
+                self._since.pop(axis, None)
+                continue
+            lasted = time - self._since.setdefault(axis, time)
+            if lasted > self._axes[axis].trip.torque_time:
+                per_count = abs(self._scales[axis].torque)
+                unit = "N m" if self._axes[axis].joint == "revolute" else "N"
+                return Tripped(
+                    f"{self._label(axis)}: {abs(current) * per_count:.4g} {unit} for"
+                    f" {lasted:.3g} s, more than {bound * per_count:.4g} {unit} may not last longer"
+                    f" than {self._axes[axis].trip.torque_time:g} s (trip.torque); the axis is"
+                    " blocked or overloaded: check brake, load and obstacles"
+                )
+        return None
+
+    def _label(self, axis: int) -> str:
+        return f"{self._axes[axis].name} (node {self._axes[axis].node})"
+
+    def _unit(self, axis: int) -> str:
+        return "rad" if self._axes[axis].joint == "revolute" else "m"

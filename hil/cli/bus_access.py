@@ -1,0 +1,134 @@
+"""What commands about drives share: their arguments, an open bus, an operator at the terminal."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from checked_files.yaml_file import FileError
+from drivers.can_bus.opening import open_can_bus
+from drivers.drives_file import AxisDrive, DrivesFile, load_drives
+from hil.cli.arguments import bus_options, refuse_no_channel
+from hil.model.robot import ROBOTS
+from hil.terminal.console import out
+from hil.terminal.interruption import interruptible
+from hil.terminal.keys import Keys
+from hil.terminal.operator import TerminalOperator
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import can
+
+SUFFIX = ".drives.yaml"
+
+Drives = Annotated[
+    str, typer.Argument(help="Drives file, or name of a robot whose drives file comes along.")
+]
+AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
+Interface = Annotated[str, typer.Option(help="python-can's interface.")]
+Channel = Annotated[
+    str | None, typer.Option(help="Its channel; by default the plant with these drives.")
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; ask nothing.")]
+
+
+def selected(name: str, axes: list[str] | None) -> DrivesFile:
+    """Return a drives file, or as much of it as concerns some axes."""
+    drives = load_drives(drives_path(name))
+    if not axes:
+        return drives
+    return drives.model_copy(update={"axes": tuple(find_axis(drives, axis) for axis in axes)})
+
+
+def find_axis(drives: DrivesFile, name: str) -> AxisDrive:
+    """Return an axis by name or by number from 1."""
+    names = [axis.name for axis in drives.axes]
+    if name in names:
+        return drives.axes[names.index(name)]
+    if name.isdecimal() and 1 <= int(name) <= len(names):
+        return drives.axes[int(name) - 1]
+    raise typer.BadParameter(f"{name!r} must be one of {', '.join(names)}, or 1 to {len(names)}")
+
+
+def drives_path(name: str) -> Path:
+    """Return the path of a drives file, that of a robot that comes along by its name.
+
+    Raises
+    ------
+    FileError
+        It is neither.
+    """
+    packaged, path = ROBOTS / f"{name}{SUFFIX}", Path(name)
+    if packaged.is_file():
+        return packaged
+    if not path.suffix and not path.exists():
+        along = ", ".join(_robots())
+        raise FileError(
+            f"{name}: is neither a robot that comes along ({along}) nor a drives file; name one of"
+            " these robots, or the path of a drives file"
+        )
+    return path
+
+
+def _robots() -> list[str]:
+    """Names of the robots with a drives file and a plant that come along."""
+    return sorted(path.name.removesuffix(SUFFIX) for path in ROBOTS.glob(f"*{SUFFIX}"))
+
+
+def _plant_of(drives: DrivesFile, name: str) -> str:
+    """Name the plant with these drives: node for node the same products.
+
+    What else a drives file states may be wrong; finding that is what a plant is for.
+    """
+    asked, robots = {_product(axis) for axis in drives.axes}, _robots()
+    for robot in robots:
+        if asked <= {_product(axis) for axis in load_drives(ROBOTS / f"{robot}{SUFFIX}").axes}:
+            return robot
+    raise FileError(
+        f"{drives_path(name)}: these are the drives of no plant that comes along; name one with"
+        f" --channel ({', '.join(robots)}), or a bus with --interface and --channel"
+    )
+
+
+def _product(axis: AxisDrive) -> tuple[int, int, int]:
+    return axis.node, axis.identity.vendor, axis.identity.product
+
+
+def opened_bus(
+    name: str, drives: DrivesFile, interface: str, channel: str | None, pairs: list[str] | None
+) -> can.BusABC:
+    """Open the bus of a drives file, by default that of the plant with these drives."""
+    refuse_no_channel(interface, channel)
+    return opened(interface, channel or _plant_of(drives, name), drives.bitrate, pairs)
+
+
+def opened(
+    interface: str, channel: str, bitrate: int | None, pairs: list[str] | None
+) -> can.BusABC:
+    """Open a bus with the options of the command line, to be shut down by a with statement."""
+    return open_can_bus(interface, channel, {"bitrate": bitrate, **bus_options(pairs)})
+
+
+@contextmanager
+def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
+    """Run in real time where that is wanted and SYNC has deadlines; yields what was granted."""
+    from drivers.realtime import real_time  # noqa: PLC0415 - only where a bus is used
+
+    if not wanted:
+        yield ()
+    elif lock_step:
+        yield ("real time: left out, SYNC is in lock-step and has no deadlines",)
+    else:
+        with real_time() as measures:
+            yield tuple(map(str, measures))
+
+
+@contextmanager
+def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
+    """Ask and listen at the terminal."""
+    with interruptible(lambda: "stopped; the axes are off"), Keys() as keys:
+        yield TerminalOperator(out, keys, agreed=agreed)

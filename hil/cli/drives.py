@@ -1,0 +1,238 @@
+"""The first commands at a strange bus: who is there, and a drives file to begin with.
+
+Both only read. A scan sends nothing but reading SDO requests; a drives file is drafted from the
+makers' data sheets, or from what the scanned drives say of themselves.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from checked_files.yaml_file import UNSTATED
+from drivers.canopen.objects import STATUSWORD
+from drivers.cia402.states import Mode, State, decode_state
+from drivers.drive_bus import DriveRefused, NodeSilent
+from hil.cli import bus_access, drive_settings, scan_view
+from hil.cli.arguments import PLANT, BusOptions, refuse_existing, refuse_no_channel
+from hil.planning.dry_run import BITRATE
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import SIMULATED
+from hil.terminal.console import out
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from drivers.operator_tools.draft import DraftedAxis
+    from drivers.operator_tools.scan import FoundNode, Scan
+
+commands = typer.Typer()
+drives_commands = typer.Typer(
+    help="Write drives files, put found settings back.", no_args_is_help=True
+)
+commands.add_typer(drives_commands, name="drives")
+drives_commands.command()(drive_settings.restore)
+HIGHEST_NODE = 127
+MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
+"""Modes as drives' manuals abbreviate them."""
+
+Channel = Annotated[str | None, typer.Option(help="Its channel, such as can0.")]
+Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")]
+Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
+
+
+@commands.command()
+def scan(
+    interface: Annotated[str, typer.Option(help="python-can's interface.")] = SIMULATED,
+    channel: Channel = None,
+    bus_option: BusOptions = None,
+    bitrate: Bitrate = BITRATE,
+    nodes: Nodes = None,
+) -> None:
+    """Find the nodes on a bus and what they lack for measuring; only reads."""
+    found = _scanned(interface, channel, bus_option, bitrate, _numbers(nodes))
+    scan_view.render([_row(node) for node in found.nodes.values()], out)
+    if found.syncs:
+        out.print(
+            f"{found.syncs} SYNCs of another master were heard: stop it before measuring",
+            style="yellow",
+            highlight=False,
+        )
+
+
+@drives_commands.command()
+def new(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Drives file to write.")],
+    eds: Annotated[
+        list[Path] | None, typer.Option(help="EDS or DCF of a drive, may be repeated.")
+    ] = None,
+    nodes: Nodes = None,
+    interface: Annotated[
+        str | None, typer.Option(help="python-can's interface, to ask the drives instead.")
+    ] = None,
+    channel: Channel = None,
+    bus_option: BusOptions = None,
+    bitrate: Annotated[
+        int | None, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")
+    ] = None,
+) -> None:
+    """Write a first drives file from data sheets, and list what is to be stated in it."""
+    from drivers.operator_tools.draft import draft_drives  # noqa: PLC0415 - slow to import
+
+    if (eds is None) == (interface is None):
+        raise typer.BadParameter("give data sheets with --eds, or a bus with --interface")
+    refuse_existing(output)
+    if interface is None:
+        axes = _from_sheets(eds or [], _numbers(nodes))
+    else:
+        bitrate = bitrate or BITRATE
+        axes = _from_bus(interface, channel, bus_option, bitrate, _numbers(nodes))
+    text = draft_drives(axes, bitrate)
+    write_file(output, text.encode())
+    choices: dict[str, list[str]] = {}
+    for number, axis in enumerate(axes, start=1):
+        chosen = axis.review.current
+        why = f"from {chosen.place}: {chosen.why}" if chosen else "is to be stated: none was found"
+        choices.setdefault(why, []).append(str(number))
+    for why, numbers in choices.items():
+        _say(f"joint {', '.join(numbers)}: current {why}")
+    marks = text.count(f": {UNSTATED} ")
+    _say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
+
+
+def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
+    """Read data sheets: one for all nodes, or as many as there are nodes."""
+    from drivers.dictionary.eds_file import read_eds  # noqa: PLC0415 - slow to import
+    from drivers.dictionary.review import review  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.draft import DraftedAxis  # noqa: PLC0415 - slow to import
+
+    if nodes and len(files) == 1:
+        files = [*files] * len(nodes)
+    if nodes and len(nodes) != len(files):
+        raise typer.BadParameter(
+            f"{len(nodes)} nodes and {len(files)} data sheets: give one sheet for all nodes or as"
+            " many as nodes"
+        )
+    axes = []
+    for number, file in enumerate(files):
+        dictionary = read_eds(file, nodes[number] if nodes else None)
+        axes.append(DraftedAxis(dictionary, review(dictionary), dictionary.node))
+    return axes
+
+
+def _from_bus(
+    interface: str,
+    channel: str | None,
+    pairs: list[str] | None,
+    bitrate: int,
+    nodes: tuple[int, ...],
+) -> list[DraftedAxis]:
+    """Ask the drives; without node numbers all drives that are found."""
+    from drivers.operator_tools.draft import DraftedAxis  # noqa: PLC0415 - slow to import
+
+    found = _scanned(interface, channel, pairs, bitrate, nodes).nodes
+    silent = [node for node in nodes or found if node not in found or not found[node].dictionary]
+    if silent and nodes:
+        raise NodeSilent(
+            f"node {', '.join(map(str, silent))}: answers no SDO; check its power, its number, the"
+            " bit rate and the CAN wiring"
+        )
+    axes = [
+        DraftedAxis(node.dictionary, node.review, node.node)
+        for node in found.values()
+        if node.dictionary and node.review and (nodes or node.review.profile in {None, 402})
+    ]
+    if not axes:
+        raise DriveRefused("no CiA 402 drive on the bus; `hil scan` shows what there is")
+    return axes
+
+
+def _scanned(
+    interface: str,
+    channel: str | None,
+    pairs: list[str] | None,
+    bitrate: int,
+    nodes: tuple[int, ...],
+) -> Scan:
+    from drivers.operator_tools.scan import NODES, scan_bus  # noqa: PLC0415 - slow to import
+
+    refuse_no_channel(interface, channel)
+    channel = channel or PLANT
+    with bus_access.opened(interface, channel, bitrate, pairs) as bus:
+        found = scan_bus(bus, only=nodes or NODES)
+    if not found.nodes:
+        asked = f"node {', '.join(map(str, nodes))}" if nodes else "any of 127 node numbers"
+        raise NodeSilent(
+            f"{interface} {channel}: nothing was heard of {asked}; check the drives'"
+            f" power, the bit rate ({bitrate} bit/s), termination and CAN wiring"
+        )
+    return found
+
+
+def _numbers(text: str | None) -> tuple[int, ...]:
+    """Return node numbers of a list such as 1-6,9; none for no list."""
+    numbers: list[int] = []
+    for part in filter(None, (text or "").replace(" ", "").split(",")):
+        found = re.fullmatch(r"(\d{1,3})(?:-(\d{1,3}))?", part)
+        first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+        if not 1 <= first <= last <= HIGHEST_NODE:
+            raise typer.BadParameter(f"--nodes {part} must be numbers of 1 to 127, such as 1-6,9")
+        numbers += range(first, last + 1)
+    return tuple(numbers)
+
+
+def _row(found: FoundNode) -> scan_view.NodeRow:
+    heard = (
+        (f"heartbeat ({found.state})", bool(found.state) and found.state != "boot-up"),
+        ("boot-up", bool(found.boots)),
+        ("EMCY", bool(found.emergencies)),
+        ("SDO", bool(found.answers)),
+    )
+    about, review = found.dictionary, found.review
+    identity = (about.vendor, about.product, about.revision) if about else ()
+    modes = review.modes if review else None
+    return scan_view.NodeRow(
+        found.node,
+        ", ".join(how for how, true in heard if true),
+        about.model if about else "",
+        ", ".join("?" if part is None else f"{part:X}h" for part in identity),
+        " ".join(MODES[mode] for mode in modes or ()),
+        _state(found),
+        "unknown" if review is None else "yes" if review.serves else "no",
+        tuple(_remarks(found)),
+    )
+
+
+def _state(found: FoundNode) -> str:
+    word = found.dictionary.value(STATUSWORD) if found.dictionary else None
+    state = None if word is None else decode_state(word)
+    return "" if state is None else state.value.lower()
+
+
+def _remarks(found: FoundNode) -> Iterator[scan_view.Remark]:
+    if found.answers > 1:
+        yield scan_view.Remark(
+            f"{found.answers} devices answer by this number: give each its own, one at a time",
+            fatal=True,
+        )
+    if _state(found) == State.OPERATION_ENABLED.value.lower():
+        yield scan_view.Remark(
+            "is powered and may move: another master holds it, release it before measuring",
+            fatal=False,
+        )
+    if found.review is None:
+        yield scan_view.Remark(
+            "answers no SDO: a stopped node, or a master's heartbeat; a drive must be brought to "
+            "pre-operational",
+            fatal=False,
+        )
+        return
+    for finding in found.review.findings:
+        yield scan_view.Remark(str(finding), finding.fatal)
+
+
+def _say(text: str) -> None:
+    out.print(text, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,84 @@
+"""A dry run's answer on the terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from checked_files.yaml_file import line_of
+from hil.planning.dry_run import MAX_LOAD
+from hil.results.rounding import clock
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from hil.planning.dry_run import DryRun
+
+SHOWN = 10
+"""Problems that are told one by one."""
+
+
+def render(result: DryRun, console: Console) -> None:
+    """Print what a plan will cost and what it will give."""
+    console.print(_costs(result))
+    console.print(
+        f"bus load {result.bus_load:.1%} at {result.bitrate / 1000:g} kbit/s"
+        f" (SYNC and one TPDO of 8 bytes an axis; at most {MAX_LOAD:.0%})",
+        soft_wrap=True,
+    )
+    if result.groups:
+        console.print(_gains(result))
+        for group in result.groups:
+            if group.weak:
+                console.print(
+                    f"[yellow]weak in {_words(group.group)}: {', '.join(group.weak)}; vary more"
+                    " joints or add configurations[/]",
+                    soft_wrap=True,
+                )
+
+
+def describe_problems(result: DryRun, text: str, source: str) -> str:
+    """Return one line for each problem, with its place in the plan's `text`."""
+    lines = [
+        f"{source}:{line_of(text, problem.location)}:"
+        f" {'.'.join(map(str, problem.location))}: {problem.message}"
+        for problem in result.problems[:SHOWN]
+    ]
+    more = len(result.problems) - SHOWN
+    return "\n".join([*lines, f"... and {more} more of that kind"] if more > 0 else lines)
+
+
+def _costs(result: DryRun) -> Table:
+    table = Table("", "measurements", "robot time", title="What it will take")
+    for kind, duration in result.durations.items():
+        table.add_row(kind, str(result.counts.get(kind, "")), clock(duration))
+    table.add_section()
+    table.add_row("total", str(sum(result.counts.values())), clock(result.duration))
+    return table
+
+
+def _gains(result: DryRun) -> Table:
+    table = Table(
+        "group",
+        "parameters",
+        "measurements",
+        "rank",
+        "condition",
+        title="What can be identified",
+    )
+    for group in result.groups:
+        condition = f"{group.condition:.1f}" if math.isfinite(group.condition) else "infinite"
+        table.add_row(
+            _words(group.group),
+            ", ".join(group.names),
+            str(group.rows),
+            f"{group.rank} of {len(group.names)}",
+            condition,
+        )
+    return table
+
+
+def _words(group: str) -> str:
+    return group.replace("_", "-")

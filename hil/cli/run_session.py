@@ -1,0 +1,192 @@
+"""What `hil run` does once it knows plan, robot and bus: folder, progress, the end of it all."""
+
+from __future__ import annotations
+
+from contextlib import closing, nullcontext
+from typing import TYPE_CHECKING
+
+import typer
+
+from checked_files.yaml_file import FileError
+from drivers.drive_bus import DriveError
+from hil.measuring.campaign import rehearse_campaign, run_campaign
+from hil.measuring.events import Finished
+from hil.planning.workspace import load_workspace
+from hil.planning.workspace_check import remarks
+from hil.results.rounding import clock
+from hil.runs.journal import SIMULATED
+from hil.runs.lock import locked
+from hil.runs.run_folder import RunFolder
+from hil.terminal.interruption import interruptible, say
+from hil.terminal.keyboard_stop import HINT, KeyboardStop
+from hil.terminal.progress import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from contextlib import AbstractContextManager
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from drivers.drive_bus import DriveBus
+    from hil.measuring.events import Event
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
+
+    RealTime = Callable[[], AbstractContextManager[Sequence[str]]]
+
+NOT_REHEARSED = (
+    "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
+)
+
+
+def with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
+    """Return the plan with a workspace file's content in place of its own, if one is given."""
+    if path is None:
+        return the_plan
+    return the_plan.model_copy(update={"workspace": load_workspace(path, the_robot)})
+
+
+def show_remarks(workspace: Workspace | None, robot: Robot, out: Console) -> None:
+    """Print what is strange about a workspace, though it is accepted."""
+    for line in remarks(workspace, robot):
+        out.print(line, style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
+def prepare_folder(
+    path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool, out: Console
+) -> RunFolder:
+    """Make the folder of a new run, or open that of one to be resumed or only rehearsed so far.
+
+    Raises
+    ------
+    FileError
+        There is a run already, or the one to resume measured something else.
+    """
+    resume = resume and not RunFolder.is_stub(path)
+    folder = RunFolder.open(path) if resume or (path / "run.json").exists() else None
+    if folder is None or not (resume or folder.only_rehearsed):
+        return RunFolder.create(path, the_plan, the_robot, drives)
+    folder.refuse_changes(the_plan, the_robot, drives)
+    for told in folder.set_aside_damaged():
+        out.print(told, highlight=False, soft_wrap=True)
+    return folder
+
+
+def carry_out(
+    folder: RunFolder,
+    open_bus: Callable[[], DriveBus],
+    bus_name: str,
+    out: Console,
+    rehearsal: float | None = None,
+    real_time: RealTime | None = None,
+) -> None:
+    """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
+
+    Where nothing is missing no bus is opened.
+
+    Parameters
+    ----------
+    rehearsal : float, optional
+        Share of the speed limits, to pass all ways at it instead of measuring.
+    real_time : callable, optional
+        Makes the context in which the axes are moved; yields what the system granted.
+
+    Raises
+    ------
+    FileError
+        Another process measures into the folder.
+    typer.Exit
+        With status 130 when interrupted, 1 when drives, bus or disk failed; all has been told.
+    """
+    if not folder.missing and rehearsal is None:
+        out.print(f"{folder.path}: nothing is missing", highlight=False, soft_wrap=True)
+        return
+    if (
+        rehearsal is None
+        and folder.journal.rehearsed is None
+        and not bus_name.startswith(SIMULATED)
+    ):
+        out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
+    with locked(folder.path):
+        _carry_out(folder, open_bus, bus_name, out, rehearsal, real_time)
+
+
+def _carry_out(
+    folder: RunFolder,
+    open_bus: Callable[[], DriveBus],
+    bus_name: str,
+    out: Console,
+    rehearsal: float | None,
+    real_time: RealTime | None,
+) -> None:
+    def ended() -> str:
+        return f"stopped, the axes are off; {_what_remains(folder)}"
+
+    with interruptible(ended) as refuse_lost:
+        try:
+            last = _move(folder, open_bus, bus_name, out, rehearsal, real_time, refuse_lost)
+        except (BrokenPipeError, SystemExit):  # rich turns the one into the other
+            say(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
+            raise typer.Exit(1) from None
+        except (DriveError, FileError) as error:
+            say(f"{error}\n{_what_remains(folder)}")
+            raise typer.Exit(1) from None
+        except Exception:
+            folder.discard_if_empty()
+            raise
+    out.print(_conclusion(folder, last, rehearsal), highlight=False, soft_wrap=True)
+
+
+def _move(
+    folder: RunFolder,
+    open_bus: Callable[[], DriveBus],
+    bus_name: str,
+    out: Console,
+    rehearsal: float | None,
+    real_time: RealTime | None,
+    refuse_lost: Callable[[], None],
+) -> Event:
+    """Pass the campaign's events to the terminal; return the last one."""
+    with (
+        KeyboardStop() as keyboard,
+        shown(out) as show,
+        nullcontext(()) if real_time is None else real_time() as granted,
+    ):
+        for line in granted:
+            out.print(line, highlight=False, markup=False, soft_wrap=True)
+        if keyboard.listening:
+            out.print(HINT, highlight=False)
+        bus, pause = open_bus(), keyboard.pause
+        if rehearsal is None:
+            events = run_campaign(folder, bus, bus_name, pause, granted)
+        else:
+            events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause, granted)
+        with closing(events):
+            for event in events:
+                refuse_lost()
+                show(event)
+                last = event
+    return last
+
+
+def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
+    if rehearsal is not None:
+        return (
+            f"all ways of the plan passed at {rehearsal:.0%} of the speed limits; measure with the"
+            " same command without --rehearse"
+        )
+    assert isinstance(last, Finished)  # noqa: S101 - the last of all events
+    kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
+    return (
+        f"{last.recorded} measurements in {folder.path}"
+        f" ({clock(last.time)} of robot time){kept if last.gave_up else ''};"
+        f" {folder.journal.sessions[-1].sync}"
+    )
+
+
+def _what_remains(folder: RunFolder) -> str:
+    if folder.discard_if_empty():
+        return "nothing was measured"
+    return f"what was measured stays in {folder.path}; finish with hil run ... --resume"

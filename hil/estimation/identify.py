@@ -1,0 +1,231 @@
+"""Step 2: from measurements to base parameters, with their uncertainty.
+
+printed
+    Section 6.1 as it stands (`two_step`): weighted least squares for p_g, then for p_Md with
+    p_g compensated, then for p_Mod.
+improved
+    The condensed measurements of all kinds are added up and solved for all groups at once
+    (`hil.estimation.simultaneous`).
+    Before, the torque of each axis is shifted by its lag behind the positions, as the measurements
+    themselves tell it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
+
+Standard errors come from leaving out one measurement at a time (the delete-one jackknife, Efron and
+Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 11): how much the result depends on
+which measurements happened to be taken holds whatever differs from one measurement to the next,
+noise, drift or a misfit of the friction terms, and assumes nothing about any of them. If few
+measurements carry a parameter the standard error is itself uncertain, so each parameter has its
+effective degrees of freedom, (sum d^2)^2 / sum d^4 - 1 of the changes d.
+
+Two errors cannot show in the data, however long one measures: those of the torque constants and of
+the rotor inertias. Where the robot file states their uncertainty it is carried to the parameters.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+
+from hil.estimation.estimate import Estimate
+from hil.estimation.local_fits import fit
+from hil.estimation.signals import NotEnoughData, signals
+from hil.estimation.simultaneous import Joint
+from hil.estimation.torque_lag import find_lags, no_lags
+from hil.estimation.two_step import TwoStep
+from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import Friction
+from hil.planning.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.local_fits import LocalFit, LocalValue
+    from hil.estimation.signals import Signals
+    from hil.estimation.torque_lag import Lags
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Element, Measurement
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+    Prepared = Sequence[tuple[Element, Signals]]
+
+Method = Literal["improved", "printed"]
+METHODS: tuple[Method, ...] = ("improved", "printed")
+GROUP_OF = {"gravity": "gravity", "inertia": "diagonal", "coupling": "off_diagonal"}
+"""The group of base parameters that each kind of measurement serves."""
+_RANK = 1e-8
+
+
+class NotIdentifiable(Exception):
+    """The measurements do not tell what was asked of them."""
+
+
+class Solver(Protocol):
+    """Solves for the base parameters, with all measurements or without one of them."""
+
+    @property
+    def n_measurements(self) -> int:
+        """How many measurements there are to leave out."""
+
+    def solve(self, without: int | None = None) -> Array:
+        """Base parameters, shape (n_base,)."""
+
+    def sensitivity(self) -> Array:
+        """Change of p per relative change of each axis's torque constant, then rotor inertia.
+
+        Shape (n_base, 2 n_joints).
+        """
+
+
+def estimate(
+    robot: Robot,
+    recorded: Iterable[tuple[Measurement, Recording]],
+    method: Method = "improved",
+) -> Estimate:
+    """Identify the base parameters of `robot`.
+
+    Parameters
+    ----------
+    robot : Robot
+    recorded : iterable of (Measurement, Recording)
+    method : {"improved", "printed"}
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters that the measurements do not excite.
+    """
+    return estimates(robot, recorded, (method,))[method]
+
+
+def estimates(
+    robot: Robot,
+    recorded: Iterable[tuple[Measurement, Recording]],
+    methods: Sequence[Method] = METHODS,
+) -> dict[Method, Estimate]:
+    """Identify by several methods, which share the signals.
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters that the measurements do not excite.
+    """
+    raw, unusable = prepare(recorded)
+    found = {}
+    for method in methods:
+        lags = no_lags(robot) if method == "printed" else find_lags(robot, raw)
+        prepared = [(measurement, s.torque_advanced(lags.lag)) for measurement, s in raw]
+        fits, useless = _local_fits(robot, prepared)
+        condition = _require_rank(robot, fits)
+        left_out = (*unusable, *useless)
+        found[method] = _estimate(robot, prepared, fits, condition, left_out, lags, method)
+    return found
+
+
+def _estimate(
+    robot: Robot,
+    prepared: Prepared,
+    fits: Sequence[LocalFit],
+    condition: dict[str, float],
+    left_out: tuple[str, ...],
+    lags: Lags,
+    method: Method,
+) -> Estimate:
+    solver: Solver = TwoStep(robot, fits) if method == "printed" else Joint(robot, prepared)
+    p = solver.solve()
+    covariance, degrees = jackknife(solver, p)
+    local = tuple(each.at(p) for each in fits)
+    relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
+    carried = solver.sensitivity() * relative
+    return Estimate(
+        method=method,
+        p=p,
+        covariance=covariance + lags.covariance,
+        degrees_of_freedom=degrees,
+        drive_covariance=carried @ carried.T,
+        drive_effect=carried,
+        residual=_residual(robot, local),
+        condition=condition,
+        local=local,
+        left_out=left_out,
+        lag=lags.lag,
+        lag_error=lags.standard_error,
+    )
+
+
+def prepare(
+    recorded: Iterable[tuple[Measurement, Recording]],
+) -> tuple[list[tuple[Element, Signals]], list[str]]:
+    """Signals of all measurements that are of use here, and why others have none."""
+    found, left_out = [], []
+    for measurement, recording in recorded:
+        if isinstance(measurement, Friction):
+            continue
+        if isinstance(measurement, Trajectory):
+            left_out.append(f"{measurement.id}: trajectories are for hil trajectory identify")
+            continue
+        try:
+            found.append((measurement, signals(recording)))
+        except NotEnoughData as error:
+            left_out.append(f"{measurement.id}: {error}")
+    return found, left_out
+
+
+def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[str]]:
+    """Step 1 for all measurements, and the reasons for those that are of no use."""
+    found, left_out = [], []
+    for measurement, s in prepared:
+        try:
+            found.append(fit(robot, measurement, s))
+        except NotEnoughData as error:
+            left_out.append(str(error))
+    return found, left_out
+
+
+def jackknife(solver: Solver, p: Array) -> tuple[Array, Array]:
+    """Covariance of `p` and effective degrees of freedom of its diagonal."""
+    n = solver.n_measurements
+    changes = np.array([solver.solve(without) for without in range(n)]) - p
+    covariance = (n - 1) / n * changes.T @ changes
+    squares, fourths = (changes**2).sum(axis=0), (changes**4).sum(axis=0)
+    effective = squares**2 / np.maximum(fourths, np.finfo(float).tiny)
+    return covariance, np.clip(effective - 1.0, 2.0, n - 1.0)
+
+
+def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
+    """Root mean square of what the local models of inertia and coupling leave of each axis."""
+    found = np.full(robot.n_joints, np.nan)
+    for axis in range(robot.n_joints):
+        squares = [f.residual**2 for f in local if f.axis == axis and f.kind != "gravity"]
+        if squares:
+            found[axis] = np.sqrt(np.mean(squares))
+    return found
+
+
+def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
+    """Condition number of each group's observation matrix.
+
+    Raises
+    ------
+    NotIdentifiable
+        One that lacks rank.
+    """
+    base = base_parameters(robot)
+    condition: dict[str, float] = {}
+    for kind, group in GROUP_OF.items():
+        columns = list(base.groups[group])
+        if not columns:
+            continue
+        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind == kind]
+        W = np.array(rows).reshape(len(rows), len(columns))
+        sizes = np.linalg.svd(W, compute_uv=False)
+        if len(sizes) < len(columns) or sizes[-1] < _RANK * sizes[0]:
+            names = ", ".join(base.names[c] for c in columns)
+            raise NotIdentifiable(
+                f"{len(rows)} usable {kind} measurements do not tell {names} apart; measure more"
+                f" configurations of that kind (see: hil dry-run), or finish the run with --resume"
+            )
+        condition[group] = float(sizes[0] / sizes[-1])
+    return condition

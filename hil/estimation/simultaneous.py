@@ -1,0 +1,114 @@
+"""Step 2, improved: all groups at once from the condensed measurements.
+
+The information of all measurements is added up, each axis weighted with the reciprocal of its
+residual variance, which is found by solving a few times over. Unknown are the base parameters and,
+for each axis, the terms common to its measurements (`condensed`); the latter are nuisance. A
+common term that nothing excites stays zero.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.condensed import condense
+from hil.model.base_parameters import base_parameters
+from hil.regression.least_squares import solved
+from hil.regression.terms import n_unknowns, place
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.condensed import Condensed
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Strokes
+
+    Array = NDArray[np.float64]
+
+_ROUNDS = 3
+"""Times that weights and solution are found from each other."""
+
+
+class Joint:
+    """Joint least squares over condensed measurements."""
+
+    def __init__(self, robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> None:
+        condensed = [condense(robot, measurement, s) for measurement, s in prepared]
+        self._items = [items for items in condensed if items]
+        self._robot, self._n_joints = robot, robot.n_joints
+        self._n_base = len(base_parameters(robot))
+        self._weight = np.ones(robot.n_joints)
+        for _ in range(_ROUNDS):
+            self._add_up()
+            variance = self._residual_variance(solved(*self._sum))
+            self._weight = 1.0 / np.where(variance > 0, variance, 1.0)
+        self._add_up()
+
+    @property
+    def n_measurements(self) -> int:
+        """How many measurements there are to leave out."""
+        return len(self._items)
+
+    @property
+    def shares(self) -> Sequence[tuple[Array, Array]]:
+        """Weighted information and vector of each measurement, over all unknowns.
+
+        These are the base parameters and then, axis by axis, the common terms.
+        """
+        return self._shares
+
+    @property
+    def items(self) -> Sequence[Sequence[Condensed]]:
+        """The condensed measurements."""
+        return self._items
+
+    @property
+    def weight(self) -> Array:
+        """Reciprocal of each axis's residual variance, shape (n_joints,) [1/(N m)^2]."""
+        return self._weight
+
+    def solve(self, without: int | None = None) -> Array:
+        """Base parameters, shape (n_base,)."""
+        information, vector = self._sum
+        if without is not None:
+            information = information - self._shares[without][0]
+            vector = vector - self._shares[without][1]
+        return solved(information, vector)[: self._n_base]
+
+    def sensitivity(self) -> Array:
+        """Change of p per relative change of torque constants and rotor inertias."""
+        n = len(self._sum[1])
+        sides = np.zeros((n, 2 * self._n_joints))
+        for item in (item for items in self._items for item in items):
+            at, weight = place(self._robot, item.axis), self._weight[item.axis]
+            sides[at, item.axis] += weight * (item.vector + item.motor)
+            sides[at, self._n_joints + item.axis] -= weight * item.motor
+        return solved(self._sum[0], sides)[: self._n_base]
+
+    def _add_up(self) -> None:
+        """Weighted information and vector of each measurement, and their sums."""
+        n = n_unknowns(self._robot)
+        self._shares: list[tuple[Array, Array]] = []
+        for items in self._items:
+            information, vector = np.zeros((n, n)), np.zeros(n)
+            for item in items:
+                at, weight = place(self._robot, item.axis), self._weight[item.axis]
+                information[np.ix_(at, at)] += weight * item.information
+                vector[at] += weight * item.vector
+            self._shares.append((information, vector))
+        self._sum = (
+            np.sum([share[0] for share in self._shares], axis=0),
+            np.sum([share[1] for share in self._shares], axis=0),
+        )
+
+    def _residual_variance(self, solution: Array) -> Array:
+        square, count = np.zeros(self._n_joints), np.zeros(self._n_joints)
+        for item in (item for items in self._items for item in items):
+            x = solution[place(self._robot, item.axis)]
+            square[item.axis] += item.square - 2 * item.vector @ x + x @ item.information @ x
+            count[item.axis] += item.n
+        return np.maximum(square, 0.0) / np.maximum(count, 1.0)

@@ -1,0 +1,1 @@
+"""Checks of recordings while they can still be repeated, and of the limits that hold on axes."""

@@ -1,0 +1,78 @@
+"""Whether an encoder jumped while the robot moved: positions bend no more than accelerations can.
+
+A jump shifts the position reference for good, and the drive's loop moves the axis by as much, so
+whatever is measured afterwards is measured at wrong angles: a jump ends the campaign. Large ones
+trip the driver at once; here the small ones are found, in every motion as soon as it is over.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.drive_bus import Tripped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.runs.recording import Recording
+
+TIMES = 5.0
+"""A jump is that many times what acceleration, and what is usual in this motion, account for."""
+
+USUAL = 99.0
+"""Percentile of bends that counts as usual."""
+
+EVEN = 1e-6
+"""SYNCs are even when no two intervals differ by more [s]; then speed cannot look like a bend."""
+
+
+def refuse_jumps(
+    recording: Recording, acceleration: float, resolution: Sequence[float] | float = 0.0
+) -> None:
+    """Raise when a position jumped.
+
+    Parameters
+    ----------
+    recording : Recording
+    acceleration : float
+        Highest of the motion [rad/s^2].
+    resolution : sequence (n_joints,) or float
+        Steps of the encoders: in a creep positions rest for many samples between two steps [rad].
+
+    Raises
+    ------
+    Tripped
+        With axis, size and instant of the first jump.
+    """
+    if recording.n_samples < 3:
+        return
+    steps = np.diff(recording.q, axis=0)
+    intervals = np.diff(recording.time)
+    period = float(np.median(intervals))
+    speeds = steps / intervals[:, None]
+    bends = np.abs(np.diff(speeds, axis=0)) * period
+    least = np.maximum(resolution, acceleration * period**2)
+    bounds = TIMES * np.maximum(_usual(bends), least)
+    allowed = bounds + np.zeros_like(bends)
+    if np.ptp(intervals) > EVEN:
+        allowed += period * np.maximum(np.abs(speeds[1:]), np.abs(speeds[:-1]))
+    jumps = np.argwhere(bends > allowed)
+    if len(jumps):
+        sample, axis = jumps[0]
+        raise Tripped(
+            f"axis {axis + 1}: its position jumps by {bends[sample, axis]:.2g} rad at"
+            f" {recording.time[sample + 1]:.3f} s, at most {allowed[sample, axis]:.2g} rad can be"
+            " motion; check encoder and cable, and reference the axis anew before measuring again"
+        )
+
+
+def _usual(bends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what bends of each axis are usual, missing samples left out."""
+    filled = np.nan_to_num(bends)
+    place = min(len(filled) - 1, int(len(filled) * USUAL / 100))
+    usual: NDArray[np.float64] = np.partition(filled, place, axis=0)[place]
+    return usual

@@ -1,0 +1,125 @@
+"""Is a recording fit to be used? Asked at once, while the measurement can still be repeated.
+
+Each check compares one figure of the recording with its bound. What it finds wrong becomes a
+`Finding` that tells value, bound and remedy. What concerns telegrams is here, what concerns the
+motion itself in `hil.measuring.checks.stroke_checks`, the current in
+`hil.measuring.checks.current_checks`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.drive_bus import SampleFlag
+from hil.measuring.checks.current_checks import frozen
+from hil.measuring.checks.stroke_checks import half_sums, partner, peaks, stuck, windows
+from hil.measuring.streaming import astray
+from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.planning.trajectory import Trajectory
+from hil.runs.finding import Finding
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from hil.planning.measurement import Measurement, Strokes
+    from hil.runs.recording import Recording
+
+__all__ = ["Finding", "check"]
+
+LOST = 0.01
+"""Share of SYNCs that may lack a telegram or be left out: the estimator leaves gaps out."""
+DISTURBED = 0.01
+"""Share of samples with doubled or late telegrams that is tolerated."""
+
+
+def check(recording: Recording, measurement: Measurement) -> list[Finding]:
+    """Judge a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    measurement : Gravity, Inertia or Coupling
+        What was to be recorded.
+
+    Returns
+    -------
+    list of Finding
+        Empty when the recording is fit to be used.
+    """
+    steps: list[Callable[[Recording, Measurement], Iterable[Finding]]] = [
+        _gaps,
+        _saturation,
+        frozen,
+    ]
+    found = [finding for step in steps for finding in step(recording, measurement)]
+    if isinstance(measurement, Trajectory):
+        return [*found, *astray(recording, measurement)]
+    return [*found, *(f for step in _of_strokes(measurement) for f in step(recording, measurement))]
+
+
+def _of_strokes(
+    measurement: Strokes,
+) -> list[Callable[[Recording, Strokes], Iterable[Finding]]]:
+    steps: list[Callable[[Recording, Strokes], Iterable[Finding]]] = []
+    if isinstance(measurement, Inertia):
+        steps += [peaks]
+    else:
+        steps += [windows]
+    if isinstance(measurement, Gravity):
+        steps += [half_sums]
+    if isinstance(measurement, Coupling):
+        steps += [stuck, partner]
+    return steps
+
+
+def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+    del measurement
+    missing = int(np.any(recording.flags & SampleFlag.MISSING, axis=1).sum())
+    periods = np.diff(recording.time) / np.median(np.diff(recording.time))
+    left_out = int(np.sum(np.maximum(0, np.rint(periods) - 1)))
+    bound = max(1, int(LOST * (recording.n_samples + left_out)))
+    if missing + left_out > bound:
+        axes = _axes(recording, SampleFlag.MISSING)
+        lacking = f"{missing} of {recording.n_samples} samples lack a telegram of axis {axes}"
+        late = f"{left_out} SYNCs came too late and were left out"
+        told = " and ".join([lacking] * (missing > 0) + [late] * (left_out > 0))
+        remedies = ["check wiring, termination and bus load"] * (missing > 0) + [
+            "relieve this computer or sample more slowly"
+        ] * (left_out > 0)
+        yield Finding(
+            "gaps", f"{told}, at most {bound} may; {', '.join(remedies)}", missing + left_out, bound
+        )
+    bad = SampleFlag.DOUBLED | SampleFlag.LATE
+    disturbed = float(np.any(recording.flags & bad, axis=1).mean())
+    if disturbed > DISTURBED:
+        yield Finding(
+            "telegrams",
+            f"{disturbed:.1%} of the samples have doubled or late telegrams of axis"
+            f" {_axes(recording, bad)}, at most {DISTURBED:.0%} may; lower the bus load or sample"
+            " more slowly",
+            disturbed,
+            DISTURBED,
+        )
+
+
+def _saturation(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+    del measurement
+    moving = (recording.stroke >= 0)[:, None]
+    saturated = int(
+        np.any((recording.flags & SampleFlag.LIMIT).astype(bool) & moving, axis=1).sum()
+    )
+    if saturated:
+        yield Finding(
+            "saturation",
+            f"axis {_axes(recording, SampleFlag.LIMIT)} is at its internal limit in {saturated}"
+            " samples, must be 0; plan a smaller acceleration or another configuration",
+            saturated,
+            0,
+        )
+
+
+def _axes(recording: Recording, flag: int) -> str:
+    hit = np.any(recording.flags & flag, axis=0)
+    return ", ".join(str(index + 1) for index in np.flatnonzero(hit))

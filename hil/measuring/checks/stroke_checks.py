@@ -1,0 +1,188 @@
+"""Whether the axes moved as planned and their friction was steady.
+
+Velocities are differences of position over some lag, the ideal profile treated alike, so that no
+filter has to be trusted here.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.measurement import MARGIN, SHORTEST_WINDOW, Coupling
+from hil.runs.finding import Finding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.planning.measurement import Strokes
+    from hil.planning.trapezoid import Trapezoid
+    from hil.runs.recording import Recording
+
+VELOCITY_TOLERANCE = 0.05
+"""Mean velocity in a window may differ by this share."""
+PEAK = 0.9
+"""Share of the profile's highest speed that an accelerating stroke has to reach."""
+FRICTION_CHANGE = 0.05
+"""Half-sums of successive strokes may differ by this share of the friction level."""
+LAG = 0.02
+"""Time over which a highest velocity is averaged [s]."""
+CREEPING = 0.25
+"""Share of the creep velocity below which an axis counts as stuck."""
+
+
+def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> NDArray[np.intp]:
+    """Find the samples of `stroke` past the axis's ramps, by position; returns indices."""
+    profile = measurement.profile(stroke)
+    span = recording.span(stroke)
+    away = profile.ramp + MARGIN * profile.peak
+    low, high = sorted((profile.start, profile.end))
+    q = recording.q[span, measurement.index]
+    inside = (q > low + away) & (q < high - profile.ramp)
+    if stroke % 2:
+        inside = (q > low + profile.ramp) & (q < high - away)
+    return np.flatnonzero(inside) + int(span.start)
+
+
+def windows(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+    """Constant velocity was reached, long enough and at the value asked for, in every stroke."""
+    for stroke in range(measurement.n_strokes):
+        window = constant_velocity(recording, measurement, stroke)
+        length = len(window) * recording.period
+        if length < SHORTEST_WINDOW:
+            yield Finding(
+                "window",
+                f"{_name(stroke)}: constant velocity for {length:.3g} s, must be at least"
+                f" {SHORTEST_WINDOW} s; plan a longer stroke or a lower velocity",
+                length,
+                SHORTEST_WINDOW,
+            )
+            continue
+        reached = _mean_velocity(recording, measurement, window)
+        wanted = float(measurement.profile(stroke).qd(measurement.profile(stroke).duration / 2))
+        if abs(reached - wanted) > VELOCITY_TOLERANCE * abs(wanted):
+            yield Finding(
+                "velocity",
+                f"{_name(stroke)}: mean velocity {reached:.4g} rad/s, must be {wanted:.4g} rad/s"
+                f" within {VELOCITY_TOLERANCE:.0%}; check the drive's velocity units and limits",
+                reached,
+                wanted,
+            )
+
+
+def peaks(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+    """Every accelerating stroke reached the speed of its profile."""
+    for stroke in range(measurement.n_strokes):
+        q = recording.q[recording.span(stroke), measurement.index]
+        yield from _peak(
+            q, measurement.profile(stroke), recording.period, "velocity", _name(stroke)
+        )
+
+
+def half_sums(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+    """Friction was steady: half-sums of successive strokes show the same gravity torque."""
+    torque = [
+        recording.tau[constant_velocity(recording, measurement, k), measurement.index]
+        for k in range(measurement.n_strokes)
+    ]
+    torque = [values[np.isfinite(values)] for values in torque]
+    if len(torque) < 3 or any(len(values) < 2 for values in torque):
+        return
+    means = np.array([values.mean() for values in torque])
+    half_sums = (means[1:] + means[:-1]) / 2
+    friction = float(np.abs(np.diff(means)).mean() / 2)
+    noise = max(float(values.std() / np.sqrt(len(values))) for values in torque)
+    spread = float(np.ptp(half_sums))
+    bound = FRICTION_CHANGE * friction + 4 * noise
+    if spread > bound:
+        yield Finding(
+            "half-sums",
+            f"half-sums of successive strokes differ by {spread:.3g} N m, at most {bound:.3g} N m"
+            " may; friction is not steady: warm up longer, or plan more cycles",
+            spread,
+            bound,
+        )
+
+
+def stuck(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+    """Tell where the creeping axis did not move all the time."""
+    lag = max(1, round(0.2 / recording.period))
+    for stroke in range(measurement.n_strokes):
+        window = constant_velocity(recording, measurement, stroke)
+        if len(window) <= lag:
+            continue
+        q = recording.q[window, measurement.index]
+        slowest = float(np.nanmin(np.abs(q[lag:] - q[:-lag]))) / (lag * recording.period)
+        bound = CREEPING * measurement.velocity
+        if slowest < bound:
+            yield Finding(
+                "stuck",
+                f"{_name(stroke)}: the creeping axis falls to {slowest:.3g} rad/s, must stay above"
+                f" {bound:.3g} rad/s; creep faster or let the partner accelerate less",
+                slowest,
+                bound,
+            )
+
+
+def partner(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+    """Tell where the partner did not go forth and back in a creep stroke, or too slowly."""
+    assert isinstance(measurement, Coupling)  # noqa: S101 - only called for this kind
+    for stroke in range(measurement.n_strokes):
+        numbers = recording.partner_stroke[recording.span(stroke)]
+        strokes = np.unique(numbers[numbers >= 0])
+        if len(strokes) < 2:
+            yield Finding(
+                "partner",
+                f"{_name(stroke)}: {len(strokes)} strokes of the partner, must be at least 2;"
+                " creep over a longer stroke",
+                len(strokes),
+                2,
+            )
+        for number in strokes:
+            profile = measurement.partner_profile(int(number))
+            q = recording.q[recording.partner_span(int(number)), measurement.partner.index]
+            name = f"partner's {_name(int(number))}"
+            yield from _peak(q, profile, recording.period, "partner", name)
+
+
+def _peak(
+    q: NDArray[np.float64], profile: Trapezoid, period: float, check: str, name: str
+) -> Iterator[Finding]:
+    reached = _highest_velocity(q, period)
+    wanted = PEAK * _ideal_velocity(profile, round(period, 9))
+    if reached < wanted:
+        yield Finding(
+            check,
+            f"{name}: highest velocity {reached:.3g} rad/s, must be at least {wanted:.3g} rad/s;"
+            " check the drive's velocity and acceleration units and limits",
+            reached,
+            wanted,
+        )
+
+
+@lru_cache(maxsize=8)
+def _ideal_velocity(profile: Trapezoid, period: float) -> float:
+    return _highest_velocity(profile.q(np.arange(0.0, profile.duration, period)), period)
+
+
+def _highest_velocity(q: NDArray[np.float64], period: float) -> float:
+    """Highest mean velocity over `LAG` [rad/s]."""
+    lag = max(1, round(LAG / period))
+    steps = np.abs(q[lag:] - q[:-lag])
+    return float(np.fmax.reduce(steps, initial=0.0)) / (lag * period)
+
+
+def _mean_velocity(recording: Recording, measurement: Strokes, window: NDArray[np.intp]) -> float:
+    """Slope of a line through the positions of `window` [rad/s]."""
+    t = recording.time[window]
+    q = recording.q[window, measurement.index]
+    t = t - t.mean()
+    return float(t @ q / (t @ t))
+
+
+def _name(stroke: int) -> str:
+    return f"stroke {stroke + 1} ({'back' if stroke % 2 else 'forward'})"

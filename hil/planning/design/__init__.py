@@ -1,0 +1,1 @@
+"""Plans chosen by counts, by minutes, for friction, and for conventional identification."""

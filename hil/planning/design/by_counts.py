@@ -1,0 +1,186 @@
+"""Choice of configurations and motions from g(q) and M(q), section 6.2.
+
+From the candidates of an element (`hil.planning.design.measurable_elements`) those are taken, one
+after the other, that add most to the determinant of the group's information matrix (Fedorov's
+greedy D-optimal choice). The elements share the number of measurements as their rows hold
+parameters. How many measurements of each kind there are is given; `hil.planning.design.by_minutes`
+chooses that too.
+
+The order is one of short travels, in a guarded workspace one in which they keep clear of the
+forbidden boxes (`hil.planning.design.tour`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.base_parameters import base_parameters
+from hil.planning.design.measurable_elements import ELEMENTS, candidates
+from hil.planning.design.tour import guarded_tour
+from hil.planning.plan import Plan, PlannedRobot, WarmUp
+from hil.planning.timetable import travel_time
+from hil.planning.workspace import narrowed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.design.measurable_elements import Element
+    from hil.planning.measurement import Measurement
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+    Chosen = tuple[Element, list[float]]
+    """What to measure, and where."""
+
+COUNTS = (64, 92, 9)
+"""Configurations for gravity, diagonal and off-diagonal group: those of section 8."""
+TRAVEL = 0.3
+"""Share of the limits used between configurations."""
+SPACING = 0.06
+"""Least distance between configurations in one joint at least, as part of its range."""
+LEAST_SHARE = 4
+"""Measurements that an element gets at least, however few parameters its row holds."""
+
+
+def design(
+    robot: Robot,
+    counts: tuple[int, int, int] = COUNTS,
+    warm_up: float = 0.0,
+    workspace: Workspace | None = None,
+) -> Plan:
+    """Plan a campaign for `robot`.
+
+    Parameters
+    ----------
+    robot : Robot
+    counts : tuple of int
+        Number of gravity, inertia and coupling measurements; a kind without parameters is left
+        out.
+
+    warm_up : float
+        Motion before the first measurement; 0 for none [s].
+    workspace : Workspace, optional
+        What the arm must keep clear of; the plan carries it.
+
+    Raises
+    ------
+    ValueError
+        A count too small to tell the group's parameters apart, or no clear configurations.
+    """
+    groups = base_parameters(robot).groups
+    for count, (group, columns) in zip(counts, groups.items(), strict=True):
+        if count < len(columns):
+            raise ValueError(
+                f"{count} measurements for the {group} group must be at least {len(columns)}, one"
+                f" for each of its parameters; raise that count"
+            )
+    guarded = narrowed(robot, workspace)
+    measurements: list[Measurement] = []
+    for (letter, elements), count, columns in zip(
+        ELEMENTS.items(), counts, groups.values(), strict=True
+    ):
+        if columns:
+            chosen = _choose(guarded, elements(guarded, list(columns)), count, workspace)
+            measurements += [
+                element.measure(f"{letter}{k:02d}", q)
+                for k, (element, q) in enumerate(_tour(guarded, chosen), start=1)
+            ]
+    if workspace:
+        measurements = guarded_tour(guarded, workspace, measurements, TRAVEL)
+    return as_plan(robot, measurements, warm_up, workspace)
+
+
+def as_plan(
+    robot: Robot,
+    measurements: Sequence[Measurement],
+    warm_up: float,
+    workspace: Workspace | None,
+) -> Plan:
+    """Plan of `measurements`, in this order."""
+    return Plan(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        travel=TRAVEL,
+        warm_up=WarmUp(duration=warm_up) if warm_up else None,
+        workspace=workspace,
+        measurements=tuple(measurements),
+    )
+
+
+def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[int]:
+    """Choose `count` rows, each the one that then adds most to det(information).
+
+    Candidates close to a chosen one are passed over while there are others, so that the
+    measurements show a dependence on the configuration that the model lacks. `covariance`, the
+    inverse of the information so far, is updated in place.
+    """
+    left = np.ones(len(rows), dtype=bool)
+    picked: list[int] = []
+    for _ in range(count):
+        if not left.any():
+            left[:] = True
+        gain = np.einsum("ij,jk,ik->i", rows, covariance, rows)
+        best = int(np.argmax(np.where(left, gain, -1.0)))
+        direction = covariance @ rows[best]
+        covariance -= np.outer(direction, direction) / (1.0 + gain[best])
+        left &= np.abs(places - places[best]).max(axis=1, initial=0.0) > SPACING
+        picked.append(best)
+    return picked
+
+
+def places(robot: Robot, q: Array) -> Array:
+    """Configurations in parts of the joints' ranges, without the joints that all share."""
+    varied = np.ptp(q, axis=0) > 0
+    found: Array = (q / (robot.q_max - robot.q_min))[:, varied]
+    return found
+
+
+def _choose(
+    robot: Robot, elements: Sequence[Element], count: int, workspace: Workspace | None
+) -> list[Chosen]:
+    """Elements and configurations of `count` measurements."""
+    spread = [candidates(robot, element, workspace) for element in elements]
+    weighted = [
+        element.row(q) / robot.torque_limit[element.axis]
+        for element, q in zip(elements, spread, strict=True)
+    ]
+    scale = np.sqrt(np.mean(np.concatenate(weighted) ** 2, axis=0))
+    covariance = 1e3 * np.eye(len(scale))
+    chosen: list[Chosen] = []
+    for element, q, rows, share in zip(
+        elements, spread, weighted, _shares(weighted, count), strict=True
+    ):
+        picked = greedy(rows / scale, places(robot, q), covariance, share)
+        chosen += [
+            (element, element.turned(robot, q[index], k)) for k, index in enumerate(picked, start=1)
+        ]
+    return chosen
+
+
+def _shares(rows: Sequence[Array], count: int) -> list[int]:
+    """Divide `count` among the elements in proportion to the parameters that their rows hold."""
+    held = [max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for r in rows]
+    least = min(LEAST_SHARE, count // len(held))
+    spare = count - least * len(held)
+    exact = [spare * h / sum(held) for h in held]
+    shares = [least + int(e) for e in exact]
+    by_rest = sorted(range(len(exact)), key=lambda j: int(exact[j]) - exact[j])
+    for i in by_rest[: count - sum(shares)]:
+        shares[i] += 1
+    return shares
+
+
+def _tour(robot: Robot, chosen: Sequence[Chosen]) -> list[Chosen]:
+    """Order by nearest neighbour in travel time, beginning nearest to the middle of the ranges."""
+    here: list[float] = ((robot.q_min + robot.q_max) / 2).tolist()
+    left, tour = list(chosen), []
+    while left:
+        nearest = min(left, key=lambda item: travel_time(robot, here, item[1], TRAVEL))
+        left.remove(nearest)
+        tour.append(nearest)
+        here = nearest[1]
+    return tour

@@ -1,0 +1,223 @@
+"""A campaign of so many minutes: which measurements, of all kinds together, tell most.
+
+A budget counts everything: measurements, the ways between them, a warm-up. First of all each group
+of base parameters gets the measurements that its rows call for (`CORE` for each parameter), so that
+the group can be identified by its own kind, as the two-step method wants it, and any measurement
+can be left out. The rest of the time goes to whatever adds most to log det of the information about
+all base parameters in its time (`hil.planning.design.selection`).
+
+A refinement knows already what an earlier run tells. It goes for the weak parameters: for what most
+lowers the variance of torques.
+"""
+
+from __future__ import annotations
+
+from itertools import count
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.design.by_counts import TRAVEL, as_plan, greedy, places
+from hil.planning.design.candidates import pool, weighed
+from hil.planning.design.selection import Selection
+from hil.planning.design.tour import guarded_tour
+from hil.planning.timetable import timetable, travel_times
+from hil.planning.workspace import narrowed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.design.candidates import Option
+    from hil.planning.measurement import Element as Measured
+    from hil.planning.plan import Plan
+    from hil.planning.prediction.noise import Noise
+    from hil.planning.prediction.precision import Information
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+
+CORE = 2
+"""Measurements of its own kind for each parameter of a group."""
+SAMPLE_PERIOD = 0.004
+"""[s]"""
+_AHEAD = 1.15
+"""Share of the budget up to which measurements are chosen before they are put in order."""
+
+
+def design_within(
+    robot: Robot,
+    minutes: float,
+    noise: Noise,
+    warm_up: float = 0.0,
+    workspace: Workspace | None = None,
+) -> Plan:
+    """Plan a campaign that takes at most `minutes`.
+
+    Parameters
+    ----------
+    robot : Robot
+    minutes : float
+        Travel and warm-up included [min].
+    noise : Noise
+        What disturbs the torques.
+    warm_up : float
+        Motion before the first measurement; 0 for none [s].
+    workspace : Workspace, optional
+        What the arm must keep clear of; the plan carries it.
+
+    Raises
+    ------
+    ValueError
+        Too little time to tell all parameters apart, or no clear configurations.
+    """
+    guarded = narrowed(robot, workspace)
+    options = pool(guarded, workspace, SAMPLE_PERIOD, noise)
+    selection = Selection(guarded, options, TRAVEL)
+    for number in _core(guarded, options):
+        selection.take(number)
+    budget, least = 60 * minutes - warm_up, len(selection.chosen)
+    order = _filled(robot, options, selection, budget, least, workspace)
+    return as_plan(robot, _numbered(order, set()), warm_up, workspace)
+
+
+def refine(
+    robot: Robot,
+    minutes: float,
+    noise: Noise,
+    known: Information,
+    run: Plan,
+    taken: set[str] | None = None,
+) -> Plan:
+    """Plan what to measure next, of at most `minutes`.
+
+    Parameters
+    ----------
+    robot : Robot
+    minutes : float
+        Travel included [min].
+    noise : Noise
+        What disturbs the torques, best as the run showed it.
+    known : Information
+        What the run tells.
+    run : Plan
+        That of the run, from which workspace and sampling are taken.
+    taken : set of str, optional
+        Ids to be avoided; those of the run by default.
+
+    Raises
+    ------
+    ValueError
+        Not even one measurement fits.
+    """
+    guarded = narrowed(robot, run.workspace)
+    options = pool(guarded, run.workspace, run.sample_period, noise)
+    worth = weighed(known.matrix, known.scatter)
+    selection = Selection(guarded, options, TRAVEL, "torque", worth)
+    order = _filled(robot, options, selection, 60 * minutes, 1, run.workspace)
+    avoided = {m.id for m in run.measurements} if taken is None else taken
+    plan = as_plan(robot, _numbered(order, avoided), 0.0, run.workspace)
+    return plan.model_copy(update={"sample_period": run.sample_period})
+
+
+def _core(robot: Robot, options: Sequence[Option]) -> list[int]:
+    """Numbers of the options that make every group identifiable by its own kind."""
+    found: list[int] = []
+    for group in dict.fromkeys(option.group for option in options):
+        numbers = [k for k, option in enumerate(options) if option.group == group]
+        rows = np.array([options[k].row for k in numbers])
+        scale = np.sqrt(np.mean(rows**2, axis=0))
+        q = np.array([options[k].measurement.q for k in numbers])
+        covariance = 1e3 * np.eye(len(scale))
+        wanted = CORE * rows.shape[1]
+        picked = greedy(rows / scale, places(robot, q), covariance, wanted)
+        found += [numbers[k] for k in dict.fromkeys(picked)]
+    return found
+
+
+def _filled(
+    robot: Robot,
+    options: Sequence[Option],
+    selection: Selection,
+    budget: float,
+    least: int,
+    workspace: Workspace | None,
+) -> list[Measured]:
+    """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
+    while selection.duration < _AHEAD * budget or len(selection.chosen) < least:
+        selection.take_best()
+    chosen = [options[k].measurement for k in selection.chosen]
+    fitting = chosen[: _how_many(robot, chosen, least, budget)]
+    if workspace:
+        return _guarded(robot, workspace, fitting, least, budget)
+    return _tour(robot, fitting)
+
+
+def _how_many(robot: Robot, chosen: Sequence[Measured], least: int, budget: float) -> int:
+    """How many of `chosen`, from the first, fit into `budget` [s].
+
+    Raises
+    ------
+    ValueError
+        Not even `least` of them.
+    """
+    needed = _duration(robot, _tour(robot, chosen[:least]))
+    if needed > budget:
+        raise ValueError(
+            f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
+            f" {least} of them and the ways between them; give more time"
+        )
+    fits, exceeds = least, len(chosen) + 1
+    while exceeds - fits > 1:
+        middle = (fits + exceeds) // 2
+        if _duration(robot, _tour(robot, chosen[:middle])) > budget:
+            exceeds = middle
+        else:
+            fits = middle
+    return fits
+
+
+def _guarded(
+    robot: Robot, workspace: Workspace, chosen: Sequence[Measured], least: int, budget: float
+) -> list[Measured]:
+    """Order those measurements, from the first, whose clear tour is within `budget` [s]."""
+    guarded, fits = narrowed(robot, workspace), len(chosen)
+    while True:
+        order = guarded_tour(guarded, workspace, chosen[:fits], TRAVEL)
+        excess = _duration(robot, order) - budget
+        if excess <= 0 or fits <= least:
+            return order
+        fits = max(least, fits - max(1, round(fits * excess / budget)))
+
+
+def _tour(robot: Robot, measurements: Sequence[Measured]) -> list[Measured]:
+    """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
+    starts = np.array([measurement.start for measurement in measurements])
+    left = np.ones(len(starts), dtype=bool)
+    here, tour = np.zeros(robot.n_joints), []
+    for _ in measurements:
+        times = travel_times(robot, here, starts, TRAVEL)
+        nearest = int(np.argmin(np.where(left, times, np.inf)))
+        left[nearest] = False
+        here = starts[nearest]
+        tour.append(measurements[nearest])
+    return tour
+
+
+def _duration(robot: Robot, measurements: Sequence[Measured]) -> float:
+    """Time of measurements in this order and of the ways between them [s]."""
+    plan = as_plan(robot, measurements[:1], 0.0, None)
+    return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
+
+
+def _numbered(measurements: Sequence[Measured], taken: set[str]) -> list[Measured]:
+    """Give ids in this order, kind by kind, that are not `taken`."""
+    numbers = {kind: count(1) for kind in ("gravity", "inertia", "coupling")}
+    named = []
+    for measurement in measurements:
+        letter, number = measurement.kind[0], numbers[measurement.kind]
+        name = next(name for k in number if (name := f"{letter}{k:02d}") not in taken)
+        named.append(measurement.model_copy(update={"id": name}))
+    return named

@@ -1,0 +1,114 @@
+"""All measurements that could be made, each with what it would tell and how long it would take.
+
+For every element of g(q) and M(q) the first configurations of its sequence are taken
+(`hil.planning.design.measurable_elements`). Each is planned as a measurement and judged by the
+joint estimator's own information (`hil.planning.prediction.information`), so that kinds can be
+compared with each other: an inertia measurement says a good deal about gravity too.
+
+Least squares does not weigh noise that differs within an axis, such as friction that wanders. What
+a measurement is worth under its noise is I S^-1 I, with information I and scatter S: less than I
+where friction's wander counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.base_parameters import base_parameters
+from hil.planning.design.measurable_elements import ELEMENTS, candidates
+from hil.planning.prediction.information import shares
+from hil.planning.prediction.precision import scatter_of
+from hil.regression.terms import place
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Element as Measured
+    from hil.planning.prediction.information import Share
+    from hil.planning.prediction.noise import Noise
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+
+EACH = 64
+"""Configurations of every element."""
+THINNED = 2
+"""Every so many samples are judged, as means of so many: that is quicker and tells the same."""
+_RANK = 1e-8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Option:
+    """One measurement that could be made.
+
+    Attributes
+    ----------
+    group : str
+        Group of base parameters that its kind serves.
+    measurement : Gravity, Inertia or Coupling
+        Its id is provisional.
+    row : ndarray, shape (n_row,)
+        What it shows of the group, over the torque limit.
+    worth : tuple of (indices, matrix)
+        For each axis that it moves: which unknowns, and what it is worth about them.
+    """
+
+    group: str
+    measurement: Measured
+    row: Array
+    worth: tuple[tuple[NDArray[np.intp], Array], ...]
+
+
+def pool(
+    robot: Robot, workspace: Workspace | None, period: float, noise: Noise, each: int = EACH
+) -> list[Option]:
+    """Plan and judge `each` measurements of every element, sampled every `period` [s].
+
+    Raises
+    ------
+    ValueError
+        No configuration of an element keeps clear of the workspace's boxes.
+    """
+    found: list[Option] = []
+    mean = replace(noise, torque=noise.torque / math.sqrt(THINNED))
+    groups = base_parameters(robot).groups
+    for (letter, elements), (group, columns) in zip(ELEMENTS.items(), groups.items(), strict=True):
+        for element in elements(robot, list(columns)):
+            q = candidates(robot, element, workspace)[:each]
+            rows = element.row(q) / robot.torque_limit[element.axis]
+            for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
+                turned = element.turned(robot, configuration, number)
+                measurement = element.measure(f"{letter}{number}", turned)
+                judged = shares(robot, measurement, THINNED * period)
+                found.append(Option(group, measurement, row, worth(robot, judged, mean)))
+    return found
+
+
+def worth(
+    robot: Robot, judged: Sequence[Share], noise: Noise
+) -> tuple[tuple[NDArray[np.intp], Array], ...]:
+    """What shares are worth under `noise`: which unknowns, and I S^-1 I."""
+    return tuple(
+        (
+            place(robot, share.axis),
+            weighed(share.information / noise.white[share.axis], scatter_of(share, noise)),
+        )
+        for share in judged
+    )
+
+
+def weighed(information: Array, scatter: Array) -> Array:
+    """I S^-1 I, with S inverted where it has an inverse."""
+    size = np.sqrt(np.maximum(np.diag(scatter), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(scatter / np.outer(size, size))
+    told = values > _RANK * values[-1]
+    half = (vectors[:, told] / np.sqrt(values[told])).T @ (information / size[:, np.newaxis])
+    found: Array = half.T @ half
+    return found

@@ -1,0 +1,265 @@
+"""Plans for friction: sweeps of speed, and the two experiments on its variance in time.
+
+sweep
+    Constant velocity from creep to the speed limit, in both directions, one axis after the other
+    (section 2, Fig. 1). Speeds are spaced evenly in their logarithm and taken in a scattered order,
+    so that friction's drift meanwhile looks like scatter and not like a dependence on speed.
+stops
+    Continuous motion back and forth with the torque every 12 s, interrupted by stops of 5, 1 and
+    2 min (Fig. 2a).
+operation
+    The characteristic after several times of continuous operation (Fig. 2b).
+
+A window of constant velocity spans at least one turn of the motor where it is slow, since torque
+ripple is periodic in it, and some tenths of a second where it is fast. Where an axis's range is too
+short for its ramps the acceleration is raised, up to `HARDEST` of the limit; only then does the
+sweep end below the speed limit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from hil.planning.clearance import are_clear
+from hil.planning.measurement import TURN, Friction
+from hil.planning.path_clearance import Strokes
+from hil.planning.plan import Plan, PlannedRobot
+from hil.planning.timetable import SETTLING
+from hil.planning.trapezoid import Trapezoid
+from hil.planning.workspace import narrowed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+
+SLOWEST = 0.003
+"""Lowest speed of a sweep, as share of the limit: slow enough to show a Stribeck peak."""
+SPEEDS = 16
+"""Speeds of an axis in a sweep."""
+CYCLES = 2
+"""Back-and-forth motions at each speed."""
+WARM = 60.0
+"""Motion of an axis at about half its speed limit before its sweep [s]."""
+INTERVAL = 12.0
+"""Time from one torque to the next in continuous motion [s]."""
+STOPS = (300.0, 60.0, 120.0)
+"""Stops in continuous motion [s]."""
+MOTION = 600.0
+"""Continuous motion before, between and after the stops [s]."""
+OPERATION = (0.0, 600.0, 1800.0, 3600.0)
+"""Times of continuous operation at which a characteristic is measured [s]."""
+OPERATING_SPEEDS, OPERATING_SLOWEST = 10, 0.02
+"""Of a characteristic in operation; creeping would let the gear rest."""
+CONTINUOUS = 0.5
+"""Share of the speed limit in continuous motion."""
+
+RANGE = 0.95
+"""Share of the joint's range that a stroke may use."""
+RAMP = 0.2
+"""Duration of a ramp, where the limits allow [s]."""
+EASY, HARDEST = 0.4, 0.8
+"""Shares of the acceleration limit: usually, and where the range is short."""
+WINDOW, SHORT_WINDOW = 1.0, 0.5
+"""Constant velocity, transient after the ramp included: wanted, and at least [s]."""
+CANDIDATES = 64
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+def sweep(
+    robot: Robot,
+    axes: Sequence[int] = (),
+    speeds: int = SPEEDS,
+    slowest: float = SLOWEST,
+    workspace: Workspace | None = None,
+) -> Plan:
+    """Plan constant-velocity sweeps.
+
+    Parameters
+    ----------
+    axes : sequence of int
+        Indices from 0; none for all.
+    speeds : int
+        Number of speeds of each axis.
+    slowest : float
+        Lowest speed as share of the limit.
+    workspace : Workspace, optional
+        What the arm must keep clear of; the plan carries it.
+
+    Raises
+    ------
+    ValueError
+        An axis whose range is too short, or no clear configuration.
+    """
+    bench = _Bench(robot, workspace)
+    measurements = []
+    for axis in axes or range(robot.n_joints):
+        order = _scattered(bench.speeds(axis, speeds, slowest))
+        for number, velocity in enumerate(order, start=1):
+            exercise = None if number > 1 else WARM
+            name = f"f{axis + 1}-{number:02d}"
+            measurements.append(bench.measurement(name, axis, velocity, exercise=exercise))
+    return bench.plan(measurements)
+
+
+def stops(
+    robot: Robot,
+    axis: int,
+    motion: float = MOTION,
+    rests: Sequence[float] = STOPS,
+    workspace: Workspace | None = None,
+) -> Plan:
+    """Plan continuous motion of one axis, with its torque every `INTERVAL`, and stops [s].
+
+    Raises
+    ------
+    ValueError
+        An axis whose range is too short, or no clear configuration.
+    """
+    bench = _Bench(robot, workspace)
+    velocity = CONTINUOUS * bench.top(axis)
+    once = bench.measurement("once", axis, velocity, cycles=1)
+    pair = 2 * (once.profile(0).duration + TURN)
+    pairs = max(0, round((INTERVAL - once.duration - SETTLING) / pair))
+    exercise = (pairs - 0.5) * pair if pairs else None
+    each = max(1, round(motion / (pairs * pair + once.duration + SETTLING)))
+    measurements: list[Friction] = []
+    for rest in (None, *rests):
+        for number in range(each):
+            first = not number
+            history = {"rest": rest} if first else {"exercise": exercise}
+            name = f"s{axis + 1}-{len(measurements) + 1:03d}"
+            measurements.append(bench.measurement(name, axis, velocity, cycles=1, **history))
+    return bench.plan(measurements)
+
+
+def operation(
+    robot: Robot,
+    axis: int,
+    times: Sequence[float] = OPERATION,
+    speeds: int = OPERATING_SPEEDS,
+    workspace: Workspace | None = None,
+) -> Plan:
+    """Plan the characteristic of one axis after several times of continuous operation [s].
+
+    Raises
+    ------
+    ValueError
+        An axis whose range is too short, or no clear configuration.
+    """
+    bench = _Bench(robot, workspace)
+    measurements: list[Friction] = []
+    now = 0.0
+    for number, time in enumerate(sorted(times), start=1):
+        for k, velocity in enumerate(_scattered(bench.speeds(axis, speeds, OPERATING_SLOWEST))):
+            exercise = time - now if not k and time > now else None
+            name = f"o{axis + 1}-{number}-{k + 1:02d}"
+            made = bench.measurement(name, axis, velocity, exercise=exercise)
+            measurements.append(made)
+            now += made.duration + SETTLING
+    return bench.plan(measurements)
+
+
+class _Bench:
+    """A robot with the room that an axis has to move."""
+
+    def __init__(self, robot: Robot, workspace: Workspace | None) -> None:
+        self._robot = robot
+        self._guarded = narrowed(robot, workspace)
+        self._workspace = workspace
+        self._places: dict[int, tuple[float, ...]] = {}
+
+    def plan(self, measurements: Sequence[Friction]) -> Plan:
+        """Put measurements into a plan."""
+        return Plan(
+            robot=PlannedRobot(name=self._robot.name, digest=self._robot.digest),
+            workspace=self._workspace,
+            measurements=tuple(measurements),
+        )
+
+    def room(self, axis: int) -> float:
+        """Longest stroke of an axis [rad]."""
+        return RANGE * float(self._guarded.q_max[axis] - self._guarded.q_min[axis])
+
+    def top(self, axis: int) -> float:
+        """Highest speed that the range allows to reach and to hold for a moment [rad/s]."""
+        hardest = HARDEST * float(self._robot.acceleration_limit[axis])
+        half = SHORT_WINDOW * hardest / 2
+        reachable = math.sqrt(half**2 + hardest * self.room(axis)) - half
+        return min(float(self._robot.velocity_limit[axis]), reachable)
+
+    def speeds(self, axis: int, count: int, slowest: float) -> list[float]:
+        """Speeds spaced evenly in their logarithm, rising [rad/s]."""
+        top = self.top(axis)
+        low = min(slowest * float(self._robot.velocity_limit[axis]), top)
+        return [float(v) for v in np.geomspace(low, top, count)]
+
+    def measurement(
+        self, name: str, axis: int, velocity: float, cycles: int = CYCLES, **history: float | None
+    ) -> Friction:
+        """One speed of one axis, about a configuration that all speeds of the axis share."""
+        motion = self._motion(axis, velocity)
+        return Friction(
+            id=name,
+            axis=axis + 1,
+            q=self._place(axis),
+            velocity=velocity,
+            cycles=cycles,
+            **motion,
+            **history,
+        )
+
+    def _motion(self, axis: int, velocity: float) -> dict[str, Any]:
+        """Stroke and acceleration at a speed."""
+        room = self.room(axis)
+        acceleration = min(EASY * float(self._robot.acceleration_limit[axis]), velocity / RAMP)
+        left = room - velocity * SHORT_WINDOW
+        acceleration = max(acceleration, velocity**2 / left)
+        turn = math.tau / float(self._robot.gear_ratio[axis]) + velocity * (WINDOW - SHORT_WINDOW)
+        ramps = Trapezoid(0.0, 1e9, velocity, acceleration).ramp * 2
+        stroke = min(ramps + max(velocity * WINDOW, turn), room)
+        return {"stroke": stroke, "acceleration": acceleration}
+
+    def _place(self, axis: int) -> tuple[float, ...]:
+        """Joints in the middle of their ranges, or where the whole stroke is clear of boxes."""
+        if axis not in self._places:
+            self._places[axis] = self._clear_place(axis)
+        return self._places[axis]
+
+    def _clear_place(self, axis: int) -> tuple[float, ...]:
+        low, high = self._guarded.q_min, self._guarded.q_max
+        middle = (low + high) / 2
+        if self._workspace is None:
+            return tuple(middle.tolist())
+        others = [i for i in range(len(middle)) if i != axis]
+        q = np.tile(middle, (CANDIDATES, 1))
+        if others:
+            points = qmc.Halton(len(others), scramble=False).random(CANDIDATES)
+            spread = RANGE * (high - low)[others]
+            q[1:, others] = middle[others] + (points[1:] - 0.5) * spread
+        reach = np.zeros(len(middle))
+        reach[axis] = self.room(axis) / 2
+        clear = are_clear(self._robot, self._workspace, Strokes(q - reach, q + reach))
+        if not clear.any():
+            raise ValueError(
+                f"axis {axis + 1} cannot pass its range clear of the workspace's boxes; narrow"
+                f" joint {axis + 1}'s range there, or make boxes or margin smaller"
+            )
+        return tuple(q[int(clear.argmax())].tolist())
+
+
+def _scattered(speeds: Sequence[float]) -> list[float]:
+    """About half of the highest speed first, the rest in an order without a trend."""
+    half = min(speeds, key=lambda v: abs(v - CONTINUOUS * max(speeds)))
+    rest = [v for v in speeds if v != half]
+    order = np.argsort([k * GOLDEN % 1.0 for k in range(len(rest))], kind="stable")
+    return [half, *(rest[int(k)] for k in order)]

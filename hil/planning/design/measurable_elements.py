@@ -1,0 +1,229 @@
+"""Which elements of g(q) and M(q) can be measured, and at which configurations.
+
+What a measurement can tell is one row: that of the axis's gravity torque (and of a torque offset,
+which only configurations of different gravity tell apart from it), of its moment of inertia, or of
+the coupling inertia with its partner. The rows depend on few joints, found by moving one joint at a
+time. Candidates spread these joints over their ranges by a low-discrepancy sequence and leave the
+others in the middle. In a guarded workspace only those count whose strokes keep clear of the boxes.
+
+Every measurement of an axis begins at another angle of its motor, spread by the golden ratio:
+torque ripple then averages out over the configurations instead of biasing all of them alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import qmc
+
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
+from hil.planning.clearance import are_clear
+from hil.planning.design.standard_motions import (
+    creep_motion,
+    gravity_motion,
+    inertia_motion,
+    partner_motion,
+)
+from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.planning.path_clearance import Strokes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Element as Measured
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+    Row = Callable[[Array], Array]
+    """Rows (n, n_parameters) at configurations (n, n_joints)."""
+
+CANDIDATES = 512
+RANGE = 0.95
+"""Share of each joint's range that configurations use."""
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """One element of g(q) or M(q) that shows parameters of a group.
+
+    Attributes
+    ----------
+    axis, accelerated : int
+        Axis whose torque is read and axis that accelerates, indices from 0; alike but for coupling.
+    strokes : dict
+        Way of each axis that moves [rad].
+    row : callable
+        What a configuration tells of the group's parameters.
+    measure : callable
+        Measurement of this element from its id and configuration.
+    """
+
+    axis: int
+    accelerated: int
+    strokes: dict[int, float]
+    row: Row
+    measure: Callable[[str, Sequence[float]], Measured]
+
+    @property
+    def axes(self) -> tuple[int, int]:
+        """Axis that is read and axis that accelerates."""
+        return self.axis, self.accelerated
+
+    def turned(self, robot: Robot, q: Array, number: int) -> list[float]:
+        """Configuration `q` of measurement `number` (from 1), its motors turned by their share."""
+        moved = q.copy()
+        for i in set(self.axes):
+            moved[i] += (number * GOLDEN % 1.0 - 0.5) * math.tau / robot.gear_ratio[i]
+        found: list[float] = moved.tolist()
+        return found
+
+
+def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:
+    """Axes whose gravity torque shows base parameters `columns`, or none."""
+    if not columns:
+        return []
+    axes = np.flatnonzero(base_parameters(robot).dependencies.gravity.any(axis=1)).tolist()
+
+    def element(i: int) -> Element:
+        motion = gravity_motion(robot, i)
+        return Element(
+            i, i, {i: motion["stroke"]}, _gravity_row(robot, i, axes, columns),
+            lambda name, q: Gravity(id=name, axis=i + 1, q=tuple(q), **motion),
+        )  # fmt: skip
+
+    return [element(i) for i in axes]
+
+
+def inertia_elements(robot: Robot, columns: list[int]) -> list[Element]:
+    """Diagonal elements of M that show base parameters `columns`."""
+    mass = base_parameters(robot).dependencies.mass
+
+    def element(i: int) -> Element:
+        motion = inertia_motion(robot, i)
+        return Element(
+            i, i, {i: motion["stroke"]}, _inertia_row(robot, i, i, columns),
+            lambda name, q: Inertia(id=name, axis=i + 1, q=tuple(q), **motion),
+        )  # fmt: skip
+
+    return [element(i) for i in range(robot.n_joints) if mass[i, i, columns].any()]
+
+
+def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
+    """One off-diagonal element of M for each of base parameters `columns`."""
+
+    def element(j: int, i: int) -> Element:
+        creep, partner = creep_motion(robot, j), partner_motion(robot, i)
+        strokes = {j: creep["stroke"], i: partner.stroke}
+        return Element(
+            j, i, strokes, _inertia_row(robot, j, i, columns),
+            lambda name, q: Coupling(id=name, axis=j + 1, q=tuple(q), partner=partner, **creep),
+        )  # fmt: skip
+
+    return [element(j, i) for j, i in _pairs(robot, columns)]
+
+
+ELEMENTS = {"g": gravity_elements, "i": inertia_elements, "c": coupling_elements}
+"""By the first letter of the measurements' ids; in the order of the groups of base parameters."""
+
+
+def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> Array:
+    """Configurations at which `element` can be measured, shape (n, n_joints).
+
+    Raises
+    ------
+    ValueError
+        None keeps clear of the workspace's boxes.
+    """
+    q = _spread(robot, element.strokes, element.row)
+    return _clear(robot, workspace, element.strokes, q) if workspace else q
+
+
+def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
+    """Creeping and accelerated axis for every off-diagonal parameter.
+
+    Of the elements that hold a parameter the one is taken whose torque stands out most: much
+    acceleration on one side, little torque range (so little noise and friction) on the other.
+    """
+    mass = base_parameters(robot).dependencies.mass
+    found = []
+    for column in columns:
+        elements = [(j, i) for j, i in np.argwhere(mass[:, :, column]).tolist() if i != j]
+        found.append(
+            max(elements, key=lambda e: robot.acceleration_limit[e[1]] / robot.torque_limit[e[0]])
+        )
+    return list(dict.fromkeys(found))
+
+
+def _gravity_row(robot: Robot, axis: int, axes: list[int], columns: list[int]) -> Row:
+    """Gravity torque, and the offset of each axis that must be told apart from it."""
+
+    def row(q: Array) -> Array:
+        still = np.zeros_like(q)
+        gravity = regressor(robot, q, still, still)[:, axis, columns]
+        offsets = np.zeros((len(q), len(axes)))
+        offsets[:, axes.index(axis)] = robot.torque_limit[axis]
+        return np.column_stack([gravity, offsets])
+
+    return row
+
+
+def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) -> Row:
+    def row(q: Array) -> Array:
+        still, unit = np.zeros_like(q), np.zeros_like(q)
+        unit[:, accelerated] = 1.0
+        moving = regressor(robot, q, still, unit) - regressor(robot, q, still, still)
+        return moving[:, axis, columns]
+
+    return row
+
+
+def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
+    """Spread the joints that `row` depends on over their ranges, the others stay in the middle."""
+    middle = (robot.q_min + robot.q_max) / 2
+    half = RANGE * (robot.q_max - robot.q_min) / 2
+    for i, stroke in strokes.items():
+        half[i] = max(half[i] - stroke / 2, 0.0)
+    joints = _influencing(row, middle, half)
+    q = np.tile(middle, (CANDIDATES, 1))
+    if joints:
+        points = qmc.Halton(len(joints), scramble=False).random(CANDIDATES + 1)[1:]
+        q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
+    return q
+
+
+def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Array) -> Array:
+    """Candidates whose strokes keep clear of all boxes, whatever the motors' angles."""
+    half = np.zeros(robot.n_joints)
+    for i, stroke in strokes.items():
+        half[i] = stroke / 2 + math.pi / robot.gear_ratio[i]
+    clear = q[are_clear(robot, workspace, Strokes(q - half, q + half))]
+    if not len(clear):
+        axes = " and ".join(str(i + 1) for i in strokes)
+        raise ValueError(
+            f"no configuration with axis {axes} in motion keeps clear of the workspace's boxes;"
+            " make boxes or margin smaller"
+        )
+    return clear
+
+
+def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
+    """Joints whose angle changes the row."""
+    n = len(middle)
+    base = middle + half * qmc.Halton(n, scramble=False).random(17)[1:]
+    before = row(base)
+    scale = np.abs(before).max()
+    found = []
+    for joint in range(n):
+        moved = base.copy()
+        moved[:, joint] -= 0.7 * half[joint]
+        if np.abs(row(moved) - before).max() > 1e-9 * scale:
+            found.append(joint)
+    return found

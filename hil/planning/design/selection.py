@@ -1,0 +1,162 @@
+"""One measurement after the other, each the one that adds most in its time.
+
+With the information N of what was chosen so far, over base parameters p and common terms b, adding
+a measurement of worth I changes
+
+det
+    log det of the information of p, b eliminated: log det(N) - log det(N_bb). Its growth is a ratio
+    of two small determinants, since a measurement touches one or two axes (Fedorov, *Theory of
+    Optimal Experiments*, 1972);
+torque
+    the variance of torques, sum of (scale sd)^2 over the parameters: what is weak, compared by the
+    torque that it causes, counts most.
+
+Both are taken per second, of the measurement and of the way to it from the nearest one chosen: with
+many of them a tour goes from neighbour to neighbour.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hil.model.base_parameters import base_parameters
+from hil.planning.prediction.precision import torque_scale
+from hil.planning.timetable import SETTLING, travel_times
+from hil.regression.terms import n_unknowns
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.design.candidates import Option
+
+    Array = NDArray[np.float64]
+
+Criterion = Literal["det", "torque"]
+_PRIOR = 1e-6
+"""Information that counts as nothing, as share of a mean option's."""
+
+
+class Selection:
+    """What was chosen of `options`, and what each of the others would add.
+
+    Parameters
+    ----------
+    robot : Robot
+    options : sequence of Option
+    fraction : float
+        Share of the limits used between configurations.
+    criterion : {"det", "torque"}
+    known : ndarray, shape (n, n), optional
+        Worth of earlier measurements.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        options: Sequence[Option],
+        fraction: float,
+        criterion: Criterion = "det",
+        known: Array | None = None,
+    ) -> None:
+        self._robot, self._criterion, self._fraction = robot, criterion, fraction
+        self._n_base = len(base_parameters(robot))
+        self._scale = torque_scale(robot)
+        self._starts = np.array([option.measurement.start for option in options])
+        self._durations = np.array([option.measurement.duration for option in options])
+        self._blocks = _blocks(options)
+        self._information = _prior(options, n_unknowns(robot))
+        if known is not None:
+            self._information += known
+        self._worth = [option.worth for option in options]
+        self._free = np.ones(len(options), dtype=bool)
+        self._way = np.full(len(options), np.inf)
+        self.chosen: list[int] = []
+        self.duration = 0.0
+        """Of what was chosen, ways included, estimated [s]."""
+
+    def take(self, number: int) -> None:
+        """Choose option `number`."""
+        self.duration += float(self._costs()[number])
+        for at, worth in self._worth[number]:
+            self._information[np.ix_(at, at)] += worth
+        way = travel_times(self._robot, self._starts[number], self._starts, self._fraction)
+        self._way = np.minimum(self._way, way)
+        self._free[number] = False
+        if not self._free.any():
+            self._free[:] = True
+        self.chosen.append(number)
+
+    def take_best(self) -> None:
+        """Choose the option that adds most in its time."""
+        rate = self.gains() / self._costs()
+        self.take(int(np.argmax(np.where(self._free, rate, -np.inf))))
+
+    def gains(self) -> Array:
+        """What each option would add to the criterion, shape (n_options,)."""
+        inverse = np.asarray(np.linalg.inv(self._information), dtype=np.float64)
+        nuisance = self._information[self._n_base :, self._n_base :]
+        common = np.asarray(np.linalg.inv(nuisance), dtype=np.float64)
+        found = np.empty(len(self._worth))
+        for at, numbers, worth in self._blocks:
+            if self._criterion == "det":
+                found[numbers] = self._growth(at, worth, inverse, common)
+            else:
+                found[numbers] = self._relief(at, worth, inverse)
+        return found
+
+    def _growth(self, at: NDArray[np.intp], worth: Array, inverse: Array, common: Array) -> Array:
+        """Of log det, for options that touch the unknowns `at`."""
+        unit = np.eye(len(at))
+        inner = at >= self._n_base
+        own = at[inner] - self._n_base
+        _, whole = np.linalg.slogdet(unit + worth @ inverse[np.ix_(at, at)])
+        nuisance = worth[:, inner][:, :, inner] @ common[np.ix_(own, own)]
+        _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
+        growth: Array = whole - part
+        return growth
+
+    def _relief(self, at: NDArray[np.intp], worth: Array, inverse: Array) -> Array:
+        """By which the variance of torques falls, as share of it."""
+        rows = self._scale[:, np.newaxis] * inverse[: self._n_base, at]
+        inside = np.linalg.solve(np.eye(len(at)) + worth @ inverse[np.ix_(at, at)], worth)
+        fall: Array = np.einsum("ki,nij,kj->n", rows, inside, rows, optimize=True)
+        variance = self._scale**2 @ np.diag(inverse)[: self._n_base]
+        return fall / variance
+
+    def _costs(self) -> Array:
+        """Duration of each option with the way to it [s]."""
+        way = np.where(np.isfinite(self._way), self._way, 0.0)
+        costs: Array = self._durations + way + SETTLING
+        return costs
+
+
+def _blocks(options: Sequence[Option]) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]:
+    """Options by the unknowns that they touch: these, their numbers, their worth over these."""
+    touched: dict[tuple[int, ...], list[int]] = {}
+    for number, option in enumerate(options):
+        unknowns = sorted({int(k) for its, _ in option.worth for k in its})
+        touched.setdefault(tuple(unknowns), []).append(number)
+    found = []
+    for key, numbers in touched.items():
+        at: NDArray[np.intp] = np.array(key, dtype=np.intp)
+        worth: Array = np.zeros((len(numbers), len(at), len(at)))
+        for row, number in enumerate(numbers):
+            for its, matrix in options[number].worth:
+                inside = np.searchsorted(at, its)
+                worth[row][np.ix_(inside, inside)] += matrix
+        found.append((at, np.array(numbers, dtype=np.intp), worth))
+    return found
+
+
+def _prior(options: Sequence[Option], n: int) -> Array:
+    """So little information that every determinant is finite."""
+    diagonal = np.zeros(n)
+    for option in options:
+        for at, worth in option.worth:
+            diagonal[at] += np.diag(worth) / len(options)
+    return np.diag(np.where(diagonal > 0, _PRIOR * diagonal, 1.0))

@@ -1,0 +1,106 @@
+"""An order of measurements in which every travel keeps clear of the forbidden boxes.
+
+From each configuration the nearest one is next that a clear travel leads to. Those that nothing led
+to are put in afterwards, between two measurements where both ways are clear.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from hil.planning.clearance import are_clear
+from hil.planning.path_clearance import travels
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.path_clearance import Travels
+    from hil.planning.workspace import Workspace
+
+    Array = NDArray[np.float64]
+
+M = TypeVar("M", bound="Measurement")
+
+_AT_ONCE = 4
+"""Ways looked at together: mostly the first is clear."""
+
+_BEGINNINGS = 8
+"""Measurements that are tried as the first one."""
+
+
+def guarded_tour(
+    robot: Robot, workspace: Workspace, measurements: Sequence[M], fraction: float
+) -> list[M]:
+    """Order `measurements` so that travels at `fraction` of the limits are clear.
+
+    Raises
+    ------
+    ValueError
+        A measurement that no clear travel leads to.
+    """
+    starts = np.array([measurement.start for measurement in measurements])
+    ways = _Ways(robot, workspace, starts, fraction)
+    tour: list[int] = []
+    for first in range(min(_BEGINNINGS, len(measurements))):
+        tour = max(tour, ways.greedy(first), key=len)
+        if len(tour) == len(measurements):
+            break
+    for stray in sorted(set(range(len(measurements))) - set(tour)):
+        if not ways.insert(tour, stray):
+            raise ValueError(
+                f"{measurements[stray].id}: no clear travel leads there and on; make boxes or"
+                " margin smaller, or narrow the joint ranges of the workspace to one side of the"
+                " obstacle"
+            )
+    return [measurements[number] for number in tour]
+
+
+class _Ways:
+    """Travels between configurations `starts`, shape (n, n_joints)."""
+
+    def __init__(self, robot: Robot, workspace: Workspace, starts: Array, fraction: float) -> None:
+        self._robot = robot
+        self._workspace = workspace
+        self._starts = starts
+        self._fraction = fraction
+
+    def greedy(self, first: int) -> list[int]:
+        """Go from `first` to the nearest that is left, as long as a clear travel leads there."""
+        left = [number for number in range(len(self._starts)) if number != first]
+        tour = [first]
+        while (following := self._nearest(tour[-1], left)) is not None:
+            left.remove(following)
+            tour.append(following)
+        return tour
+
+    def insert(self, tour: list[int], stray: int) -> bool:
+        """Put `stray` where the ways to it and from it are clear; tell whether there is a place."""
+        strays = [stray] * len(tour)
+        to = np.append(True, self._clear(tour, strays))
+        back = np.append(self._clear(strays, tour), True)
+        places = np.flatnonzero(to & back)
+        if len(places):
+            tour.insert(int(places[-1]), stray)
+        return len(places) > 0
+
+    def _nearest(self, here: int, left: list[int]) -> int | None:
+        durations = self._travels([here] * len(left), left).high[:, 0]
+        order: list[int] = np.argsort(durations, kind="stable").tolist()
+        for first in range(0, len(left), _AT_ONCE):
+            some = [left[k] for k in order[first : first + _AT_ONCE]]
+            clear = self._clear([here] * len(some), some)
+            if clear.any():
+                return some[int(clear.argmax())]
+        return None
+
+    def _clear(self, begins: list[int], ends: list[int]) -> NDArray[np.bool_]:
+        return are_clear(self._robot, self._workspace, self._travels(begins, ends))
+
+    def _travels(self, begins: list[int], ends: list[int]) -> Travels:
+        return travels(self._starts[begins], self._starts[ends], self._fraction, self._robot)

@@ -1,0 +1,206 @@
+"""How precisely a plan will tell every base parameter, before anything moves.
+
+What the measurements tell is added up as the joint estimator does it
+(`hil.estimation.simultaneous`): each axis weighted with the reciprocal of its torque noise,
+friction eliminated measurement by measurement (`hil.planning.prediction.information`), the common
+terms of each axis as nuisance. With the information N and the covariance S of the noise in the
+normal equations, the estimate's covariance is N^-1 S N^-1. For white noise alone that is N^-1;
+friction that wanders makes S larger, and most so for measurements of gravity, which live on the
+difference between strokes.
+
+A parameter's standard deviation says little by itself. Its effect is the torque that it amounts to,
+as share of the torque limit of the axis where that is largest, root mean square over motions that
+use the whole range of the robot. Weak is a parameter whose effect is above `WEAK`.
+
+Not counted is what no plan can tell: uncertain torque constants, and a lag of the currents.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import qmc
+
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
+from hil.planning.measurement import Friction
+from hil.planning.prediction.information import shares
+from hil.planning.trajectory import Trajectory
+from hil.regression.terms import n_unknowns, place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.prediction.information import Share
+    from hil.planning.prediction.noise import Noise
+
+    Array = NDArray[np.float64]
+
+WEAK = 0.001
+"""Effect of a standard deviation from which on a parameter is weak, as share of a torque limit."""
+_INSTANTS = 512
+_LOST = 1e-9
+"""Share of what a combination of parameters would tell if nothing else were unknown, below which
+it counts as not told."""
+_RANK = 1e-10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Information:
+    """What measurements tell, over base parameters and the axes' common terms.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (n, n)
+        Of the weighted normal equations.
+    scatter : ndarray, shape (n, n)
+        Covariance of their right-hand side.
+    """
+
+    matrix: Array
+    scatter: Array
+
+    def __add__(self, other: Information) -> Information:
+        return Information(self.matrix + other.matrix, self.scatter + other.scatter)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Precision:
+    """Predicted standard deviations.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Of the base parameters.
+    deviation : ndarray, shape (n_base,)
+        Standard deviations, inf where nothing tells a parameter.
+    effect : ndarray, shape (n_base,)
+        Torque that a standard deviation amounts to, as share of the axis's limit.
+    source : str
+        Where the noise comes from.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    deviation: Array
+    effect: Array
+    source: str
+
+    @property
+    def weak(self) -> NDArray[np.bool_]:
+        """Which parameters are weak, shape (n_base,)."""
+        found: NDArray[np.bool_] = self.effect > WEAK
+        return found
+
+
+def predict(
+    robot: Robot,
+    measurements: Sequence[Measurement],
+    period: float,
+    noise: Noise,
+    known: Information | None = None,
+) -> Precision:
+    """Predict the standard deviations that `measurements` lead to.
+
+    Parameters
+    ----------
+    period : float
+        Between samples [s].
+    known : Information, optional
+        What earlier measurements tell.
+    """
+    found = information(robot, measurements, period, noise)
+    return precision(robot, found + known if known else found, noise.source)
+
+
+def precision(robot: Robot, known: Information, source: str) -> Precision:
+    """Standard deviations that `known` amounts to."""
+    base = base_parameters(robot)
+    deviation = np.sqrt(np.diag(covariance(known, len(base))))
+    return Precision(
+        names=tuple(base.names),
+        units=tuple(base.units),
+        deviation=deviation,
+        effect=deviation * torque_scale(robot),
+        source=source,
+    )
+
+
+def information(
+    robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
+) -> Information:
+    """What `measurements` will tell, those of use to the joint estimator."""
+    useful = (m for m in measurements if not isinstance(m, Friction | Trajectory))
+    found = (share for m in useful for share in shares(robot, m, period))
+    return added_up(robot, found, noise)
+
+
+def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
+    """What shares tell together under `noise`."""
+    n = n_unknowns(robot)
+    matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
+    for share in found:
+        at = np.ix_(place(robot, share.axis), place(robot, share.axis))
+        matrix[at] += share.information / noise.white[share.axis]
+        scatter[at] += scatter_of(share, noise)
+    return Information(matrix, scatter)
+
+
+def scatter_of(share: Share, noise: Noise) -> Array:
+    """Covariance of one share's right-hand side, weighted."""
+    white, walk = noise.white[share.axis], noise.walk[share.axis]
+    scatter: Array = (white * share.white + walk * share.wander) / white**2
+    return scatter
+
+
+def covariance(known: Information, n_base: int) -> Array:
+    """Covariance of the base parameters, shape (n_base, n_base); inf where nothing tells one."""
+    gain = _without_nuisance(known.matrix, n_base)
+    left = gain @ known.matrix[:, :n_base]
+    scatter = gain @ known.scatter @ gain.T
+    size = np.sqrt(np.maximum(np.diag(known.matrix)[:n_base], np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(left / np.outer(size, size))
+    told = values > _LOST
+    inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T / np.outer(size, size)
+    found: Array = inverse @ scatter @ inverse
+    lost = np.abs(vectors[:, ~told]).max(axis=1, initial=0.0) > 1e-3
+    found[lost, lost] = np.inf
+    return found
+
+
+def torque_scale(robot: Robot) -> Array:
+    """Torque of a unit of each base parameter, as share of the limit of the axis it loads most.
+
+    Root mean square over instants spread over ranges, speeds and accelerations of all joints, up
+    to their limits; shape (n_base,).
+    """
+    n = robot.n_joints
+    points = 2 * qmc.Halton(3 * n, scramble=False).random(_INSTANTS + 1)[1:] - 1
+    middle, half = (robot.q_min + robot.q_max) / 2, (robot.q_max - robot.q_min) / 2
+    A = regressor(
+        robot,
+        middle + half * points[:, :n],
+        robot.velocity_limit * points[:, n : 2 * n],
+        robot.acceleration_limit * points[:, 2 * n :],
+    )
+    scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
+    return scale
+
+
+def _without_nuisance(matrix: Array, n_base: int) -> Array:
+    """Combine normal equations so that common terms drop out, shape (n_base, n).
+
+    What nothing excites is left out, as the estimator holds it at zero.
+    """
+    common = matrix[n_base:, n_base:]
+    diagonal = np.diag(common)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    inverse = np.linalg.pinv(common * np.outer(scale, scale), rcond=_RANK, hermitian=True)
+    eliminated = matrix[:n_base, n_base:] @ (inverse * np.outer(scale, scale))
+    return np.hstack([np.eye(n_base), -eliminated])

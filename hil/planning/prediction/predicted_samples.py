@@ -1,0 +1,99 @@
+"""What a measurement will sample, from its profiles alone.
+
+Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
+partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
+servos round the corners of the trapezoids; samples there are of no use to the estimator anyway and
+are left out here by the same rules (`hil.regression.terms`): close to a reversal, and where the
+acceleration changes fast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from hil.planning.measurement import PARTNER_TURN, REST, SETTLED, TURN, Coupling
+from hil.regression.window import smooth
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.planning.measurement import Strokes
+    from hil.planning.trapezoid import Trapezoid
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+REACH = 1.0 / 30.0
+"""How far samples near a reversal spoil others [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forecast:
+    """The planned motion of one measurement on an even grid of time.
+
+    Attributes
+    ----------
+    period : float
+        Between samples [s].
+    time : ndarray, shape (n,)
+        [s].
+    q, qd, qdd : ndarray, shape (n, n_joints)
+        [rad], [rad/s], [rad/s^2].
+    """
+
+    period: float
+    time: Array
+    q: Array
+    qd: Array
+    qdd: Array
+
+    def smoothed(self, x: Array) -> Array:
+        """Weighted mean over the estimator's window along the first axis."""
+        return smooth(x, self.period)
+
+    def away_from(self, excluded: Mask) -> Mask:
+        """Samples further than `REACH` from the `excluded` ones."""
+        return ~ndimage.binary_dilation(excluded, iterations=max(2, round(REACH / self.period)))
+
+
+def forecast(measurement: Strokes, period: float) -> Forecast:
+    """Plan the samples of `measurement`, one every `period` [s]."""
+    stroke = measurement.profile(0).duration + TURN
+    n = round((2 * REST + measurement.n_strokes * stroke) / period)
+    time = period * np.arange(n, dtype=np.float64)
+    q = np.tile(np.array(measurement.start), (n, 1))
+    motion = (q, np.zeros_like(q), np.zeros_like(q))
+    for number in range(measurement.n_strokes):
+        begin = REST + number * stroke
+        _add(motion, measurement.index, measurement.profile(number), time - begin)
+    if isinstance(measurement, Coupling):
+        _add_partner(motion, measurement, time, stroke)
+    return Forecast(period, time, *motion)
+
+
+def _add(motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, since: Array) -> None:
+    """Let one axis follow `profile`, and stay where it leads to."""
+    q, qd, qdd = motion
+    q[since >= 0, axis] = profile.q(since[since >= 0])
+    qd[:, axis] += profile.qd(since)
+    qdd[:, axis] += profile.qdd(since)
+
+
+def _add_partner(
+    motion: tuple[Array, Array, Array], measurement: Coupling, time: Array, stroke: float
+) -> None:
+    """Strokes of the partner while the other axis creeps, as many as fit."""
+    number = 0
+    for each in range(measurement.n_strokes):
+        first, last = (REST + each * stroke + t for t in measurement.profile(each).window)
+        due = first + SETTLED
+        duration = measurement.partner_profile(0).duration
+        while due <= last - duration - PARTNER_TURN:
+            profile = measurement.partner_profile(number)
+            _add(motion, measurement.partner.index, profile, time - due)
+            due += duration + PARTNER_TURN
+            number += 1

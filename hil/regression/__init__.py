@@ -1,0 +1,1 @@
+"""Linear regression of joint torques: terms, low-pass, solution; for planning and estimation."""

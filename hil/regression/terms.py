@@ -1,0 +1,121 @@
+"""The improved method's equation, measured or foreseen: its columns, samples and unknowns.
+
+Every usable sample of an axis i says
+
+    Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e
+
+with base parameters p; friction of this measurement alone, F: sign(v), v, cbrt(v) and the drift of
+the level, sign(v) t; and what is common to all measurements of the axis, G: a constant and |v|
+(asymmetric friction, sensor offset) and torque ripple at multiples of the motor's angle.
+
+Left out are samples near a reversal, where friction is no function of velocity, and those where the
+acceleration changes fast, at the corners of the trapezoid: there, differences of positions and
+samples of the torque do not show the same instant.
+
+None of this needs a torque. So it is the same for a motion that was measured
+(`hil.estimation.signals`) and for one that is planned
+(`hil.planning.prediction.predicted_samples`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+RIPPLE_ORDERS = (1, 2, 3, 4, 5, 6)
+"""Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
+N_COMMON = 2 + 2 * len(RIPPLE_ORDERS)
+"""Columns of G of one axis."""
+SLOW = 0.05
+"""Share of the speed limit below which samples are left out."""
+JERK = 5.0
+"""Samples are used up to this jerk, per acceleration limit of the axis [1/s]."""
+FEWEST = 50
+"""Usable samples below which an axis's share of a measurement is left out."""
+
+
+class Motion(Protocol):
+    """Samples of one measurement on an even grid of time."""
+
+    @property
+    def period(self) -> float:
+        """Between samples [s]."""
+
+    @property
+    def time(self) -> Array:
+        """Shape (n,) [s]."""
+
+    @property
+    def q(self) -> Array:
+        """Shape (n, n_joints) [rad]."""
+
+    @property
+    def qd(self) -> Array:
+        """Shape (n, n_joints) [rad/s]."""
+
+    @property
+    def qdd(self) -> Array:
+        """Shape (n, n_joints) [rad/s^2]."""
+
+    def smoothed(self, x: Array) -> Array:
+        """Low-pass along the first axis (`hil.regression.window`)."""
+
+    def away_from(self, excluded: Mask) -> Mask:
+        """Samples that nothing connects to the `excluded` ones, shape (n,)."""
+
+
+def columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array, Array]:
+    """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...)."""
+    rows = regressor(robot, motion.q, motion.qd, motion.qdd, joints=[axis])[:, 0]
+    v = motion.qd[:, axis] / robot.velocity_limit[axis]
+    angle = robot.gear_ratio[axis] * motion.q[:, axis]
+    return rows, _common(angle, v), _friction(motion, v)
+
+
+def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
+    """Samples of an axis away from reversals, shape (n,)."""
+    slow = np.abs(motion.smoothed(motion.qd[:, axis])) < SLOW * robot.velocity_limit[axis]
+    return motion.away_from(slow)
+
+
+def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
+    """Samples of an axis in steady motion, away from reversals and corners, shape (n,)."""
+    jerk = np.abs(np.gradient(motion.smoothed(motion.qdd[:, axis]), motion.period))
+    steady: Mask = jerk < JERK * robot.acceleration_limit[axis]
+    return moving(robot, motion, axis) & steady
+
+
+def place(robot: Robot, axis: int) -> NDArray[np.intp]:
+    """Where base parameters and an axis's common terms stand among all unknowns."""
+    n_base = len(base_parameters(robot))
+    first = n_base + axis * N_COMMON
+    return np.concatenate([np.arange(n_base), np.arange(first, first + N_COMMON)])
+
+
+def n_unknowns(robot: Robot) -> int:
+    """Base parameters and, axis by axis, the common terms."""
+    return len(base_parameters(robot)) + robot.n_joints * N_COMMON
+
+
+def _friction(motion: Motion, v: Array) -> Array:
+    direction = np.sign(motion.smoothed(v))
+    duration = max(float(np.ptp(motion.time)), motion.period)
+    elapsed = (motion.time - motion.time.mean()) / duration
+    return np.column_stack([direction, v, np.cbrt(v), direction * elapsed])
+
+
+def _common(angle: Array, v: Array) -> Array:
+    angles = angle[:, np.newaxis] * np.array(RIPPLE_ORDERS)
+    return np.column_stack([np.ones(len(v)), np.abs(v), np.cos(angles), np.sin(angles)])

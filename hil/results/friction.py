@@ -1,0 +1,152 @@
+"""Everything that a run says about friction, evaluated from its folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.estimation.friction import symmetry
+from hil.estimation.friction.drift import Level, drift
+from hil.estimation.friction.history import history
+from hil.estimation.friction.model_choice import choose
+from hil.estimation.friction.points import GravityModel, points
+from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import Friction
+from hil.results.model_file import load_model, recorded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from hil.estimation.friction.drift import Drift
+    from hil.estimation.friction.history import History
+    from hil.estimation.friction.model_choice import AxisFriction
+    from hil.estimation.friction.points import FrictionPoint
+    from hil.estimation.friction.symmetry import Symmetry
+    from hil.estimation.local_fits import LocalValue
+    from hil.model.robot import Robot
+    from hil.runs.run_folder import RunFolder
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionResult:
+    """Everything that a run says about friction.
+
+    Attributes
+    ----------
+    robot : Robot
+    planned : dict
+        Friction measurements by id.
+    points : tuple of FrictionPoint
+        In the order of the plan.
+    axes : tuple of AxisFriction
+        Axes with enough speeds for models.
+    symmetry : tuple of Symmetry
+        Axes whose gravity torque is known.
+    drifts : tuple of Drift
+        Axes with enough levels over time.
+    history : History
+    left_out : tuple of str
+    model_folder : str, optional
+        Run whose model compensated gravity.
+    """
+
+    robot: Robot
+    planned: dict[str, Friction]
+    points: tuple[FrictionPoint, ...]
+    axes: tuple[AxisFriction, ...]
+    symmetry: tuple[Symmetry, ...]
+    drifts: tuple[Drift, ...]
+    history: History
+    left_out: tuple[str, ...]
+    model_folder: str | None
+
+    @property
+    def gravity(self) -> str:
+        """How gravity was compensated."""
+        return f"model of {self.model_folder}" if self.model_folder else "half-differences"
+
+    def of_axis(self, axis: int) -> list[FrictionPoint]:
+        """Points of one axis (index from 0)."""
+        return [point for point in self.points if point.axis == axis]
+
+
+def evaluate(
+    folder: RunFolder, model_folder: Path | None = None, bound: float = symmetry.BOUND
+) -> FrictionResult:
+    """Evaluate the friction measurements of a run.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    model_folder : path, optional
+        Folder of an identified run whose model compensates gravity; without it half-differences of
+        both directions do.
+    bound : float
+        Asymmetry that is let pass, as share of the friction level.
+
+    Raises
+    ------
+    FileError
+        No friction measurements, a damaged recording, or a model of another robot.
+    """
+    robot = folder.robot
+    everything = list(recorded(folder))
+    chosen = [(m, r) for m, r in everything if isinstance(m, Friction)]
+    if not chosen:
+        raise FileError(
+            f"{folder.path}: holds no friction measurements; plan some with: hil friction plan"
+            f" {robot.name} -o friction.yaml"
+        )
+    found, left_out = points(robot, chosen, _gravity_model(robot, model_folder))
+    axes = sorted({point.axis for point in found})
+    own = {axis: [point for point in found if point.axis == axis] for axis in axes}
+    fits = [choose(axis, own[axis], float(robot.velocity_limit[axis])) for axis in axes]
+    past = history(robot, everything)
+    drifts = [drift(axis, _levels(robot, own[axis]), past) for axis in axes]
+    return FrictionResult(
+        robot=robot,
+        planned={m.id: m for m, _ in chosen},
+        points=tuple(found),
+        axes=tuple(fit for fit in fits if fit),
+        symmetry=tuple(symmetry.of_points(found, bound)),
+        drifts=tuple(each for each in drifts if each),
+        history=past,
+        left_out=tuple(left_out),
+        model_folder=str(model_folder) if model_folder else None,
+    )
+
+
+def campaign_drifts(robot: Robot, local: Iterable[LocalValue], past: History) -> tuple[Drift, ...]:
+    """Time constants from the friction that step 1 finds by the way."""
+    values = [value for value in local if value.friction > 0]
+    drifts = [
+        drift(axis, [Level(v.time, v.friction, v.kind) for v in values if v.axis == axis], past)
+        for axis in range(robot.n_joints)
+    ]
+    return tuple(each for each in drifts if each)
+
+
+def _levels(robot: Robot, own: Sequence[FrictionPoint]) -> list[Level]:
+    """Levels of one axis, those of one speed together."""
+    return [
+        Level(p.time, p.friction, f"{100 * p.velocity / robot.velocity_limit[p.axis]:.0f} %")
+        for p in own
+        if p.friction > 0
+    ]
+
+
+def _gravity_model(robot: Robot, model_folder: Path | None) -> GravityModel | None:
+    if model_folder is None:
+        return None
+    model = load_model(model_folder)
+    names = tuple(parameter.name for parameter in model.parameters)
+    if names != base_parameters(robot).names:
+        raise FileError(
+            f"{model_folder}: its model is about {model.provenance.robot}, whose parameters are not"
+            f" those of {robot.name}; give a run of this robot"
+        )
+    return GravityModel(model.p, np.array(model.covariance))

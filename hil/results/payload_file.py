@@ -1,0 +1,212 @@
+"""`payload.yaml`: a load as it was found from two runs, in the folder of the loaded one.
+
+Reports show it without computing it again: Table 3, the load, the drives' gains, and what Figs. 5
+and 6 need of both runs. The file says of which recordings it was made.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import yaml
+
+from checked_files.yaml_file import FileModel, load_yaml
+from hil.model.base_parameters import base_parameters, link_share
+from hil.results.stamp import RunStamp, same_parameters
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now
+from hil.runs.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.payload import Quantity
+    from hil.estimation.torque_constants import Gains
+    from hil.results.payload import Load
+
+NAME = "payload.yaml"
+DRAWN = ("gravity", "inertia")
+"""Kinds of measurement that Figs. 5 and 6 show."""
+
+
+class Change(FileModel):
+    """A column of Table 3: one base parameter without and with the load."""
+
+    name: str
+    unit: str
+    without: float
+    loaded: float
+    change: float
+    standard_error: float
+    expected: float
+    share: str
+    """Of the load in it."""
+
+
+class QuantityRecord(FileModel):
+    """A figure of the load."""
+
+    name: str
+    value: float
+    standard_error: float
+    unit: str
+
+
+class GainRecord(FileModel):
+    """Torque constant of one axis by the known mass [N m/A]; `error` is relative."""
+
+    axis: int
+    assumed: float
+    told: bool
+    corrected: float
+    standard_error: float
+    error: float
+    error_standard_error: float
+
+
+class Element(FileModel):
+    """One measurement by itself: an element of g(q) or M(q), measured and modelled."""
+
+    id: str
+    kind: Literal["gravity", "inertia"]
+    axis: int
+    value: float
+    standard_error: float | None
+    model: float
+
+
+class LoadFile(FileModel):
+    """Content of `payload.yaml`.
+
+    Attributes
+    ----------
+    without, loaded : RunStamp
+    mass : float or None
+        As it was given [kg].
+    chi_squared, degrees_of_freedom, p_value
+        Of what a rigid load leaves of the changes.
+    unseen : tuple of str
+        Parameters of the load that the robot file takes as zero.
+    elements_without, elements_loaded : tuple of Element
+        What Figs. 5 and 6 are drawn from, in the plans' order; axes count from 1.
+    """
+
+    format: Literal[1] = 1
+    made: str
+    version: str
+    without: RunStamp
+    loaded: RunStamp
+    mass: float | None
+    changes: tuple[Change, ...]
+    load: tuple[QuantityRecord, ...]
+    chi_squared: float
+    degrees_of_freedom: int
+    p_value: float
+    unseen: tuple[str, ...]
+    gains: tuple[GainRecord, ...]
+    elements_without: tuple[Element, ...]
+    elements_loaded: tuple[Element, ...]
+
+    def stale(self, folder: RunFolder, estimate: Estimate) -> str:
+        """Why it does not belong to these runs as they are now; empty if it does."""
+        return (
+            self.loaded.change(folder)
+            or self.without.change_beside(folder)
+            or same_parameters([each.loaded for each in self.changes], estimate.p)
+        )
+
+
+def write_load(without: Path, loaded: Path, found: Load) -> Path:
+    """Write `payload.yaml` into the loaded run's folder, whole or not at all."""
+    folders = RunFolder.open(without), RunFolder.open(loaded)
+    path = folders[1].path / NAME
+    content = _content(*folders, found).model_dump(mode="json")
+    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
+    return path
+
+
+def load_payload(folder: RunFolder) -> LoadFile | None:
+    """Read what was found of a load in a run, if anything was.
+
+    Raises
+    ------
+    FileError
+        A damaged file.
+    """
+    path = folder.path / NAME
+    return load_yaml(path, LoadFile) if path.exists() else None
+
+
+def _content(without: RunFolder, loaded: RunFolder, found: Load) -> LoadFile:
+    payload = found.payload
+    return LoadFile(
+        made=now(),
+        version=version("canopen-robot-identification"),
+        without=RunStamp.of(without, beside=loaded),
+        loaded=RunStamp.of(loaded),
+        mass=found.mass,
+        changes=_changes(found),
+        load=tuple(_quantity(q) for q in payload.quantities()),
+        chi_squared=payload.chi_squared,
+        degrees_of_freedom=payload.degrees_of_freedom,
+        p_value=payload.p_value,
+        unseen=payload.unseen,
+        gains=_gains(found, found.gains) if found.gains else (),
+        elements_without=_elements(found.before),
+        elements_loaded=_elements(found.after),
+    )
+
+
+def _changes(found: Load) -> tuple[Change, ...]:
+    base, payload = base_parameters(found.robot), found.payload
+    shares = link_share(found.robot, found.robot.n_joints - 1)
+    return tuple(
+        Change(
+            name=name,
+            unit=base.units[k],
+            without=float(payload.before[k]),
+            loaded=float(payload.after[k]),
+            change=float(payload.change[k]),
+            standard_error=float(payload.standard_error[k]),
+            expected=float(payload.expected[k]),
+            share=shares[k],
+        )
+        for k, name in enumerate(base.names)
+    )
+
+
+def _quantity(q: Quantity) -> QuantityRecord:
+    return QuantityRecord(name=q.name, value=q.value, standard_error=q.standard_error, unit=q.unit)
+
+
+def _gains(found: Load, gains: Gains) -> tuple[GainRecord, ...]:
+    return tuple(
+        GainRecord(
+            axis=k + 1,
+            assumed=float(assumed),
+            told=bool(gains.told[k]),
+            corrected=float(gains.constant[k]),
+            standard_error=float(gains.constant_error[k]),
+            error=float(gains.error[k]),
+            error_standard_error=float(gains.standard_error[k]),
+        )
+        for k, assumed in enumerate(found.robot.torque_constant)
+    )
+
+
+def _elements(estimate: Estimate) -> tuple[Element, ...]:
+    return tuple(
+        Element(
+            id=value.id,
+            kind="gravity" if value.kind == "gravity" else "inertia",
+            axis=value.axis + 1,
+            value=value.value,
+            standard_error=None if np.isnan(value.standard_error) else value.standard_error,
+            model=value.model,
+        )
+        for value in estimate.local
+        if value.kind in DRAWN
+    )

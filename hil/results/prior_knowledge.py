@@ -1,0 +1,36 @@
+"""What earlier runs of a robot teach for the next plan: its noise, and what is known already."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+from hil.estimation.identify import prepare
+from hil.estimation.noise_levels import noise_levels
+from hil.estimation.torque_lag import find_lags
+from hil.runs.pooling import pooled
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.estimation.noise_levels import Levels
+    from hil.runs.run_folder import RunFolder
+
+
+def experience(folders: Sequence[RunFolder]) -> Levels:
+    """Noise that runs of one robot show, and what they tell of its parameters.
+
+    Raises
+    ------
+    FileError
+        A damaged recording, or no measurement of use.
+    """
+    robot = folders[0].robot
+    raw, _ = prepare(pooled(folders))
+    if not raw:
+        raise FileError(
+            f"{folders[0].path}: no measurement of gravity, inertia or coupling is there; measure"
+            " some with --resume"
+        )
+    lag = find_lags(robot, raw).lag
+    return noise_levels(robot, [(measurement, s.torque_advanced(lag)) for measurement, s in raw])

@@ -1,0 +1,92 @@
+"""Of which run, in which state, a result was made: so that a stale one is noticed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileModel
+from hil.runs.atomic_file import operator_told
+from hil.runs.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+SAME = 1e-6
+"""Relative difference of parameters up to which they are the same estimate's."""
+
+
+class RunStamp(FileModel):
+    """A run as it was when a result was made of it.
+
+    Attributes
+    ----------
+    folder : str
+        Path, from the folder that holds the result.
+    measured : str
+        When its last session began.
+    robot_digest, plan_digest : str
+    recordings : str
+        Digest of all recordings, byte by byte.
+    """
+
+    folder: str
+    measured: str
+    robot_digest: str
+    plan_digest: str
+    recordings: str
+
+    @classmethod
+    def of(cls, folder: RunFolder, beside: RunFolder | None = None) -> RunStamp:
+        """Stamp of a run as it is now; `beside`: the run that holds the result, if another."""
+        holder = folder if beside is None else beside
+        sessions = folder.journal.sessions
+        return cls(
+            folder=os.path.relpath(folder.path, holder.path),
+            measured=sessions[-1].started if sessions else "",
+            robot_digest=folder.robot.digest,
+            plan_digest=folder.plan.digest,
+            recordings=_recordings(folder),
+        )
+
+    def change(self, folder: RunFolder) -> str:
+        """Tell what of the run is no longer as it was; empty if all is."""
+        now = RunStamp.of(folder)
+        for name, then, is_now in (
+            ("robot file", self.robot_digest, now.robot_digest),
+            ("plan", self.plan_digest, now.plan_digest),
+            ("recordings", self.recordings, now.recordings),
+        ):
+            if then != is_now:
+                return f"the {name} of {folder.path} changed since"
+        return ""
+
+    def change_beside(self, holder: RunFolder) -> str:
+        """Tell the same of another run than the one that holds the result; gone is no change."""
+        path = holder.path / self.folder
+        return self.change(RunFolder.open(path)) if path.exists() else ""
+
+
+def _recordings(folder: RunFolder) -> str:
+    digest = hashlib.sha256()
+    for measurement in folder.plan.measurements:
+        path = folder.recording_path(measurement)
+        if path.exists():
+            with operator_told(path, "read"):
+                digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def same_parameters(then: Sequence[float], now: NDArray[np.float64]) -> str:
+    """Tell whether a result stood beside another estimate than today's; empty if it did not.
+
+    Recordings may be the same and the program another.
+    """
+    if len(then) == len(now) and np.allclose(then, now, rtol=SAME, atol=SAME):
+        return ""
+    return "the parameters of the same recordings are estimated differently now"

@@ -1,0 +1,1 @@
+"""Data on disk: recordings, run folders, their journals. Nothing moves here."""

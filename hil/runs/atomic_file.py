@@ -1,0 +1,102 @@
+"""Files that are either there and whole, or not there.
+
+Content is written beside its place as ``.part``, flushed to the disk, renamed, and the folder's
+entry flushed too: neither a kill nor a power cut leaves half a file under the real name.
+
+A folder may come from a stranger, with symbolic links in it that lead to files of the user's. So a
+part has a name that cannot be foreseen and is a file that was not there before, and a link under
+the real name is replaced, not followed. Folders within such a folder are those that `own_folder`
+made or found to be no link. What the user names on the command line is the user's to choose.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+PART = ".part"
+_FRESH = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+_ENDING = re.compile(rf"(\.[0-9a-f]{{8}})?{re.escape(PART)}$")
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write `content` to `path`, whole or not at all.
+
+    Raises
+    ------
+    FileError
+        Disk full, read-only, folder gone.
+    """
+    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}{PART}")
+    with operator_told(path, "written"):
+        try:
+            with os.fdopen(os.open(part, _FRESH, 0o666), "wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        except BaseException:  # what does not fit only fills the disk, and an interrupt wants none
+            with suppress(OSError):
+                part.unlink()
+            raise
+        _flush_folder(path.parent)
+
+
+def whole_name(name: str) -> str:
+    """Return what the file with this name is or was to become: a part's name without its ending."""
+    return _ENDING.sub("", name)
+
+
+def own_folder(path: Path) -> None:
+    """Make a folder within another one, or take the one that is there.
+
+    Raises
+    ------
+    FileError
+        It is a symbolic link, or cannot be made.
+    """
+    refuse_link(path)
+    with operator_told(path, "made"):
+        path.mkdir(exist_ok=True)
+
+
+def refuse_link(path: Path) -> None:
+    """Refuse to write into a folder within another one that leads elsewhere.
+
+    Raises
+    ------
+    FileError
+        It is a symbolic link.
+    """
+    if path.is_symlink():
+        raise FileError(
+            f"{path}: is a symbolic link to {path.readlink()}, and nothing is written behind it;"
+            " put a folder in its place, or move the whole folder about it instead"
+        )
+
+
+@contextmanager
+def operator_told(path: Path, what: str) -> Iterator[None]:
+    """Turn an error of the file system into a `FileError` that names file and reason."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileError(f"{path}: cannot be {what}: {reason}") from error
+
+
+def _flush_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

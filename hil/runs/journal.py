@@ -1,0 +1,128 @@
+"""`run.json`: who measured when, on what, and why it ended.
+
+A run may take several sessions: each `hil run` with ``--resume`` adds one. Digests of plan, robot
+file and drives file say whether a later session still measures the same thing.
+"""
+
+from __future__ import annotations
+
+import platform
+import sys
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from checked_files.yaml_file import FileError, FileModel, load_yaml
+from hil.runs.atomic_file import write_file
+from hil.runs.sync_timing import SyncTiming
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from drivers.drive_bus import AxisInfo
+
+SIMULATED = "sim_plant"
+"""python-can's interface of the virtual plant, whose channels are named like their robots."""
+PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h5py")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that measure."""
+    found = {"python": sys.version.split()[0]}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+class Axis(FileModel):
+    """What a drive told about itself."""
+
+    name: str
+    identity: str
+    torque_resolution: float
+    position_resolution: float
+
+
+class Session(FileModel):
+    """One stretch of measuring, from entering the bus to leaving it."""
+
+    started: str
+    ended: str | None = None
+    reason: str = "was killed"
+    bus: str
+    axes: tuple[Axis, ...] = ()
+    sync: SyncTiming = SyncTiming()
+    real_time: tuple[str, ...] = ()
+    """What the system granted of real time; empty where it was not asked."""
+    notes: tuple[str, ...] = ()
+    host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
+    versions: dict[str, str] = Field(default_factory=versions)
+
+
+class Journal(FileModel):
+    """Content of `run.json`."""
+
+    format: Literal[1] = 1
+    plan_digest: str
+    robot_digest: str
+    drives_digest: str | None = None
+    rehearsed: float | None = None
+    """Share of the speed limits at which all ways of the plan were passed before."""
+    sessions: tuple[Session, ...] = ()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether all of it was measured on the virtual plant."""
+        return bool(self.sessions) and all(s.bus.split()[0] == SIMULATED for s in self.sessions)
+
+    def with_session(self, session: Session) -> Journal:
+        """Return the journal with one more session."""
+        return self.model_copy(update={"sessions": (*self.sessions, session)})
+
+    def with_last(self, **changes: object) -> Journal:
+        """Return the journal with the last session changed."""
+        last = self.sessions[-1].model_copy(update=changes)
+        return self.model_copy(update={"sessions": (*self.sessions[:-1], last)})
+
+
+def axis_records(axes: Sequence[AxisInfo]) -> tuple[Axis, ...]:
+    """Keep what identifies the axes and how finely they measure."""
+    return tuple(
+        Axis(
+            name=axis.name,
+            identity=axis.identity,
+            torque_resolution=axis.torque_resolution,
+            position_resolution=axis.position_resolution,
+        )
+        for axis in axes
+    )
+
+
+def now() -> str:
+    """Return the time of the host's clock, ISO 8601, UTC."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def read_journal(path: Path) -> Journal:
+    """Read `run.json`.
+
+    Raises
+    ------
+    FileError
+        It is missing or damaged.
+    """
+    try:
+        return load_yaml(path, Journal)  # JSON is YAML, and so an error has its line
+    except FileError as error:
+        raise FileError(f"{error}; is this the folder of a run?") from error
+
+
+def write_journal(path: Path, journal: Journal) -> None:
+    """Write `run.json`, whole or not at all."""
+    write_file(path, journal.model_dump_json(indent=2).encode() + b"\n")

@@ -1,0 +1,72 @@
+"""Several runs of one robot as one campaign.
+
+Friction is fitted measurement by measurement, so runs of different days can be identified together;
+what is common to all measurements of an axis (offset, ripple over the motor's angle, the lag of the
+current) must have stayed as it was. Time goes on from one run to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+from hil.runs.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from hil.planning.measurement import Measurement
+    from hil.runs.recording import Recording
+    from hil.runs.recording_file import Measured
+
+
+def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[Measurement, Recording]]:
+    """All recordings of a run folder; bus time goes on from one session to the next."""
+    session, offset, last = 0, 0.0, 0.0
+    for measured in campaign:
+        if measured.session != session:
+            session, offset = measured.session, last
+        recording = measured.recording
+        shifted = replace(recording, time=recording.time + offset)
+        last = max(last, float(shifted.time[-1]))
+        yield measured.measurement, shifted
+
+
+def open_runs(paths: Sequence[Path | str]) -> list[RunFolder]:
+    """Open run folders of one robot.
+
+    Raises
+    ------
+    FileError
+        One is no run folder, of another robot, or named twice.
+    """
+    folders = [RunFolder.open(path) for path in paths]
+    for number, folder in enumerate(folders):
+        first = folders[0]
+        if folder.robot.digest != first.robot.digest:
+            raise FileError(
+                f"{folder.path}: was measured with another robot file than {first.path}"
+                f" ({folder.robot.name} {folder.robot.digest[:12]}, {first.robot.name}"
+                f" {first.robot.digest[:12]}); only runs of one robot can be taken together"
+            )
+        if folder.path.resolve() in [other.path.resolve() for other in folders[:number]]:
+            raise FileError(f"{folder.path}: is named twice; name each run once")
+    return folders
+
+
+def pooled(folders: Sequence[RunFolder]) -> Iterator[tuple[Measurement, Recording]]:
+    """Recordings of all runs; ids that an earlier run has get the number of theirs."""
+    taken: set[str] = set()
+    offset = last = 0.0
+    for number, folder in enumerate(folders, start=1):
+        own: set[str] = set()
+        for measurement, recording in recorded(folder):
+            name = measurement.id if measurement.id not in taken else f"{measurement.id}.{number}"
+            own.add(name)
+            shifted = replace(recording, time=recording.time + offset)
+            last = max(last, float(shifted.time[-1]))
+            yield measurement.model_copy(update={"id": name}), shifted
+        taken |= own
+        offset = last

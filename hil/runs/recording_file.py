@@ -1,0 +1,139 @@
+"""One measurement as an HDF5 file: arrays with units, what was planned, what was found.
+
+The file is made in memory and written whole, so that it takes two copies of a small array instead
+of a file that is open while the robot moves. A checksum over names, types, shapes and content is
+verified whenever a file is read; any HDF5 tool can read it all the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from checked_files.yaml_file import FileError
+from hil.planning.measurement import Measurement
+from hil.runs.atomic_file import write_file
+from hil.runs.finding import Finding
+from hil.runs.recording import Recording
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FORMAT = 1
+UNITS = {
+    "time": "s",
+    "q": "rad",
+    "tau": "N m",
+    "flags": "bits: 1 missing, 2 doubled, 4 late, 8 internal limit",
+    "stroke": "number, even forward, odd back, -1 at rest",
+    "partner_stroke": "number, even forward, odd back, -1 at rest",
+}
+_measurement: TypeAdapter[Measurement] = TypeAdapter(Measurement)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """A measurement as it lies in a run folder.
+
+    Attributes
+    ----------
+    measurement : Gravity, Inertia or Coupling
+        What was planned.
+    recording : Recording
+        What was measured.
+    attempts : int
+        How often it was tried.
+    findings : tuple of Finding
+        What is wrong with it; empty if nothing.
+    session : int
+        In which session of the run, from 0; time begins anew in each.
+    """
+
+    measurement: Measurement
+    recording: Recording
+    attempts: int = 1
+    findings: tuple[Finding, ...] = ()
+    session: int = 0
+
+
+def write_measured(path: Path, measured: Measured) -> None:
+    """Write a measurement, whole or not at all.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    arrays = {field.name: getattr(measured.recording, field.name) for field in fields(Recording)}
+    meta: dict[str, str | int] = {
+        "format": FORMAT,
+        "measurement": measured.measurement.model_dump_json(),
+        "attempts": measured.attempts,
+        "findings": json.dumps([asdict(finding) for finding in measured.findings]),
+        "session": measured.session,
+    }
+    image = io.BytesIO()
+    with h5py.File(image, "w") as file:
+        for name, array in arrays.items():
+            file.create_dataset(name, data=array).attrs["unit"] = UNITS[name]
+        file.attrs.update(meta)
+        file.attrs["checksum"] = _checksum(arrays, meta)
+    write_file(path, image.getvalue())
+
+
+def read_measured(path: Path) -> Measured:
+    """Read a measurement and verify its checksum.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged or of another format.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            arrays = {field.name: np.asarray(file[field.name]) for field in fields(Recording)}
+            attributes = dict(file.attrs)
+        return _decode(path, arrays, attributes)
+    except FileNotFoundError as error:
+        raise FileError(f"{path}: cannot be read: no such file") from error
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError, ValidationError) as error:
+        raise FileError(
+            f"{path}: is damaged: {str(error).splitlines()[0]}; measure it again with --resume"
+        ) from error
+
+
+def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, object]) -> Measured:
+    keys = ("format", "measurement", "attempts", "findings", "session")
+    meta = {
+        key: value if isinstance(value := attributes[key], str) else int(str(value)) for key in keys
+    }
+    if meta["format"] != FORMAT:
+        raise FileError(f"{path}: format {meta['format']} must be {FORMAT}; use another version")
+    if attributes["checksum"] != _checksum(arrays, meta):
+        raise FileError(
+            f"{path}: content does not fit its checksum; measure it again with --resume"
+        )
+    return Measured(
+        measurement=_measurement.validate_json(str(meta["measurement"])),
+        recording=Recording(**arrays),
+        attempts=int(meta["attempts"]),
+        findings=tuple(Finding(**item) for item in json.loads(str(meta["findings"]))),
+        session=int(meta["session"]),
+    )
+
+
+def _checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:
+    digest = hashlib.blake2b()
+    for name, array in sorted(arrays.items()):
+        little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        digest.update(f"{name} {little.dtype.str} {little.shape}\n".encode())
+        digest.update(little.tobytes())
+    digest.update(json.dumps(meta, sort_keys=True).encode())
+    return digest.hexdigest()

@@ -1,0 +1,353 @@
+"""A run is a folder, and everything about it can be redone from there without hardware::
+
+    plan.yaml         what was to be measured
+    robot.yaml        the robot file, verbatim
+    drives.yaml       the drives file, verbatim, if there was one
+    run.json          sessions: versions, host, bus, axes, times, why each ended
+    found-settings.yaml  what the drives held before they were written to
+    recordings/ID.h5  one file for each measurement that is done
+
+A measurement is done when its file is there and whole. To resume is to measure what has no such
+file; a damaged one is set aside under another name first. `run.json` comes last when a run is
+begun: a folder without it holds nothing that was measured, and is begun anew.
+"""  # noqa: D400 - the summary leads into the listing
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError, FileModel, load_yaml
+from hil.model.robot import Robot, load_robot
+from hil.planning.plan import Plan, dump_plan, load_plan
+from hil.runs.atomic_file import (
+    PART,
+    operator_told,
+    own_folder,
+    refuse_link,
+    whole_name,
+    write_file,
+)
+from hil.runs.journal import (
+    Journal,
+    Session,
+    axis_records,
+    now,
+    read_journal,
+    write_journal,
+)
+from hil.runs.recording_file import Measured, read_measured, write_measured
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from drivers.drive_bus import AxisInfo
+    from hil.planning.measurement import Measurement
+    from hil.runs.sync_timing import SyncTiming
+
+DAMAGED = ".damaged"
+_SETTINGS = "found-settings.yaml"
+_STUB = {"recordings", "plan.yaml", "robot.yaml", "drives.yaml", "run.json"}
+
+
+class _FoundSettings(FileModel, extra="ignore"):
+    """As much of the drives' found settings as concerns the folder."""
+
+    restored: bool
+
+
+class RunFolder:
+    """The folder of a run.
+
+    Attributes
+    ----------
+    path : Path
+    plan : Plan
+    robot : Robot
+    journal : Journal
+    """
+
+    def __init__(self, path: Path, plan: Plan, robot: Robot, journal: Journal) -> None:
+        self.path = path
+        self.plan = plan
+        self.robot = robot
+        self.journal = journal
+
+    @classmethod
+    def create(
+        cls, path: Path | str, plan: Plan, robot: Robot, drives: str | None = None
+    ) -> RunFolder:
+        """Make the folder of a new run.
+
+        Parameters
+        ----------
+        drives : str, optional
+            Text of the drives file.
+
+        Raises
+        ------
+        FileError
+            There is something at `path` already, or it cannot be written.
+        """
+        path = Path(path)
+        if path.exists() and not (cls.is_stub(path) or _is_empty(path)):
+            raise FileError(
+                f"{path}: is there already; go on with --resume, or choose another folder with -o"
+            )
+        with operator_told(path, "made"):
+            path.mkdir(parents=True, exist_ok=True)
+        own_folder(path / "recordings")
+        write_file(path / "plan.yaml", dump_plan(plan).encode())
+        write_file(path / "robot.yaml", robot.text.encode())
+        if drives is not None:
+            write_file(path / "drives.yaml", drives.encode())
+        journal = Journal(
+            plan_digest=plan.digest, robot_digest=robot.digest, drives_digest=_digest(drives)
+        )
+        write_journal(path / "run.json", journal)
+        return cls(path, plan, robot, journal)
+
+    @classmethod
+    def open(cls, path: Path | str) -> RunFolder:
+        """Open the folder of a run.
+
+        Raises
+        ------
+        FileError
+            It is no run folder, or one of its files was changed or damaged.
+        """
+        path = Path(path)
+        if not path.is_dir():
+            raise FileError(f"{path}: is no run folder; make one with: hil run plan.yaml -o {path}")
+        journal = read_journal(path / "run.json")
+        if _digest_of(path / "drives.yaml") != journal.drives_digest:
+            raise _changed(path / "drives.yaml")
+        robot = load_robot(path / "robot.yaml")
+        plan = load_plan(path / "plan.yaml", robot)
+        if plan.digest != journal.plan_digest:
+            raise _changed(path / "plan.yaml")
+        return cls(path, plan, robot, journal)
+
+    @staticmethod
+    def is_stub(path: Path) -> bool:
+        """Tell whether a run folder was killed while it was made: there is nothing to resume."""
+        recordings = path / "recordings"
+        with operator_told(path, "read"):
+            if (path / "run.json").exists() or recordings.is_symlink() or not _is_empty(recordings):
+                return False
+            return all(whole_name(entry.name) in _STUB for entry in path.iterdir())
+
+    def refuse_changes(self, plan: Plan, robot: Robot, drives: str | None = None) -> None:
+        """Refuse to resume with another plan, robot or drives than the run was started with.
+
+        Raises
+        ------
+        FileError
+            Something differs.
+        """
+        for name, then, given in (
+            ("plan", self.journal.plan_digest, plan.digest),
+            ("robot file", self.journal.robot_digest, robot.digest),
+            ("drives file", self.journal.drives_digest, _digest(drives)),
+        ):
+            if then != given:
+                raise FileError(
+                    f"{self.path}: the {name} differs from the one that the run was started with;"
+                    " resume with the same, or start a new run with -o"
+                )
+
+    def refuse_other_drives(self, axes: Sequence[AxisInfo]) -> None:
+        """Refuse to go on with other drives than those that the run was started on.
+
+        Raises
+        ------
+        FileError
+            The identity of one differs.
+        """
+        known = next((s.axes for s in self.journal.sessions if s.axes), ())
+        for then, present in zip(known, axis_records(axes), strict=False):
+            if then.identity != present.identity:
+                raise FileError(
+                    f"{self.path}: the drive of {present.name} was {then.identity} when the run was"
+                    f" started, now it is {present.identity}; resume on the same machine, or start"
+                    " a new run with -o"
+                )
+
+    def recording_path(self, measurement: Measurement) -> Path:
+        """Where the recording of `measurement` lies, once it is there."""
+        return self.path / "recordings" / f"{measurement.id}.h5"
+
+    def write(self, measured: Measured) -> None:
+        """Keep a recording, whole or not at all."""
+        refuse_link(self.path / "recordings")
+        write_measured(self.recording_path(measured.measurement), measured)
+
+    def read(self, measurement: Measurement) -> Measured:
+        """Read and verify the recording of `measurement`.
+
+        Raises
+        ------
+        FileError
+            It is missing or damaged.
+        """
+        path = self.recording_path(measurement)
+        measured = read_measured(path)
+        if measured.measurement != measurement:
+            raise FileError(
+                f"{path}: holds another measurement than {measurement.id} of the plan;"
+                " measure it again with --resume"
+            )
+        return measured
+
+    def __iter__(self) -> Iterator[Measured]:
+        """Read what is there, in the plan's order; a damaged recording is a `FileError`."""
+        for measurement in self.plan.measurements:
+            if self.recording_path(measurement).exists():
+                yield self.read(measurement)
+
+    @property
+    def missing(self) -> tuple[Measurement, ...]:
+        """Measurements without a recording, in the plan's order."""
+        return tuple(m for m in self.plan.measurements if not self.recording_path(m).exists())
+
+    @property
+    def shortfall(self) -> str:
+        """What an estimate from this folder must be told with; empty when the run is whole."""
+        missing, planned = len(self.missing), len(self.plan.measurements)
+        if not missing:
+            return ""
+        are = "is" if missing == 1 else "are"
+        return f"{missing} of {planned} measurements {are} missing; measure them with --resume"
+
+    def set_aside_damaged(self) -> list[str]:
+        """Prepare to resume: rename damaged recordings, remove unfinished ones.
+
+        Returns
+        -------
+        list of str
+            What is wrong with each file set aside, and its new name.
+
+        Raises
+        ------
+        FileError
+            The recordings lie behind a symbolic link, or cannot be renamed.
+        """
+        told = []
+        refuse_link(self.path / "recordings")
+        with operator_told(self.path / "recordings", "cleaned up"):
+            for part in (*self.path.glob(f"*{PART}"), *self.path.glob(f"recordings/*{PART}")):
+                part.unlink()
+        for measurement in self.plan.measurements:
+            path = self.recording_path(measurement)
+            if not path.exists():
+                continue
+            try:
+                self.read(measurement)
+            except FileError as error:
+                with operator_told(path, "set aside"):
+                    aside = path.replace(_unused(path))
+                told.append(f"{error}; kept as {aside.name}, will be measured again")
+        return told
+
+    def discard_if_empty(self) -> bool:
+        """Remove the folder if nothing was rehearsed or measured; return whether it is gone."""
+        if not self.path.exists():
+            return True
+        if self.journal.rehearsed or any((self.path / "recordings").iterdir()):
+            return False
+        if not self._settings_restored:
+            return False
+        with operator_told(self.path, "removed"):
+            for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json", _SETTINGS):
+                (self.path / name).unlink(missing_ok=True)
+            (self.path / "recordings").rmdir()
+            if not any(self.path.iterdir()):
+                self.path.rmdir()
+        return True
+
+    @property
+    def _settings_restored(self) -> bool:
+        """Whether no drive needs what the folder keeps of it."""
+        path = self.path / _SETTINGS
+        return not path.exists() or load_yaml(path, _FoundSettings).restored
+
+    @contextmanager
+    def session(self, bus_name: str, real_time: Sequence[str] = ()) -> Iterator[int]:
+        """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
+        number = len(self.journal.sessions)
+        started = Session(started=now(), bus=bus_name, real_time=tuple(real_time))
+        self._note(self.journal.with_session(started))
+        try:
+            yield number
+        except BaseException as error:
+            with suppress(FileError):  # a full disk has been told already
+                self._note(self.journal.with_last(ended=now(), reason=_reason(error)))
+            raise
+        self._note(self.journal.with_last(ended=now(), reason="finished"))
+
+    @property
+    def only_rehearsed(self) -> bool:
+        """Whether the plan was rehearsed and nothing has been measured yet."""
+        recorded = any((self.path / "recordings").iterdir())
+        return self.journal.rehearsed is not None and not recorded
+
+    def note_rehearsed(self, speed: float) -> None:
+        """Note that all ways of the plan were passed at this share of the speed limits."""
+        self._note(self.journal.model_copy(update={"rehearsed": speed}))
+
+    def keep_axes(self, axes: Sequence[AxisInfo]) -> None:
+        """Note what the drives told about themselves; goes to the disk with `save_journal`."""
+        self.journal = self.journal.with_last(axes=axis_records(axes))
+
+    def keep_notes(self, notes: Sequence[str]) -> None:
+        """Note what the operator should know; goes to the disk with the session's end."""
+        self.journal = self.journal.with_last(notes=tuple(notes))
+
+    def keep_timing(self, timing: SyncTiming) -> None:
+        """Note how SYNC kept its period; goes to the disk with the session's end."""
+        self.journal = self.journal.with_last(sync=timing)
+
+    def _note(self, journal: Journal) -> None:
+        self.journal = journal
+        self.save_journal()
+
+    def save_journal(self) -> None:
+        """Write `run.json` as it is now."""
+        write_journal(self.path / "run.json", self.journal)
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt | GeneratorExit):
+        return "interrupted by the operator"
+    return f"{type(error).__name__}: {error}"
+
+
+def _digest(text: str | None) -> str | None:
+    return None if text is None else hashlib.sha256(text.encode()).hexdigest()
+
+
+def _digest_of(path: Path) -> str | None:
+    with operator_told(path, "read"):
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
+
+
+def _changed(path: Path) -> FileError:
+    return FileError(
+        f"{path}: was changed since the run was started; restore it or start a new run"
+    )
+
+
+def _is_empty(path: Path) -> bool:
+    with operator_told(path, "read"):
+        return path.is_dir() and not any(path.iterdir())
+
+
+def _unused(path: Path) -> Path:
+    candidate = path.with_name(path.name + DAMAGED)
+    number = 2
+    while candidate.exists():
+        candidate = path.with_name(f"{path.name}{DAMAGED}.{number}")
+        number += 1
+    return candidate

@@ -1,0 +1,193 @@
+"""Estimate against truth, which only the virtual plant can tell.
+
+Parameters of size 0 have no relative error, so groups are judged by their norm, and the model as
+such by the torques that it predicts on a motion that has nothing to do with the measurements
+(`trajectory`): the rigid-body part, relative to its root mean square. How often intervals of
+95 % hold the truth tells whether the stated uncertainties mean something.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from checked_files.yaml_file import FileError
+from hil.estimation.identify import NotIdentifiable, estimate
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
+from hil.results.model_file import recorded
+from hil.results.rounding import clock, rounded, signed
+from hil.results.validation_motion import free_motion
+from hil.runs.run_folder import RunFolder
+from hil.study.truth import true_parameters
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+    from rich.console import Console
+
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.identify import Method
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """How far an estimate is from the truth.
+
+    Attributes
+    ----------
+    truth, p, standard_error, half_width : ndarray, shape (n_base,)
+        Base parameters as they are and as found; of the latter the uncertainties.
+    group_error : dict
+        Norm of the error of each group of base parameters over the norm of the group.
+    torque_error : ndarray, shape (n_joints,)
+        Root mean square of the error of the predicted torque over that of the torque; NaN for a
+        joint without any.
+    """
+
+    truth: Array
+    p: Array
+    standard_error: Array
+    half_width: Array
+    group_error: dict[str, float]
+    torque_error: Array
+
+    @property
+    def error(self) -> Array:
+        """Estimate less truth, shape (n_base,)."""
+        return self.p - self.truth
+
+    @property
+    def z(self) -> Array:
+        """Errors over standard errors, shape (n_base,)."""
+        ratio: Array = self.error / self.standard_error
+        return ratio
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which intervals of 95 % hold the truth, shape (n_base,)."""
+        held: NDArray[np.bool_] = np.abs(self.error) <= self.half_width
+        return held
+
+    @property
+    def mean_torque_error(self) -> float:
+        """Mean of `torque_error` over the joints."""
+        return float(np.nanmean(self.torque_error))
+
+
+def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
+    """Set an estimate against the true base parameters, shape (n_base,)."""
+    groups = base_parameters(robot).groups
+    members = {group: list(k) for group, k in groups.items() if k and truth[list(k)].any()}
+    error = estimate.p - truth
+    return Comparison(
+        truth=truth,
+        p=estimate.p,
+        standard_error=estimate.standard_error,
+        half_width=estimate.half_width(),
+        group_error={
+            group: float(np.linalg.norm(error[k]) / np.linalg.norm(truth[k]))
+            for group, k in members.items()
+        },
+        torque_error=_torque_error(robot, error, truth),
+    )
+
+
+def compare(
+    run_folder: Path | str, truth: Path | str, console: Console, method: Method = "improved"
+) -> Comparison:
+    """Estimate a run of the virtual plant anew, compare, print.
+
+    Parameters
+    ----------
+    truth : path or str
+        Plant file, or the name of one that comes along.
+
+    Raises
+    ------
+    FileError
+        Not the virtual plant's run, an unusable plant file, or measurements that do not suffice.
+    """
+    folder = RunFolder.open(run_folder)
+    if not folder.journal.simulated:
+        bus = folder.journal.sessions[-1].bus if folder.journal.sessions else "nothing"
+        raise FileError(
+            f"{folder.path}: was measured on {bus}; only on the virtual plant is the truth known."
+            " Judge this run by its report's intervals and residuals"
+        )
+    true = true_parameters(folder.robot, truth)
+    recordings = list(recorded(folder))
+    try:
+        found = estimate(folder.robot, recordings, method)
+    except NotIdentifiable as error:
+        raise FileError(f"{folder.path}: {error}") from error
+    result = comparison(found, folder.robot, true)
+    render(result, folder.robot, console)
+    console.print(
+        f"{len(recordings)} measurements in {clock(recordings[-1][1].time[-1])} of robot time,"
+        f" {method} method, truth of {truth}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    return result
+
+
+def render(result: Comparison, robot: Robot, console: Console) -> None:
+    """Print a comparison: parameters one by one, then groups, torques and coverage."""
+    console.print(_parameters(result, robot))
+    for group, error in result.group_error.items():
+        name = group.replace("_", "-")
+        console.print(f"{name + ' group,':20} relative error in the norm   {_percent(error)}")
+    joints = ", ".join(_percent(error).strip() for error in result.torque_error)
+    console.print(
+        f"{'torques,':20} mean relative rms over joints{_percent(result.mean_torque_error)}"
+        f"  (joints 1 to {robot.n_joints}: {joints})",
+        soft_wrap=True,
+    )
+    inside = f"{result.inside.sum()} of {len(result.p)}"
+    console.print(f"{'intervals of 95 %,':20} hold the truth for {inside} parameters")
+
+
+def _parameters(result: Comparison, robot: Robot) -> Table:
+    base = base_parameters(robot)
+    table = Table(
+        title=f"{robot.name}: estimate against truth", box=box.SIMPLE_HEAD, pad_edge=False
+    )
+    table.add_column("")
+    for heading in ("truth", "estimate", "std. error", "error", "z"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("in 95 %")
+    table.add_column("unit")
+    for members in base.groups.values():
+        for k in members:
+            s = float(result.standard_error[k])
+            values = (result.truth[k], result.p[k], s, result.error[k])
+            cells = (rounded(float(value), s) for value in values)
+            inside = "yes" if result.inside[k] else "[red]no[/red]"
+            z = signed(f"{result.z[k]:.1f}")
+            table.add_row(base.names[k], *cells, z, inside, base.units[k])
+        table.add_section()
+    return table
+
+
+def _torque_error(robot: Robot, error: Array, truth: Array) -> Array:
+    """Relative errors of the torques that p predicts; they are linear in p."""
+    motion = free_motion(robot)
+    wrong, true = (
+        np.sqrt(np.mean(inverse_dynamics(robot, p, motion.q, motion.qd, motion.qdd) ** 2, axis=0))
+        for p in (error, truth)
+    )
+    relative: Array = wrong / np.where(true > 0, true, np.nan)
+    return relative
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:8.3f} %"

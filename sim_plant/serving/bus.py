@@ -1,0 +1,157 @@
+"""The plant as a python-can interface: ``can.Bus(interface="sim_plant", channel="manutec-r15")``.
+
+A channel is a packaged plant's name or the path of a plant file. The first bus opened on a channel
+switches the plant on, the last one shut down switches it off; all buses of one process on the same
+channel share it and see each other's frames as well as the drives', so that a logger can listen
+beside a master.
+
+`PlantBus.lock_step` tells a master whether the plant keeps step with its SYNC: whatever the drives
+have to say to a frame is in the receive queue before `send` returns. Such a master may also take
+the answers to a SYNC as one block, the way a kernel hands frames over: see `PlantBus.recv_block`.
+"""
+
+from __future__ import annotations
+
+import queue
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from sim_plant.plant_file import packaged_plants
+from sim_plant.serving.plant_channel import PlantChannel, close_channel, open_channel
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from can.typechecking import AutoDetectedConfig, CanFilters, Channel
+
+    from sim_plant.serving.plant_channel import Block
+
+CHANNEL = "manutec-r15"
+
+
+class PlantBus(can.BusABC):
+    """A bus with the plant's drives on it.
+
+    Parameters
+    ----------
+    channel : str
+        Name of a packaged plant, or path of a plant file.
+    can_filters : optional
+        As everywhere in python-can.
+    receive_own_messages : bool
+        Whether sent frames come back.
+    **options
+        seed, clock, cycle, personality, faults, bitrate: see `sim_plant.serving.plant_options`.
+
+    Attributes
+    ----------
+    lock_step : bool
+        Whether the plant's time advances by SYNC alone.
+    idle : callable
+        Tells whether no frame waits that has not been looked at.
+
+    Raises
+    ------
+    can.CanInitializationError
+        An unknown channel, an option without meaning, or a channel open with other options.
+    """
+
+    def __init__(
+        self,
+        channel: Channel = CHANNEL,
+        can_filters: CanFilters | None = None,
+        *,
+        receive_own_messages: bool = False,
+        **options: Any,
+    ) -> None:
+        self._inbox: queue.SimpleQueue[can.Message | Block] = queue.SimpleQueue()
+        self._unpacked: deque[can.Message] = deque()
+        self._echo = receive_own_messages
+        self._plant: PlantChannel | None = open_channel(str(channel), self._inbox, options)
+        self._direct = True
+        self.idle = self._inbox.empty
+        self.lock_step = self._plant.options.clock == "sync"
+        self.channel_info = f"simulated plant {channel}"
+        super().__init__(channel, can_filters)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
+        """Send a frame; the drives' answers are in the receive queues when this returns.
+
+        Raises
+        ------
+        can.CanOperationError
+            The bus is shut down, or the frame is no classical CAN frame.
+        """
+        if msg.is_fd:
+            raise can.CanOperationError("the plant's drives know no CAN FD: send classical frames")
+        plant = self._plant or self._opened()
+        plant.transmit(msg, self._inbox, self._echo)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
+        if self._direct:
+            try:
+                return self._next(0)
+            except queue.Empty:
+                if timeout == 0:
+                    return None
+        return super().recv(timeout)
+
+    def recv_block(self) -> bytes | None:
+        """Take frames that wait, as consecutive ``struct can_frame`` of 16 bytes each.
+
+        Returns
+        -------
+        bytes or None
+            The whole answer to a SYNC, if that is what comes next and no filter is set; what is
+            not handed out as a block comes through `recv`.
+        """
+        if not self._direct or self._unpacked or self._inbox.empty():
+            return None
+        item = self._inbox.get_nowait()
+        if isinstance(item, tuple):
+            return item[1]
+        self._unpacked.append(item)
+        return None
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self._opened()
+        try:
+            message = self._next(None if timeout is None else max(0.0, timeout))
+            # recv(0) of the base class would give up at the first frame that its filters drop
+            while not self._matches_filters(message):
+                message = self._next(0)
+        except queue.Empty:
+            return None, False
+        return message, True
+
+    def _next(self, timeout: float | None) -> can.Message:
+        while not self._unpacked:
+            item = self._inbox.get(timeout=timeout)
+            if isinstance(item, tuple):
+                self._unpacked.extend(self._opened().messages(item))
+            else:
+                self._unpacked.append(item)
+        return self._unpacked.popleft()
+
+    def shutdown(self) -> None:
+        """Leave the channel; the last one to leave switches the plant off."""
+        super().shutdown()
+        self._direct = False
+        plant, self._plant = self._plant, None
+        if plant is not None:
+            close_channel(plant, self._inbox)
+
+    def _apply_filters(self, filters: CanFilters | None) -> None:
+        self._direct = filters is None and self._plant is not None
+
+    def _opened(self) -> PlantChannel:
+        if self._plant is None:
+            raise can.CanOperationError(f"{self.channel_info}: this bus is shut down")
+        return self._plant
+
+    @staticmethod
+    def _detect_available_configs() -> Sequence[AutoDetectedConfig]:
+        return [{"interface": "sim_plant", "channel": name} for name in packaged_plants()]

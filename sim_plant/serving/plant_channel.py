@@ -1,0 +1,201 @@
+"""A plant that several bus objects of one process share, and the list of those that are open.
+
+Every bus has an inbox. A frame sent by one goes to the other buses' inboxes and to the drives, and
+the drives' answers to all inboxes, all within the sender's call and under one lock. Time stamps are
+the plant's time plus the time that the frames before took on the wire. The frames that answer a
+SYNC stay one block until somebody reads them one by one.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, TypeAlias
+
+import can
+
+from checked_files.yaml_file import FileError
+from sim_plant.faults.fault_plan import load_fault_plan
+from sim_plant.faults.faulty_network import FaultyNetwork
+from sim_plant.faults.frame_faults import NotSent
+from sim_plant.serving.plant_options import PlantOptions
+from sim_plant.serving.wall_clock import TICK, WallClock
+from sim_plant.slave_network import FRAME, SlaveNetwork
+from sim_plant.switch_on import load_machine
+
+Block: TypeAlias = tuple[float, bytes]
+"""Frames that follow each other on the wire: when they begin [s], consecutive ``can_frame``s."""
+
+if TYPE_CHECKING:
+    import queue
+    from collections.abc import Iterable
+
+    from sim_plant.slave_network import Frame
+
+    Inbox = queue.SimpleQueue[can.Message | Block]
+
+_channels: dict[str, PlantChannel] = {}
+_channels_lock = threading.Lock()
+
+
+class PlantChannel:
+    """One plant and the inboxes of the buses on it."""
+
+    def __init__(self, name: str, options: PlantOptions) -> None:
+        self.name = name
+        self.options = options
+        self.inboxes: list[Inbox] = []
+        self._lock = threading.Lock()
+        self._network = _network(name, options)
+        self._durations = [(47 + 8 * n) / options.bitrate for n in range(9)]
+        self._wire_free = 0.0
+        self._block_sizes = b""
+        self._block_duration = 0.0
+        self._stop = threading.Event()
+        self._follower = threading.Thread(target=self._follow_wall, name=name, daemon=True)
+
+    def power_on(self) -> None:
+        """Boot the drives and start the clock."""
+        with self._lock:
+            self._deliver(self._network.power_on())
+        if self.options.clock == "wall":
+            self._follower.start()
+
+    def power_off(self) -> None:
+        """Stop the clock."""
+        self._stop.set()
+        if self._follower.is_alive():
+            self._follower.join()
+
+    def transmit(self, message: can.Message, sender: Inbox, echo: bool) -> None:
+        """Pass a frame from one bus to the others and to the drives, and back what they answer."""
+        lock, network = self._lock, self._network
+        lock.acquire()  # a third of the time of `with`
+        try:
+            time = self._occupy(network.time, message.dlc)
+            if echo or len(self.inboxes) > 1:
+                self._pass_on(message, time, sender, echo=echo)
+            if message.is_extended_id or message.is_error_frame:
+                return
+            if message.is_remote_frame:
+                self._deliver(network.receive_remote(message.arbitration_id))
+            else:
+                frames, block = network.answer(message.arbitration_id, bytes(message.data))
+                if frames:
+                    self._deliver(frames)
+                if block:
+                    self._deliver_block(block)
+        except NotSent as refused:
+            self._deliver(refused.frames)
+            raise
+        finally:
+            lock.release()
+
+    def _pass_on(self, message: can.Message, time: float, sender: Inbox, *, echo: bool) -> None:
+        for inbox in self.inboxes:
+            if inbox is not sender or echo:
+                copy = can.Message(
+                    timestamp=time,
+                    arbitration_id=message.arbitration_id,
+                    is_extended_id=message.is_extended_id,
+                    is_remote_frame=message.is_remote_frame,
+                    is_error_frame=message.is_error_frame,
+                    channel=self.name,
+                    dlc=message.dlc,
+                    data=bytes(message.data),
+                    is_rx=inbox is not sender,
+                )
+                inbox.put(copy)
+
+    def _deliver(self, frames: Iterable[Frame]) -> None:
+        free, durations, name, inboxes = self._wire_free, self._durations, self.name, self.inboxes
+        for time, identifier, data in frames:
+            free = (free if free > time else time) + durations[len(data)]
+            for inbox in inboxes:
+                inbox.put(_message(free, identifier, data, name))
+        self._wire_free = free
+
+    def _deliver_block(self, frames: bytes) -> None:
+        now, free = self._network.time, self._wire_free
+        start = free if free > now else now
+        for inbox in self.inboxes:
+            inbox.put((start, frames))
+        sizes = frames[4 :: FRAME.size]
+        if sizes != self._block_sizes:
+            self._block_sizes = sizes
+            self._block_duration = sum(self._durations[size] for size in sizes)
+        self._wire_free = start + self._block_duration
+
+    def messages(self, block: Block) -> list[can.Message]:
+        """Take a block apart."""
+        free, frames = block
+        messages = []
+        for identifier, size, data in FRAME.iter_unpack(frames):
+            free += self._durations[size]
+            messages.append(_message(free, identifier, data[:size], self.name))
+        return messages
+
+    def _occupy(self, time: float, size: int) -> float:
+        """End of a frame that is ready at `time`: the wire carries one after the other."""
+        start = self._wire_free if self._wire_free > time else time
+        self._wire_free = start + self._durations[size if size < 8 else 8]
+        return self._wire_free
+
+    def _follow_wall(self) -> None:
+        wall = WallClock()
+        while not self._stop.wait(TICK):
+            with self._lock:
+                self._deliver(self._network.elapse(wall.elapsed()))
+
+
+def _message(timestamp: float, identifier: int, data: bytes, channel: str) -> can.Message:
+    return can.Message(timestamp, identifier, is_extended_id=False, data=data, channel=channel)
+
+
+def open_channel(name: str, inbox: Inbox, given: dict[str, object]) -> PlantChannel:
+    """Join the plant on a channel, or switch it on.
+
+    Parameters
+    ----------
+    name : str
+    inbox : SimpleQueue
+        Where frames for the bus that joins are put.
+    given : dict
+        See `PlantOptions`.
+
+    Raises
+    ------
+    can.CanInitializationError
+        An unknown channel, an option without meaning, or a channel open with other options.
+    """
+    options = PlantOptions.of(given)
+    with _channels_lock:
+        channel = _channels.get(name)
+        if channel is not None:
+            channel.options.refuse_others(given, name)
+            channel.inboxes.append(inbox)
+            return channel
+        try:
+            made = PlantChannel(name, options)
+        except FileError as error:
+            raise can.CanInitializationError(str(error)) from error
+        made.inboxes.append(inbox)
+        made.power_on()
+        _channels[name] = made
+        return made
+
+
+def close_channel(channel: PlantChannel, inbox: Inbox) -> None:
+    """Leave a channel; the last one to leave switches its plant off."""
+    with _channels_lock:
+        channel.inboxes = [other for other in channel.inboxes if other is not inbox]
+        if not channel.inboxes:
+            channel.power_off()
+            _channels.pop(channel.name, None)
+
+
+def _network(name: str, options: PlantOptions) -> SlaveNetwork | FaultyNetwork:
+    machine = load_machine(name, options.seed, options.personality)
+    if options.faults is None:
+        return SlaveNetwork(machine, options.clock, options.cycle)
+    plan = load_fault_plan(options.faults)
+    return FaultyNetwork(machine, options.clock, plan, options.cycle)

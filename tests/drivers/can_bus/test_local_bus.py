@@ -1,0 +1,198 @@
+"""Frames between processes of one machine."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import can
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from drivers.can_bus.local_bus import LocalBus
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+ECHO = """
+import can
+with can.Bus(CHANNEL, "local", ignore_config=True) as bus:
+    print("here", flush=True)
+    while (frame := bus.recv(10)) and frame.arbitration_id:
+        bus.send(can.Message(arbitration_id=frame.arbitration_id + 1, data=frame.data,
+                             is_extended_id=False))
+"""
+
+
+@pytest.fixture
+def join(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., can.BusABC]]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    joined: list[can.BusABC] = []
+
+    def join_channel(channel: str = "bench", **options: object) -> can.BusABC:
+        joined.append(can.Bus(channel, "local", ignore_config=True, **options))
+        return joined[-1]
+
+    yield join_channel
+    for bus in joined:
+        bus.shutdown()
+
+
+def frame(identifier: int = 0x123, data: bytes = b"\1\2") -> can.Message:
+    return can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
+
+
+def test_python_can_finds_it_by_name(join: Callable[..., can.BusABC]) -> None:
+    assert isinstance(join(), LocalBus)
+
+
+def test_a_frame_goes_to_all_others_on_the_channel_and_not_back(
+    join: Callable[..., can.BusABC],
+) -> None:
+    sender, first, second, elsewhere = join(), join(), join(), join("another")
+    sender.send(frame())
+    for receiver in (first, second):
+        received = receiver.recv(1.0)
+        assert received is not None
+        assert received.equals(frame(), timestamp_delta=None, check_channel=False)
+    assert sender.recv(0) is None
+    assert elsewhere.recv(0) is None
+
+
+def test_own_frames_come_back_on_request(join: Callable[..., can.BusABC]) -> None:
+    bus = join(receive_own_messages=True)
+    bus.send(frame())
+    assert bus.recv(0) is not None
+
+
+@hypothesis_settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    extended=st.booleans(),
+    remote=st.booleans(),
+    identifier=st.integers(0, 0x7FF),
+    data=st.binary(max_size=8),
+)
+def test_every_classical_frame_arrives_as_it_was_sent(
+    join: Callable[..., can.BusABC], extended: bool, remote: bool, identifier: int, data: bytes
+) -> None:
+    sent = can.Message(
+        arbitration_id=identifier + (0x10000 if extended else 0),
+        is_extended_id=extended,
+        is_remote_frame=remote,
+        dlc=len(data),
+        data=None if remote else data,
+    )
+    with join() as sender, join() as receiver:
+        sender.send(sent)
+        received = receiver.recv(1.0)
+    assert received is not None
+    assert received.equals(sent, timestamp_delta=None, check_channel=False)
+
+
+def test_thousands_of_frames_arrive_in_order_without_loss(
+    join: Callable[..., can.BusABC],
+) -> None:
+    sender, receiver = join(), join()
+    numbers = range(3000)
+    thread = threading.Thread(
+        target=lambda: [sender.send(frame(data=n.to_bytes(4)), 10.0) for n in numbers]
+    )
+    thread.start()
+    received = [receiver.recv(10.0) for _ in numbers]
+    thread.join()
+    assert [int.from_bytes(message.data) for message in received if message] == list(numbers)
+
+
+def test_two_who_send_to_each_other_first_do_not_wait_for_ever(
+    join: Callable[..., can.BusABC],
+) -> None:
+    buses = [join(), join()]
+    received: list[can.Message | None] = []
+
+    def send_then_receive(bus: can.BusABC) -> None:
+        for _ in range(1000):
+            bus.send(frame(), 10.0)
+        received.extend(bus.recv(10.0) for _ in range(1000))
+
+    threads = [threading.Thread(target=send_then_receive, args=(bus,)) for bus in buses]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(received) == 2000
+    assert None not in received
+
+
+def test_a_peer_that_hangs_is_waited_for_once_and_misses_frames_until_it_reads_again(
+    join: Callable[..., can.BusABC],
+) -> None:
+    sender, hanging, lively = join(), join(), join()
+    begun = time.monotonic()
+    for number in range(1000):
+        sender.send(frame(data=number.to_bytes(2)), 0.5)
+        received = lively.recv(1.0)
+        assert received is not None
+        assert int.from_bytes(received.data) == number
+    assert time.monotonic() - begun < 10 * 0.5
+    kept = 0
+    while hanging.recv(0):
+        kept += 1
+    assert kept < 1000
+    sender.send(frame(0x77))
+    last = hanging.recv(1.0)
+    assert last is not None
+    assert last.arbitration_id == 0x77
+
+
+def test_a_process_that_was_killed_is_dropped(
+    join: Callable[..., can.BusABC], tmp_path: Path
+) -> None:
+    bus = join()
+    with subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, "-c", ECHO.replace("CHANNEL", "'bench'")], stdout=subprocess.PIPE
+    ) as peer:
+        assert peer.stdout is not None
+        peer.stdout.readline()
+        bus.send(frame(0x100))
+        answer = bus.recv(10.0)
+        peer.kill()
+    assert answer is not None
+    assert answer.arbitration_id == 0x101
+    bus.send(frame())
+    assert len(list(tmp_path.glob("can-local-*/bench/*"))) == 1
+
+
+def test_a_timeout_is_not_rounded_to_milliseconds(join: Callable[..., can.BusABC]) -> None:
+    bus, took = join("a"), []
+    for _ in range(50):
+        begun = time.perf_counter()
+        assert bus.recv(0.0012) is None
+        took.append(time.perf_counter() - begun)
+    assert 0.0012 <= min(took) < 0.0019
+
+
+def test_who_leaves_is_no_longer_sent_to(join: Callable[..., can.BusABC]) -> None:
+    bus, gone = join(), join()
+    gone.shutdown()
+    bus.send(frame())
+    with pytest.raises(can.CanOperationError, match="shut down"):
+        gone.recv(0)
+
+
+@pytest.mark.parametrize("channel", ["", "a/b", "n" * 300])
+def test_a_channel_that_cannot_be_a_file_is_refused(
+    join: Callable[..., can.BusABC], channel: str
+) -> None:
+    with pytest.raises(can.CanInitializationError, match="channel"):
+        join(channel)
+
+
+def test_can_fd_is_refused(join: Callable[..., can.BusABC]) -> None:
+    with pytest.raises(can.CanOperationError, match="classical"):
+        join().send(can.Message(arbitration_id=1, is_fd=True))

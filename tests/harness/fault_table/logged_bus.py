@@ -1,0 +1,140 @@
+"""The faulty plant as a bus in lock-step that logs all frames, and has a witness.
+
+A fault begins as its plan says, or with a frame of ours that fulfils a condition; Ctrl-C may be
+pressed at the same moment. A frame that our adapter refuses takes time from the plant as well: a
+SYNC its cycle, another one as long as the driver waits before it sends again. So the drives move on
+and an outage ends as they would by the wall clock, whatever the driver tries to send.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections import deque
+from typing import TYPE_CHECKING, NamedTuple
+
+import can
+
+from drivers.canopen.network import SEND_BACK_OFF
+from fault_table.witness import Witness
+from sim_plant.faults.fault_plan import FaultPlan
+from sim_plant.faults.faulty_network import FaultyNetwork
+from sim_plant.faults.frame_faults import NotSent
+from sim_plant.plant import load_plant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sim_plant.faults.fault_plan import Fault
+    from sim_plant.slave_network import Frame
+
+    Condition = Callable[[can.Message], bool]
+
+ROBOT = "manutec-r15"
+SYNC = 0x80
+SETTLING = 3.0
+"""How long drives are left alone afterwards, to react by themselves [s]."""
+STEP = 0.01
+
+
+class Seen(NamedTuple):
+    """A frame on the bus, and the number of SYNCs before it (its own included)."""
+
+    sync: int
+    ours: bool
+    identifier: int
+    data: bytes
+
+
+class LoggedBus(can.BusABC):
+    """The faulty plant as a python-can bus in lock-step.
+
+    Parameters
+    ----------
+    faults : sequence of Fault
+    condition : callable, optional
+        Asked for every frame that we send; the faults are put into the plan with the first one for
+        which it holds, rather than from the start.
+    interrupted : bool
+        Ctrl-C is pressed at the moment at which the first fault begins.
+    reaction : float
+        See `fault_table.witness.Witness`.
+
+    Attributes
+    ----------
+    log : list of Seen
+        Frames that got through, to the drives and to us.
+    began : int or None
+        Length of the log when the first fault began.
+    witness : Witness
+        Of all that followed.
+    """
+
+    lock_step = True
+
+    def __init__(
+        self,
+        faults: Sequence[Fault],
+        condition: Condition | None = None,
+        *,
+        interrupted: bool = False,
+        reaction: float = 0.0,
+    ) -> None:
+        super().__init__("faulty plant")
+        self.channel_info = "faulty plant"
+        self.plant = load_plant(ROBOT)
+        at_once = () if condition else tuple(faults)
+        self.network = FaultyNetwork(self.plant, "sync", FaultPlan(faults=at_once))
+        self.witness = Witness(self.network, reaction)
+        self.log: list[Seen] = []
+        self.began: int | None = None
+        self._condition, self._waiting = condition, tuple(faults)
+        self._interrupted = interrupted
+        self._syncs = 0
+        self._inbox: deque[can.Message] = deque()
+        self.network.power_on()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Pass a frame to the drives."""
+        if self._condition and self._condition(msg):
+            self._condition = None
+            for fault in self._waiting:
+                self.network.add(fault)
+        self._syncs += msg.arbitration_id == SYNC
+        here, data = len(self.log), bytes(msg.data)
+        try:
+            frames = self.network.receive(msg.arbitration_id, data)
+        except NotSent as refused:
+            self._take(refused.frames)
+            if msg.arbitration_id != SYNC:
+                self._take(self.network.elapse(SEND_BACK_OFF))
+            raise
+        else:
+            self.log.append(Seen(self._syncs, True, msg.arbitration_id, data))
+            self._take(frames)
+        finally:
+            self._look(here)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return (self._inbox.popleft() if self._inbox else None), False
+
+    def leave_alone(self) -> None:
+        """Let time pass without us."""
+        for _ in range(round(SETTLING / STEP)):
+            self.network.elapse(STEP)
+            self._look(len(self.log))
+
+    def _take(self, frames: Sequence[Frame]) -> None:
+        for _, identifier, data in frames:
+            self.log.append(Seen(self._syncs, False, identifier, data))
+            self._inbox.append(
+                can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
+            )
+
+    def _look(self, here: int) -> None:
+        begins = self.began is None and bool(self.network.present)
+        if begins:
+            self.began = here
+            self.witness.begin()
+        self.witness.look()
+        if begins and self._interrupted:
+            signal.raise_signal(signal.SIGINT)

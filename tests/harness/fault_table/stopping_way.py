@@ -1,0 +1,50 @@
+"""How far an axis may go after an event that ends a session: the way that docs/safety.md states.
+
+While nobody can reach the drives, at most until their watchdogs act, an axis goes on at its speed;
+so it does for the delay that a stop may have; then it slows down at the deceleration that the
+drives file states, give or take a margin and the following error window.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.cia402.stop import STOP_DELAY, STOP_MARGIN
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from drivers.drives_file import DrivesFile
+
+
+def reaction_time(outage: float, drives: DrivesFile) -> float:
+    """Time after an event in which an axis may go on as it was commanded [s].
+
+    Parameters
+    ----------
+    outage : float
+        How long frames do not get through [s].
+    drives : DrivesFile
+    """
+    return min(outage, drives.heartbeat_timeout) + STOP_DELAY
+
+
+def allowed_ways(
+    speeds: NDArray[np.float64], outage: float, drives: DrivesFile
+) -> NDArray[np.float64]:
+    """Longest way of each axis [rad].
+
+    Parameters
+    ----------
+    speeds : ndarray, shape (n_axes,)
+        Highest speed within the reaction time: an axis that has just been given a set-point is
+        slow at the event and gathers speed while nobody can reach its drive [rad/s].
+    outage, drives
+        As for `reaction_time`.
+    """
+    deceleration = np.array([axis.limits.acceleration for axis in drives.axes])
+    window = np.array([axis.following_error_window for axis in drives.axes])
+    ramp = speeds**2 / (2 * deceleration)
+    return speeds * reaction_time(outage, drives) + STOP_MARGIN * ramp + window

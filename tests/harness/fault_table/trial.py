@@ -1,0 +1,204 @@
+"""One fault, or a few, in the middle of a small campaign, with everything looked at.
+
+The driver works on a bus in lock-step that logs all frames and has a witness of the machine. So it
+is known when the first frame showed the fault, when each axis was commanded to stop, how far it
+went, whether its watchdog was on, and which samples were wrong.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.canopen.pdo_mapping import received
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402.states import Command
+from drivers.drive_bus import DriveError
+from drivers.drives_file import load_drives
+from fault_table.logged_bus import ROBOT, LoggedBus
+from fault_table.stopping_way import reaction_time
+from hil.measuring.events import GaveUp, Recorded, Repeated
+from hil.measuring.sequencer import measure
+from hil.model.robot import ROBOTS, load_robot
+from hil.planning.measurement import Gravity
+from hil.planning.plan import Plan, PlannedRobot
+from sim_plant.physics import state as st
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.drive_bus import Sample
+    from fault_table.case import Case
+    from fault_table.logged_bus import Seen
+    from fault_table.witness import Witness
+
+AXIS = 2
+"""The axis that is measured, and that fails."""
+FAST_AXIS = 1
+"""The one that is measured and that fails where speed matters."""
+
+_STOPS = {Command.QUICK_STOP.value[0], Command.DISABLE_VOLTAGE.value[0]}
+_RPDO = struct.Struct("<iH")
+
+robot = load_robot(ROBOT)
+drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
+
+
+def _plan(axis: int, stroke: float, velocity: float, acceleration: float) -> Plan:
+    strokes = Gravity(
+        id="g",
+        axis=axis,
+        q=(0.0,) * 6,
+        stroke=stroke,
+        velocity=velocity,
+        acceleration=acceleration,
+        cycles=2,
+    )
+    measured_by = PlannedRobot(name=robot.name, digest=robot.digest)
+    return Plan(robot=measured_by, attempts=2, measurements=(strokes,))
+
+
+SLOW = _plan(AXIS, stroke=0.4, velocity=0.5, acceleration=8.0)
+FAST = _plan(FAST_AXIS, stroke=2.4, velocity=2.4, acceleration=10.0)
+
+
+class AuditedBus(CanopenDriveBus):
+    """The driver, each sample of which is compared with the truth.
+
+    Attributes
+    ----------
+    wrong : dict
+        By time of the sample, which axes were wrong and not flagged.
+    flagged : int
+        Samples with a flag.
+    """
+
+    def __init__(self, bus: LoggedBus) -> None:
+        super().__init__(bus, drives)
+        self._plant = bus.plant
+        self.wrong: dict[float, np.ndarray] = {}
+        self.flagged = 0
+        const = self._plant.const
+        self._increment = 2.0 / np.abs(const[:, st.COUNTS_PER_RAD])
+        self._noise = 6.0 * const[:, st.NOISE] + np.abs(const[:, st.CURRENT_PER_MILLE])
+
+    def sample(self) -> Sample:
+        """Return the sample, having looked at it."""
+        sample = super().sample()
+        state, flags = self._plant.state, np.array(sample.flags)
+        wrong = np.abs(np.array(sample.q) - state[:, st.Q]) > self._increment
+        wrong |= np.abs(np.array(sample.tau) - state[:, st.TORQUE]) > self._noise
+        self.wrong[sample.time] = wrong & (flags == 0)
+        self.flagged += bool(flags.any())
+        return sample
+
+
+@dataclass
+class Outcome:
+    """What came of a fault.
+
+    Attributes
+    ----------
+    error : DriveError, KeyboardInterrupt or None
+        What ended the campaign.
+    findings : list of str
+        Names of the checks that a recording failed.
+    kept, kept_with_findings : int
+        Recordings.
+    wrong : int
+        Samples of kept recordings without findings that are wrong and not flagged.
+    flagged : int
+        Samples with a flag.
+    notes : tuple of str
+        What the operator was told beside.
+    cycles : int or None
+        SYNCs from the first frame that shows the fault to the last axis's command to stop.
+    energised : bool
+        Some axis was energised at all.
+    off : bool
+        At the end no axis is energised and none moves.
+    off_after : float or None
+        When that was, since the fault began [s].
+    ways, speeds : ndarray, shape (n_axes,)
+        Of each axis since then; see `fault_table.witness.Witness`.
+    unwatched : set of int
+        Axes that were energised with their watchdog off at any time.
+    """
+
+    error: DriveError | KeyboardInterrupt | None = None
+    findings: list[str] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
+    kept: int = 0
+    kept_with_findings: int = 0
+    wrong: int = 0
+    flagged: int = 0
+    notes: tuple[str, ...] = ()
+    cycles: int | None = None
+    energised: bool = False
+    off: bool = False
+    off_after: float | None = None
+    ways: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    speeds: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    unwatched: set[int] = field(default_factory=set)
+
+    @property
+    def told(self) -> str:
+        """What the operator reads."""
+        if self.error is not None:
+            return "\n".join([str(self.error), *getattr(self.error, "__notes__", ())])
+        return "\n".join([*self.notes, *self.messages])
+
+
+def stop_cycles(log: Sequence[Seen], shown: int) -> int | None:
+    """Return SYNCs from frame number `shown` to the last axis's first command to stop."""
+    waiting = {received(axis).cob_id for axis in drives.axes}
+    for frame in log[shown:]:
+        if frame.ours and frame.identifier in waiting and _RPDO.unpack(frame.data)[1] in _STOPS:
+            waiting.remove(frame.identifier)
+            if not waiting:
+                return frame.sync - log[shown].sync
+    return None
+
+
+def run(case: Case) -> tuple[Outcome, LoggedBus]:
+    """Measure while something goes wrong; return what came of it, and the bus with its log."""
+    outcome = Outcome()
+    with LoggedBus(
+        case.faults,
+        case.condition,
+        interrupted=case.interrupted,
+        reaction=reaction_time(case.outage, drives),
+    ) as bus:
+        drive_bus = AuditedBus(bus)
+        try:
+            with drive_bus:
+                for event in measure(case.plan, robot, drive_bus):
+                    _take(event, drive_bus, outcome)
+        except (DriveError, KeyboardInterrupt) as error:
+            outcome.error = error
+        bus.leave_alone()
+    outcome.notes, outcome.flagged = drive_bus.notes, drive_bus.flagged
+    _testify(bus.witness, outcome)
+    return outcome, bus
+
+
+def _testify(witness: Witness, outcome: Outcome) -> None:
+    outcome.energised, outcome.off = witness.energised, witness.all_off
+    outcome.off_after, outcome.unwatched = witness.off_after, witness.unwatched
+    outcome.ways, outcome.speeds = witness.ways, witness.speeds
+
+
+def _take(event: object, bus: AuditedBus, outcome: Outcome) -> None:
+    match event:
+        case Repeated() | GaveUp():
+            outcome.findings += [finding.check for finding in event.findings]
+            outcome.messages += [finding.message for finding in event.findings]
+        case Recorded():
+            outcome.kept += 1
+            outcome.kept_with_findings += bool(event.findings)
+            if not event.findings:
+                times = event.recording.time.tolist()
+                outcome.wrong += sum(bool(bus.wrong[time].any()) for time in times)

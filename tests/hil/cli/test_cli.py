@@ -1,0 +1,299 @@
+"""The command line: what it prints, and what it refuses without a traceback."""
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from drivers.drive_bus import DriveFault, NodeSilent, Sample
+from hil import cli
+from hil.cli.run_session import bus_options
+from hil.model.robot import ROBOTS
+from hil.planning.plan import Plan, dump_plan
+from hil.runs.run_folder import RunFolder
+
+Hil = Callable[..., tuple[int, str, str]]
+DRIVES = ROBOTS / "manutec-r15.drives.yaml"
+
+
+@pytest.fixture
+def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
+    """Call the command line; return exit status, standard output and standard error."""
+    monkeypatch.setattr(cli, "out", Console(width=200))
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            cli.main([str(argument) for argument in arguments])
+        printed = capsys.readouterr()
+        assert "Traceback" not in printed.out + printed.err
+        return int(left.value.code or 0), printed.out, printed.err
+
+    return call
+
+
+@pytest.fixture
+def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
+    path = tmp_path / "plan.yaml"
+    path.write_text(dump_plan(small_plan))
+    return path
+
+
+@pytest.fixture
+def bus(ideal_bus, monkeypatch: pytest.MonkeyPatch):
+    """Have the command line find ideal axes behind any bus."""
+    monkeypatch.setattr(cli, "_open_bus", lambda *_: ideal_bus)
+    return ideal_bus
+
+
+def changed(path: Path, old: str, new: str) -> Path:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def test_robot_prints_parameters_groups_and_dependencies(hil: Hil) -> None:
+    status, out, _ = hil("robot", "manutec-r15")
+    assert status == 0
+    assert "14 base parameters" in out
+    assert "off-diagonal" in out
+    assert "10, 11, 14" in out
+
+
+def test_an_unknown_robot_is_refused_with_the_known_ones(hil: Hil) -> None:
+    status, _, err = hil("robot", "puma")
+    assert status == 1
+    assert "unknown robot" in err
+    assert "manutec-r15" in err
+
+
+def test_a_dry_run_needs_no_bus(hil: Hil, plan_file: Path) -> None:
+    status, out, _ = hil("dry-run", plan_file)
+    assert status == 0
+    assert "bus load 21.6%" in out
+    assert "total" in out
+
+
+def test_a_dry_run_with_problems_fails(hil: Hil, plan_file: Path) -> None:
+    changed(plan_file, "velocity: 0.4", "velocity: 4")
+    status, _, err = hil("dry-run", plan_file)
+    assert status == 1
+    assert f"{plan_file}:14: measurements.0.velocity: g1: 4 rad/s is above the limit" in err
+
+
+def test_a_run_measures_everything_into_its_folder(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    status, out, err = hil("run", plan_file, "-o", tmp_path / "first")
+    assert (status, err) == (0, "")
+    assert "3 measurements in" in out
+    folder = RunFolder.open(tmp_path / "first")
+    assert len(list(folder)) == 3
+    assert folder.journal.sessions[0].bus == "sim_plant manutec-r15"
+    assert (folder.path / "drives.yaml").read_text() == DRIVES.read_text()
+
+
+def test_a_second_run_into_the_same_folder_is_refused(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    hil("run", plan_file, "-o", tmp_path / "first")
+    samples = bus.n_samples
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
+    assert status == 1
+    assert "is there already; go on with --resume" in err
+    assert bus.n_samples == samples
+
+
+def interrupted_after(seconds: float) -> Callable[[Sample], Sample]:
+    def tamper(sample: Sample) -> Sample:
+        if sample.time > seconds:
+            raise KeyboardInterrupt
+        return sample
+
+    return tamper
+
+
+def test_ctrl_c_keeps_what_was_measured_and_resume_finishes(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "first"
+    bus.tamper = interrupted_after(8)
+    status, _, err = hil("run", plan_file, "-o", folder)
+    assert status == 130
+    assert f"what was measured stays in {folder}; finish with hil run ... --resume" in err
+    assert bus.log[-1] == "powered off"
+    bus.tamper = lambda sample: sample
+    assert hil("run", plan_file, "-o", folder, "--resume")[0] == 0
+    assert RunFolder.open(folder).missing == ()
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_resuming_after_the_plan_was_changed_is_refused(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    bus.tamper = interrupted_after(8)
+    hil("run", plan_file, "-o", tmp_path / "first")
+    changed(plan_file, "stroke: 0.6", "stroke: 0.5")
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "first", "--resume")
+    assert status == 1
+    assert "the plan differs from the one that the run was started with" in err
+
+
+def test_a_damaged_recording_is_told_and_measured_again(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    hil("run", plan_file, "-o", tmp_path / "first")
+    path = tmp_path / "first" / "recordings" / "i1.h5"
+    path.write_bytes(path.read_bytes()[:1000])
+    status, out, _ = hil("run", plan_file, "-o", tmp_path / "first", "--resume")
+    assert status == 0
+    assert "kept as i1.h5.damaged, will be measured again" in out
+    assert "1 measurements in" in out
+    assert RunFolder.open(tmp_path / "first").missing == ()
+
+
+def test_a_fault_in_the_middle_is_one_message(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    def fail(sample: Sample) -> Sample:
+        if sample.time > 8:
+            raise DriveFault("joint 3 (node 3): over-current (2310); check the load")
+        return sample
+
+    bus.tamper = fail
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
+    assert status == 1
+    assert err.startswith("joint 3 (node 3): over-current (2310); check the load\n")
+    assert "--resume" in err
+
+
+def test_a_run_in_which_nothing_was_measured_leaves_no_folder(
+    hil: Hil, plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nobody(*_: object) -> None:
+        raise NodeSilent("joint 2 (node 2) does not answer; check its power and node number")
+
+    monkeypatch.setattr(cli, "_open_bus", nobody)
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
+    assert status == 1
+    assert "joint 2 (node 2) does not answer" in err
+    assert "nothing was measured" in err
+    assert not (tmp_path / "first").exists()
+
+
+def test_real_interfaces_need_a_channel(hil: Hil, plan_file: Path, tmp_path: Path) -> None:
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "r", "--interface", "socketcan")
+    assert status == 2
+    assert "interface socketcan needs a channel too" in err
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_finished_run_is_resumed_without_a_bus(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "first"
+    assert hil("run", plan_file, "-o", folder)[0] == 0
+    bus.log.clear()
+    status, out, _ = hil("run", plan_file, "-o", folder, "--resume")
+    assert (status, bus.log) == (0, [])
+    assert "nothing is missing" in out
+
+
+def test_a_bus_that_is_not_there_is_refused(hil: Hil, plan_file: Path, tmp_path: Path) -> None:
+    bus = ("--interface", "nonsense", "--channel", "can0")
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "r", *bus)
+    assert status == 1
+    assert "interface 'nonsense' is unknown to python-can" in err
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("name: manutec-r15", "name: puma", "puma: unknown robot"),
+        ("digest: ", "digest: f", "the robot file of manutec-r15 was changed since the plan"),
+        ("stroke: 0.4", "strike: 0.4", "plan.yaml:13: measurements.0.gravity.strike: unknown key"),
+        ("stroke: 0.4", "stroke: 40", "joint 2, with half its stroke, at -20.3 rad is outside"),
+        ("measurements:", "measurements: [", "is no valid YAML"),
+    ],
+)
+def test_a_wrong_plan_is_refused_before_anything_moves(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    changed(plan_file, old, new)
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
+    assert status == 1
+    assert message in err
+    assert not bus.log
+    assert not (tmp_path / "first").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("gear_ratio: 105", "gear_ratio: 100", "axes.0.gear_ratio: 100 of axis joint 1 must be"),
+        ("torque_constant: 1.1616", "torque_constant: 1.2", "1.2 of axis joint 1 must be 1.1616"),
+        ("q_max: 2.880", "q_max: 3.2", "limits.q_max: 3.2 rad of axis joint 1 is wider than 2.88"),
+        ("q_min: -2.880", "q_min: -1", "limits.q_min: -1 rad of axis joint 1 is narrower than"),
+        ("velocity: 3.0", "velocity: 1.0", "limits.velocity: 1 rad/s of axis joint 1 is narrower"),
+        ("node: 2", "node: 1", "node 1"),
+        ("sign: 1", "sign: 2", "sign"),
+    ],
+)
+def test_drives_that_contradict_the_robot_are_refused(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    drives = tmp_path / "drives.yaml"
+    drives.write_text(DRIVES.read_text())
+    changed(drives, old, new)
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "first", "--drives", drives)
+    assert status == 1
+    assert f"{drives}:" in err
+    assert message in err
+    assert not bus.log
+
+
+def test_missing_files_are_told_by_name(hil: Hil, tmp_path: Path) -> None:
+    status, _, err = hil("dry-run", tmp_path / "none.yaml")
+    assert status == 1
+    assert err == f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "plan.yaml"),
+        ("run", "plan.yaml", "-o", "x", "--pacing", "sometimes"),
+        ("dry-run", "plan.yaml", "--bitrate", "12"),
+        ("jump",),
+    ],
+)
+def test_wrong_usage_exits_with_2(hil: Hil, arguments: tuple[str, ...]) -> None:
+    assert hil(*arguments)[0] == 2
+
+
+def test_a_bus_option_without_a_value_is_wrong_usage(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    status, _, err = hil("run", plan_file, "-o", tmp_path / "x", "--bus-option", "bitrate")
+    assert status == 2
+    assert "must read key=value" in err
+
+
+def test_bus_options_become_numbers_and_switches() -> None:
+    options = bus_options(["bitrate=500000", "timeout=0.5", "fd=false", "name=can0"])
+    assert options == {"bitrate": 500_000, "timeout": 0.5, "fd": False, "name": "can0"}
+
+
+@pytest.mark.parametrize(
+    "asked", [("--gravity", "100000000"), ("--minutes", "1e12"), ("--warm-up", "1e300")]
+)
+def test_a_plan_of_absurd_size_is_refused_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: tuple[str, str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        cli.main(["plan", "manutec-r15", "-o", str(tmp_path / "plan.yaml"), *asked])
+    assert left.value.code == 2
+    assert "less than or equal" in " ".join(capsys.readouterr().err.split())

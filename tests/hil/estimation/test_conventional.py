@@ -1,0 +1,127 @@
+"""Conventional identification on recordings with known parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from synthetic import TABLE_3_A
+
+from hil.estimation.conventional.products import products
+from hil.estimation.conventional.variants import (
+    COMPENSATED,
+    VARIANTS,
+    Variant,
+    identify,
+    trajectories,
+)
+from hil.estimation.signals import NotEnoughData
+from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
+from hil.model.robot import load_robot
+from hil.planning.design.trajectories import Basis
+from hil.planning.trajectory import REST
+from hil.runs.recording import Recording
+
+if TYPE_CHECKING:
+    from hil.estimation.conventional.friction_terms import Characteristic
+    from hil.model.robot import Robot
+    from hil.planning.trajectory import Trajectory
+
+PERIOD = 0.004
+COULOMB, VISCOUS = 0.04, 0.03
+"""Friction over the torque limit, at standstill and its growth up to full speed."""
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("manutec-r15")
+
+
+@pytest.fixture(scope="module")
+def trajectory(robot: Robot) -> Trajectory:
+    basis = Basis(robot, 10.0)
+    return basis.trajectory(basis.random(np.random.default_rng(7)), 3, "t")
+
+
+def recorded(
+    robot: Robot, trajectory: Trajectory, noise: float = 0.0, root: float = 0.0
+) -> list[tuple[Trajectory, Recording]]:
+    """What drives without any error would record."""
+    n = len(trajectory.path(PERIOD))
+    time = PERIOD * np.arange(n)
+    t = np.clip(time - REST, 0.0, trajectory.cycles * trajectory.period)
+    q, qd, qdd = trajectory.motion(t)
+    v = qd / robot.velocity_limit
+    level = COULOMB * np.sign(v) + VISCOUS * v + root * np.cbrt(v)
+    tau = inverse_dynamics(robot, TABLE_3_A, q, qd, qdd) + motor_torque(robot, q, qd, qdd)
+    rng = np.random.default_rng(1)
+    tau = tau + robot.torque_limit * (level + noise * rng.standard_normal(q.shape))
+    length = round(trajectory.period / PERIOD)
+    stroke = (np.arange(n) - round(REST / PERIOD)) // length
+    stroke[(stroke < 0) | (stroke >= trajectory.cycles)] = -1
+    still = np.full(n, -1, np.int16)
+    flags = np.zeros(q.shape, np.uint8)
+    return [(trajectory, Recording(time, q, tau, flags, stroke.astype(np.int16), still))]
+
+
+def error(robot: Robot, found: Any) -> float:
+    return float(np.linalg.norm(found.p - TABLE_3_A) / np.linalg.norm(TABLE_3_A))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_without_noise_every_variant_finds_the_parameters(
+    robot: Robot, trajectory: Trajectory, name: str
+) -> None:
+    found = identify(robot, recorded(robot, trajectory), VARIANTS[name], name=name)
+    assert found.method == name
+    assert error(robot, found) < 2e-3
+
+
+@pytest.mark.parametrize("name", ["residual weights, model 1", "instrumental, model 2"])
+def test_with_noise_errors_are_of_the_stated_size(
+    robot: Robot, trajectory: Trajectory, name: str
+) -> None:
+    found = identify(robot, recorded(robot, trajectory, noise=0.02), VARIANTS[name])
+    z = (found.p - TABLE_3_A) / found.standard_error
+    assert error(robot, found) < 0.02
+    assert np.sqrt(np.mean(z**2)) < 4.0
+
+
+def test_a_friction_that_the_model_lacks_spoils_the_parameters_and_one_that_it_has_does_not(
+    robot: Robot, trajectory: Trajectory
+) -> None:
+    data = recorded(robot, trajectory, root=0.05)
+    poor, fitting = (identify(robot, data, Variant(terms)) for terms in ("model 1", "model 2"))
+    assert error(robot, fitting) < 0.3 * error(robot, poor)
+
+
+def test_friction_known_beforehand_is_subtracted(robot: Robot, trajectory: Trajectory) -> None:
+    def of(axis: int) -> Characteristic:
+        limit, fastest = robot.torque_limit[axis], robot.velocity_limit[axis]
+        return lambda v: limit * (COULOMB * np.sign(v) + VISCOUS * v / fastest)
+
+    data = recorded(robot, trajectory)
+    known = [of(axis) for axis in range(6)]
+    assert error(robot, identify(robot, data, COMPENSATED, known)) < 2e-3
+    assert error(robot, identify(robot, data, COMPENSATED)) > 0.01
+
+
+def test_the_residual_of_each_axis_is_that_of_its_noise(
+    robot: Robot, trajectory: Trajectory
+) -> None:
+    found = identify(robot, recorded(robot, trajectory, noise=0.02), Variant("model 1"))
+    assert found.residual / robot.torque_limit == pytest.approx(found.residual[0] / 945, rel=0.3)
+
+
+def test_low_speeds_can_be_left_out(robot: Robot, trajectory: Trajectory) -> None:
+    data = recorded(robot, trajectory)
+    every, fast = (products(robot, data, "model 1", slowest) for slowest in (0.0, 0.05))
+    assert (fast.counts < every.counts).all()
+    assert len(every.blocks) == trajectory.cycles
+
+
+def test_without_trajectories_nothing_can_be_identified() -> None:
+    with pytest.raises(NotEnoughData, match="no trajectories"):
+        trajectories([])

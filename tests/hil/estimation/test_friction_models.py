@@ -1,0 +1,96 @@
+"""Friction models (1) to (3) and Stribeck's, fitted to points; the choice among them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.estimation.friction.model_choice import choose
+from hil.estimation.friction.models import KINDS, fit, torque
+from hil.estimation.friction.points import FrictionPoint
+
+LIMIT = 3.0
+SPEED = np.geomspace(0.003, 1.0, 16) * LIMIT
+TRUTH = {
+    "linear": [5.0, 40.0],
+    "cube-root": [5.0, 30.0, 12.0],
+    "arctan": [5.0, 35.0, 15.0, 4.0],
+    "stribeck": [8.0, 30.0, 12.0, 0.1],
+}
+
+
+def both(v):
+    return np.concatenate([v, -v])
+
+
+def measured(kind, sigma, seed=0):
+    rng = np.random.default_rng(seed)
+    level = torque(kind, TRUTH[kind], SPEED) + sigma * rng.standard_normal(len(SPEED))
+    return [
+        FrictionPoint(f"p{k}", 0, float(k), v, f, sigma, 0.0, sigma, 0.0, absolute=False)
+        for k, (v, f) in enumerate(zip(SPEED, level, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_model_finds_its_own_parameters(kind):
+    v = both(SPEED)
+    found = fit(kind, v, torque(kind, TRUTH[kind], v), LIMIT)
+    assert found.a == pytest.approx(TRUTH[kind], rel=1e-3)
+    assert not found.unidentifiable
+    assert found.torque(v) == pytest.approx(torque(kind, TRUTH[kind], v), rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_standard_errors_tell_the_scatter_of_repeated_fits(kind):
+    rng, v = np.random.default_rng(1), both(SPEED)
+    clean = torque(kind, TRUTH[kind], v)
+    fits = [fit(kind, v, clean + 0.1 * rng.standard_normal(len(v)), LIMIT) for _ in range(60)]
+    scatter = np.std([found.a for found in fits], axis=0)
+    told = np.median([found.standard_error for found in fits], axis=0)
+    assert told == pytest.approx(scatter, rel=0.4)
+
+
+@given(kind=st.sampled_from(KINDS), seed=st.integers(0, 2**16))
+def test_models_are_odd_functions_of_velocity(kind, seed):
+    a = np.random.default_rng(seed).uniform(0.1, 10, len(TRUTH[kind]))
+    assert torque(kind, a, -SPEED) == pytest.approx(-torque(kind, a, SPEED))
+
+
+def test_scaling_speeds_and_torques_scales_the_parameters():
+    v = both(SPEED)
+    tau = torque("arctan", TRUTH["arctan"], v)
+    slow = fit("arctan", v / 10, 3 * tau, LIMIT / 10)
+    assert slow.a == pytest.approx(np.array(TRUTH["arctan"]) * [30, 3, 3, 10], rel=1e-3)
+
+
+def test_a_knee_outside_the_measured_speeds_is_told():
+    v = both(SPEED)
+    found = fit("arctan", v, torque("linear", TRUTH["linear"], v) + 1e-3 * np.sin(9e3 * v), LIMIT)
+    assert found.unidentifiable
+
+
+def test_parameters_known_only_together_are_told():
+    rng = np.random.default_rng(4)
+    v = both(np.linspace(2.0, 3.0, 8))
+    tau = torque("cube-root", TRUTH["cube-root"], v) + 0.3 * rng.standard_normal(len(v))
+    words = fit("cube-root", v, tau, LIMIT).unidentifiable
+    assert any("known together only" in word for word in words)
+
+
+@pytest.mark.parametrize("kind", ["linear", "cube-root", "arctan", "stribeck"])
+def test_the_model_that_made_the_data_is_chosen(kind):
+    chosen = [choose(0, measured(kind, 0.3, seed), LIMIT).chosen for seed in range(3)]
+    assert chosen.count(kind) == 3
+
+
+def test_richer_models_are_not_chosen_for_their_freedom():
+    found = [choose(0, measured("linear", 2.0, seed), LIMIT) for seed in range(8)]
+    for each in found:
+        assert each.models["arctan"].mean_square <= each.models["linear"].mean_square * 1.001
+    assert sum(each.chosen == "linear" for each in found) >= 7
+
+
+def test_too_few_speeds_make_no_model():
+    assert choose(0, measured("linear", 0.1)[:2], LIMIT) is None
+    assert list(choose(0, measured("linear", 0.1)[:4], LIMIT).models) == ["linear", "cube-root"]

@@ -1,0 +1,191 @@
+"""Both estimators: exact where nothing disturbs them, calibrated where noise does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import TABLE_3_A, Friction, record
+
+from hil.estimation.identify import METHODS, NotIdentifiable, estimate, estimates
+from hil.estimation.local_fits import fit
+from hil.estimation.signals import NotEnoughData, signals
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import gravity_torque, mass_matrix
+from hil.model.robot import load_robot, parse_robot
+from hil.planning.design.by_counts import design
+from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+
+COUNTS = (16, 30, 3)
+NOISE = 0.0025
+"""Standard deviation of a sample, as share of the torque limit."""
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("manutec-r15")
+
+
+@pytest.fixture(scope="module")
+def plan(robot):
+    return design(robot, COUNTS)
+
+
+def campaign(robot, plan, friction):
+    begin = 0.0
+    for measurement in plan.measurements:
+        recording = record(robot, measurement, TABLE_3_A, friction, begin=begin)
+        begin = float(recording.time[-1]) + 1.0
+        yield measurement, recording
+
+
+@pytest.fixture(scope="module")
+def symmetric(robot, plan):
+    """A campaign on a machine of steady and symmetric friction, without noise."""
+    return list(campaign(robot, plan, Friction()))
+
+
+def noisy(robot, recordings, seed=0):
+    rng = np.random.default_rng(seed)
+    for measurement, recording in recordings:
+        noise = NOISE * robot.torque_limit * rng.standard_normal(recording.tau.shape)
+        yield measurement, replace(recording, tau=recording.tau + noise)
+
+
+def relative_error(p):
+    return np.linalg.norm(p - TABLE_3_A) / np.linalg.norm(TABLE_3_A)
+
+
+Q = (0.1, -0.3, 0.4, 0.6, -0.8, 0.2)
+GRAVITY = Gravity(id="g", axis=3, q=Q, stroke=0.6, velocity=0.4, acceleration=2.0, cycles=2)
+INERTIA = Inertia(id="i", axis=2, q=Q, stroke=0.4, velocity=1.0, acceleration=6.0, cycles=3)
+COUPLING = Coupling(
+    id="c", axis=1, q=Q, stroke=1.4, velocity=0.25, acceleration=1.2, cycles=1,
+    partner=Partner(axis=2, stroke=0.2, velocity=0.9, acceleration=6.0),
+)  # fmt: skip
+
+
+class TestLocalFits:
+    def value(self, robot, measurement, friction):
+        s = signals(record(robot, measurement, TABLE_3_A, friction))
+        return fit(robot, measurement, s).at(TABLE_3_A)
+
+    def test_a_half_sum_is_the_gravity_torque(self, robot):
+        local = self.value(robot, GRAVITY, Friction())
+        expected = gravity_torque(robot, TABLE_3_A, local.q)[2]
+        assert local.value == pytest.approx(expected, rel=2e-2)  # the window spans 0.4 rad
+        assert local.value == pytest.approx(local.model, rel=1e-6)
+
+    def test_a_half_difference_is_friction(self, robot):
+        local = self.value(robot, GRAVITY, Friction())
+        expected = 40 + 10 * 0.4 + 8 * np.cbrt(0.4)
+        assert local.friction == pytest.approx(expected, rel=2e-2)
+
+    def test_an_acceleration_shows_the_moment_of_inertia(self, robot):
+        local = self.value(robot, INERTIA, Friction())
+        assert local.value == pytest.approx(mass_matrix(robot, TABLE_3_A, local.q)[1, 1], rel=1e-4)
+        assert local.model == pytest.approx(local.value, rel=1e-4)
+
+    def test_the_creeping_axis_shows_the_coupling_inertia(self, robot):
+        still = Friction(coulomb=40, viscous=0, root=0)
+        local = self.value(robot, COUPLING, still)
+        assert (local.axis, local.partner) == (0, 1)
+        assert local.value == pytest.approx(local.model, abs=0.1)
+
+    def test_a_gravity_measurement_without_a_window_is_refused(self, robot):
+        short = GRAVITY.model_copy(update={"stroke": 0.05})
+        s = signals(record(robot, short, TABLE_3_A, Friction()))
+        with pytest.raises(NotEnoughData, match="g: no window of constant velocity"):
+            fit(robot, short, s)
+
+
+class TestExactness:
+    def test_the_improved_method_finds_the_parameters_of_a_drifting_machine(self, robot, plan):
+        friction = Friction(growth=-3e-4, offset=np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1]))
+        found = estimate(robot, campaign(robot, plan, friction))
+        assert relative_error(found.p) < 1e-5
+
+    def test_the_printed_method_finds_the_parameters_of_a_symmetric_machine(self, robot, symmetric):
+        found = estimate(robot, symmetric, "printed")
+        assert relative_error(found.p) < 3e-4
+
+    def test_a_constant_offset_disturbs_the_printed_method_only(self, robot, plan):
+        friction = Friction(offset=np.array([1.0, -3.0, 2.0, 0.5, -0.5, 0.2]))
+        found = estimates(robot, campaign(robot, plan, friction))
+        assert relative_error(found["improved"].p) < 1e-5
+        assert relative_error(found["printed"].p) > 3e-3
+
+    def test_missing_samples_do_not_bias_the_result(self, robot, symmetric):
+        rng = np.random.default_rng(4)
+
+        def with_gaps():
+            for measurement, recording in symmetric:
+                q, tau = recording.q.copy(), recording.tau.copy()
+                lost = rng.random(len(q)) < 0.004
+                q[lost], tau[lost] = np.nan, np.nan
+                yield measurement, replace(recording, q=q, tau=tau)
+
+        assert relative_error(estimate(robot, with_gaps()).p) < 1e-5
+
+
+class TestCalibration:
+    def test_intervals_of_95_percent_cover_about_that_often(self, robot, symmetric):
+        reference = estimates(robot, symmetric)
+        drawn = [estimates(robot, noisy(robot, symmetric, seed)) for seed in range(6)]
+        for method in METHODS:
+            inside, ratio = [], []
+            for found in (each[method] for each in drawn):
+                error = found.p - reference[method].p
+                inside.append(np.abs(error) < found.half_width())
+                ratio.append(error / found.standard_error)
+            assert 0.88 <= np.mean(inside) <= 1.0, method
+            assert 0.4 < np.median(np.abs(ratio)) < 1.0, method  # 0.67 for a normal distribution
+
+    def test_more_confidence_means_wider_intervals(self, robot, symmetric):
+        found = estimate(robot, noisy(robot, symmetric))
+        assert np.all(found.half_width(0.99) > found.half_width(0.95))
+
+
+class TestDriveErrors:
+    def uncertain(self, robot, key, value):
+        text = robot.text.replace("torque_constant: ", f"{key}: {value}, torque_constant: ")
+        return parse_robot(text, "uncertain.yaml")
+
+    @pytest.mark.parametrize("method", METHODS)
+    def test_a_wrong_torque_constant_shifts_p_as_its_stated_uncertainty_says(
+        self, robot, symmetric, method
+    ):
+        recordings = list(noisy(robot, symmetric))
+        scale = np.ones(6)
+        scale[1] = 1.02
+        wrong = [(m, replace(r, tau=r.tau * scale)) for m, r in recordings]
+        shift = estimate(robot, wrong, method).p - estimate(robot, recordings, method).p
+        stated = self.uncertain(robot, "torque_constant_uncertainty", 0.02)
+        carried = estimate(stated, recordings, method)
+        assert np.linalg.norm(shift) > 0.5
+        bound = np.sqrt(np.diag(carried.drive_covariance))
+        assert np.all(np.abs(shift) <= 1.05 * bound + 1e-3)
+
+    def test_a_wrong_rotor_inertia_goes_into_p4(self, robot, symmetric):
+        stated = self.uncertain(robot, "rotor_inertia_uncertainty", 0.03)
+        found = estimate(stated, symmetric)
+        p4 = base_parameters(robot).names.index("p4")
+        expected = 0.03 * 1.3e-3 * 210**2
+        assert np.sqrt(found.drive_covariance[p4, p4]) == pytest.approx(expected, rel=0.05)
+
+
+class TestRefusals:
+    def test_a_campaign_without_couplings_is_refused_with_the_parameter_s_name(
+        self, robot, symmetric
+    ):
+        partial = [item for item in symmetric if item[0].kind != "coupling"]
+        with pytest.raises(NotIdentifiable, match=r"0 usable coupling measurements .* p3"):
+            estimate(robot, partial)
+
+    def test_useless_recordings_are_left_out_and_named(self, robot, symmetric):
+        recordings = list(symmetric)
+        measurement, recording = recordings[0]
+        recordings[0] = measurement, replace(recording, tau=np.full_like(recording.tau, np.nan))
+        with pytest.raises(NotEnoughData, match="no usable sample"):
+            signals(recordings[0][1])
+        found = estimate(robot, recordings)
+        assert [text.split(":")[0] for text in found.left_out] == [measurement.id]

@@ -1,0 +1,95 @@
+"""What is found beside the parameters: loads, left-out parameters, lags, drive gains."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import TABLE_3_A, Friction, record
+
+from hil.estimation.absent_parameters import examine
+from hil.estimation.identify import estimate
+from hil.estimation.payload import payload
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import Joint
+from hil.estimation.torque_constants import drive_gains
+from hil.estimation.torque_lag import find_lags
+from hil.model.base_parameters import base_parameters, link_share
+from hil.model.dynamics import gravity_torque
+from hil.model.robot import load_robot
+from hil.planning.design.by_counts import design
+
+LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("manutec-r15")
+
+
+@pytest.fixture(scope="module")
+def plan(robot):
+    return design(robot, (12, 24, 3))
+
+
+def campaign(robot, plan, p, seed):
+    rng = np.random.default_rng(seed)
+    return [(m, record(robot, m, p, Friction(), noise=0.0005, rng=rng)) for m in plan.measurements]
+
+
+def loaded(robot):
+    base = base_parameters(robot)
+    phi = np.array([LOAD.get(name, 0.0) for name in robot.standard_parameters])
+    return TABLE_3_A + base.matrix @ phi
+
+
+def prepared(recorded):
+    return [(m, signals(recording)) for m, recording in recorded]
+
+
+@pytest.fixture(scope="module")
+def runs(robot, plan):
+    return campaign(robot, plan, TABLE_3_A, 1), campaign(robot, plan, loaded(robot), 2)
+
+
+def test_a_load_has_its_share_of_each_base_parameter(robot):
+    shares = link_share(robot, 5)
+    assert shares[0] == "l1^2 m6"
+    assert shares[7] == "-l2 m6"
+    assert shares[10:] == ("Ixx6", "Ixx6", "-sz6", "Izz6")
+
+
+def test_mass_and_centre_of_a_load_are_found(robot, runs):
+    found = payload(robot, *(estimate(robot, run) for run in runs))
+    quantities = {q.name: q for q in found.quantities()}
+    assert quantities["mass"].value == pytest.approx(10.86, rel=2e-3)
+    assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
+    assert "sx" in found.unseen
+    assert found.p_value > 1e-4
+
+
+def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
+    off = np.array([1.0, 1.02, 1.0, 1.0, 1.0, 1.0])
+    wrong = [[(m, replace(r, tau=r.tau * off)) for m, r in run] for run in runs]
+    gains = drive_gains(robot, *(Joint(robot, prepared(run)) for run in wrong), 10.86)
+    assert gains.error[1] == pytest.approx(0.02, abs=2e-3)
+    assert gains.constant[1] == pytest.approx(robot.torque_constant[1] / 1.02, rel=2e-3)
+
+
+def test_nothing_is_found_where_nothing_is_left_out(robot, runs):
+    assert examine(robot, prepared(runs[0])).found == ()
+
+
+def test_a_centre_of_mass_off_the_axis_is_ranked_first(robot, runs):
+    found = examine(robot, prepared(runs[0]))
+    k = found.complete.standard_parameters.index("sy4")
+    u = 0.05 * base_parameters(found.complete).matrix[:, k]
+    spoilt = [
+        (m, replace(r, tau=r.tau + gravity_torque(found.complete, u, r.q))) for m, r in runs[0]
+    ]
+    assert "sy4" in examine(robot, prepared(spoilt)).alone[0].names
+
+
+def test_a_lag_of_the_torque_is_found_and_taken_back(robot, runs):
+    late = np.array([0.004, 0.0, 0.006, 0.0, 0.002, 0.008])
+    delayed = [(m, s.torque_advanced(-late)) for m, s in prepared(runs[0])]
+    assert find_lags(robot, delayed).lag == pytest.approx(late, abs=3e-4)

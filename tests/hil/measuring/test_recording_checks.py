@@ -1,0 +1,103 @@
+"""Defects that only a whole recording shows: an encoder that jumps, a current that is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.drive_bus import Tripped
+from hil.measuring.checks.current_checks import frozen
+from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.planning.measurement import Gravity
+from hil.runs.recording import Recording
+
+PERIOD, ACCELERATION = 0.004, 8.0
+MEASUREMENT = Gravity(
+    id="g", axis=1, q=(0.0, 0.0), stroke=0.4, velocity=0.4, acceleration=ACCELERATION, cycles=2
+)
+
+
+def recording(seed: int = 0, noise: float = 1.0, resolution: float = 0.1) -> Recording:
+    """Strokes of the first of two axes; positions in increments, torque with noise."""
+    rng = np.random.default_rng(seed)
+    strokes = [MEASUREMENT.profile(k) for k in range(MEASUREMENT.n_strokes)]
+    times = [np.arange(0.0, profile.duration, PERIOD) for profile in strokes]
+    pairs = list(zip(strokes, times, strict=True))
+    q = np.concatenate([profile.q(t) for profile, t in pairs])
+    velocity = np.concatenate([profile.qd(t) for profile, t in pairs])
+    n = len(q)
+    torque = 100 * np.tanh(velocity / 0.02) + rng.normal(0, noise, n)
+    numbers = np.concatenate([np.full(len(t), k, dtype=np.int16) for k, t in enumerate(times)])
+    return Recording(
+        time=PERIOD * np.arange(n),
+        q=np.round(np.column_stack([q, np.zeros(n)]) / 1e-5) * 1e-5,
+        tau=np.round(np.column_stack([torque, np.zeros(n)]) / resolution) * resolution,
+        flags=np.zeros((n, 2), dtype=np.uint8),
+        stroke=numbers,
+        partner_stroke=np.full(n, -1, dtype=np.int16),
+    )
+
+
+def test_a_sound_motion_has_no_jumps() -> None:
+    refuse_jumps(recording(), ACCELERATION)
+
+
+@given(
+    size=st.floats(1.5e-3, 0.1),
+    sign=st.sampled_from([-1, 1]),
+    at=st.integers(2, 1000),
+    axis=st.integers(0, 1),
+)
+def test_a_jump_is_found_on_any_axis_at_any_time(
+    size: float, sign: int, at: int, axis: int
+) -> None:
+    sound = recording()
+    q = sound.q.copy()
+    q[at:, axis] += sign * size
+    with pytest.raises(Tripped, match=f"axis {axis + 1}: its position jumps by") as caught:
+        refuse_jumps(replace(sound, q=q), ACCELERATION)
+    assert "reference the axis anew" in str(caught.value)
+
+
+def test_missing_samples_are_no_jump() -> None:
+    sound = recording()
+    q = sound.q.copy()
+    q[100:110, 0] = np.nan
+    refuse_jumps(replace(sound, q=q), ACCELERATION)
+
+
+@given(seed=st.integers(0, 1000), jitter=st.floats(0.0, 0.4))
+def test_a_sync_that_comes_late_is_no_jump(seed: int, jitter: float) -> None:
+    sound = recording()
+    late = np.random.default_rng(seed).uniform(-jitter / 2, jitter / 2, sound.n_samples) * PERIOD
+    refuse_jumps(replace(sound, time=sound.time + late), ACCELERATION)
+
+
+@given(
+    seed=st.integers(0, 1000), noise=st.floats(0.05, 3.0), resolution=st.sampled_from([0.01, 0.1])
+)
+def test_a_sound_current_is_never_taken_for_a_stuck_one(
+    seed: int, noise: float, resolution: float
+) -> None:
+    assert list(frozen(recording(seed, noise, resolution), MEASUREMENT)) == []
+
+
+@given(begin=st.integers(0, 900), length=st.integers(25, 100))
+def test_a_stuck_current_is_found(begin: int, length: int) -> None:
+    sound = recording()
+    tau = sound.tau.copy()
+    tau[begin : begin + length, 0] = tau[begin, 0]
+    (finding,) = frozen(replace(sound, tau=tau), MEASUREMENT)
+    assert finding.check == "current"
+    assert finding.value >= length
+    assert "stuck, clipped or too coarse" in finding.message
+
+
+def test_a_clipped_current_is_found() -> None:
+    sound = recording()
+    (finding,) = frozen(replace(sound, tau=np.clip(sound.tau, -90, 90)), MEASUREMENT)
+    assert "90 N m" in finding.message

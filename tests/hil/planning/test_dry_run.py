@@ -1,0 +1,214 @@
+"""The dry run: limits, time, bus load, identifiability."""
+
+import io
+import math
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from hil.cli.dry_run_view import describe_problems, render
+from hil.measuring.sequencer import measure
+from hil.model.robot import Robot
+from hil.planning.dry_run import bus_load, dry_run, frame_bits
+from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.plan import Plan, dump_plan
+from hil.planning.prediction.identifiability import observations
+
+
+def with_(plan: Plan, number: int, **changes: object) -> Plan:
+    items = list(plan.measurements)
+    items[number] = items[number].model_copy(update=changes)
+    return plan.model_copy(update={"measurements": tuple(items)})
+
+
+def of(plan: Plan, *measurements: object) -> Plan:
+    return plan.model_copy(update={"measurements": measurements})
+
+
+def problems(plan: Plan, robot: Robot) -> list[str]:
+    text = dump_plan(plan)
+    return describe_problems(dry_run(plan, robot), text, "plan.yaml").splitlines()
+
+
+def gravity_plan(plan: Plan, axis: int, *configurations: tuple[float, ...]) -> Plan:
+    return of(
+        plan,
+        *(
+            Gravity(id=f"g{k}", axis=axis, q=q, stroke=0.4, velocity=0.4, acceleration=8.0)
+            for k, q in enumerate(configurations)
+        ),
+    )
+
+
+def test_a_sound_plan_has_no_problems(small_plan: Plan, manutec: Robot) -> None:
+    result = dry_run(small_plan, manutec)
+    assert result.problems == ()
+    assert result.counts == {"gravity": 1, "inertia": 1, "coupling": 1}
+
+
+def test_the_duration_foreseen_is_what_the_sequencer_takes(
+    small_plan: Plan, manutec: Robot, ideal_bus
+) -> None:
+    with ideal_bus:
+        for _ in measure(small_plan, manutec, ideal_bus):
+            pass
+    assert dry_run(small_plan, manutec).duration == pytest.approx(ideal_bus.time, rel=0.15)
+
+
+def test_worst_frames_have_135_and_55_bits() -> None:
+    assert frame_bits(8) == 135
+    assert frame_bits(0) == 55
+
+
+def test_six_axes_at_250_hz_take_22_percent_of_1_mbit() -> None:
+    assert bus_load(6, 0.004, 1_000_000) == pytest.approx(0.216, abs=0.001)
+
+
+@pytest.mark.parametrize(("bitrate", "refused"), [(1_000_000, False), (250_000, True)])
+def test_a_bus_loaded_above_70_percent_is_refused(
+    small_plan: Plan, manutec: Robot, bitrate: int, refused: bool
+) -> None:
+    result = dry_run(small_plan, manutec, bitrate)
+    assert bool(result.problems) is refused
+    if refused:
+        assert "loads the bus with 86%" in result.problems[0].message
+        assert "sample every 0.005 s" in result.problems[0].message
+
+
+@pytest.mark.parametrize(
+    ("number", "changes", "message"),
+    [
+        (
+            0,
+            {"q": (0.0, -1.8, 0.2, 0.0, 0.5, 0.0)},
+            "plan.yaml:12: measurements.0.q.1: g1: joint 2, with half its stroke, at -2 rad is"
+            " outside -1.92 ... 1.92 rad; choose another configuration or stroke",
+        ),
+        (
+            0,
+            {"q": (0.0, -0.3, 0.2, 0.0, 90.0, 0.0)},
+            "plan.yaml:12: measurements.0.q.4: g1: joint 5 at 90 rad is outside -2.007 ... 2.007"
+            " rad; is it in degrees? then write 1.5708",
+        ),
+        (
+            0,
+            {"velocity": 1.6},
+            "plan.yaml:14: measurements.0.velocity: g1: 1.6 rad/s is above the limit of joint 2,"
+            " 1.5 rad/s; plan a lower one",
+        ),
+        (
+            1,
+            {"acceleration": 16.0},
+            "plan.yaml:23: measurements.1.acceleration: i1: 16 rad/s^2 is above the limit of"
+            " joint 3, 15 rad/s^2; plan a lower one",
+        ),
+        (
+            2,
+            {"partner": Partner(axis=2, stroke=0.1, velocity=0.5, acceleration=15.5)},
+            "plan.yaml:36: measurements.2.partner.acceleration: c1: 15.5 rad/s^2 is above",
+        ),
+        (
+            0,
+            {"stroke": 0.05},
+            "plan.yaml:13: measurements.0.stroke: g1: 0.05 rad leaves 0.075 s of constant velocity,"
+            " must be at least 0.25 s; lengthen the stroke to 0.12 rad or lower the velocity",
+        ),
+        (2, {"stroke": 0.04}, "of creep, needed for two strokes of the partner"),
+    ],
+)
+def test_a_problem_is_told_with_line_value_bound_and_remedy(
+    small_plan: Plan, manutec: Robot, number: int, changes: dict[str, object], message: str
+) -> None:
+    told = problems(with_(small_plan, number, **changes), manutec)
+    assert any(message in line for line in told), told
+
+
+def test_many_problems_are_counted_rather_than_listed(small_plan: Plan, manutec: Robot) -> None:
+    q = (0.0, -1.8, 0.2, 0.0, 0.5, 0.0)
+    told = problems(gravity_plan(small_plan, 2, *[q] * 15), manutec)
+    assert len(told) == 11
+    assert told[-1] == "... and 5 more of that kind"
+
+
+def test_the_stretch_proposed_is_long_enough(small_plan: Plan, manutec: Robot) -> None:
+    for number, stroke in ((0, 0.05), (2, 0.04)):
+        short = with_(small_plan, number, stroke=stroke)
+        advice = problems(short, manutec)[0]
+        length = float(advice.split("lengthen the stroke to ")[1].split(" rad")[0])
+        mended = with_(small_plan, number, stroke=length * 1.01)
+        assert problems(mended, manutec) == []
+
+
+def test_gravity_rows_are_the_weighted_torque_of_the_axis(small_plan: Plan, manutec: Robot) -> None:
+    """Table 2: g2 depends on p5, p8 and p13, with g cos q2 before p5."""
+    q2 = 0.7
+    plan = gravity_plan(small_plan, 2, (0.0, q2, 0.0, 0.0, 0.0, 0.0))
+    row = observations(plan, manutec, "gravity")[0]
+    assert abs(row[0]) == pytest.approx(9.81 * math.cos(q2) / 1890)
+
+
+def test_inertia_rows_are_those_of_the_mass_matrix_without_gravity(
+    small_plan: Plan, manutec: Robot
+) -> None:
+    """M44 = p10 + p11 sin^2 q5 + p14 cos^2 q5."""
+    item = Inertia(
+        id="i",
+        axis=4,
+        q=(0.0, 0.3, 0.2, 0.1, 0.6, 0.0),
+        stroke=0.4,
+        velocity=1.0,
+        acceleration=8.0,
+    )
+    row = observations(of(small_plan, item), manutec, "diagonal")[0] * 210
+    assert sorted(np.abs(row[np.abs(row) > 1e-12])) == pytest.approx(
+        sorted([1.0, math.sin(0.6) ** 2, math.cos(0.6) ** 2])
+    )
+
+
+def test_coupling_rows_relate_the_creeping_axis_to_its_partner(
+    small_plan: Plan, manutec: Robot
+) -> None:
+    coupling = small_plan.measurements[2]
+    assert isinstance(coupling, Coupling)
+    row = observations(of(small_plan, coupling), manutec, "off_diagonal")
+    assert row.shape == (1, 1)
+    assert abs(row[0, 0]) > 1e-6
+
+
+def test_one_configuration_cannot_tell_three_parameters_apart(
+    small_plan: Plan, manutec: Robot
+) -> None:
+    plan = gravity_plan(small_plan, 2, (0.0, 0.2, 0.3, 0.4, 0.5, 0.0))
+    groups = {group.group: group for group in dry_run(plan, manutec).groups}
+    assert groups["gravity"].rank == 1
+    assert not groups["gravity"].complete
+    assert groups["gravity"].weak == ("p5", "p8", "p13")
+    assert groups["diagonal"].rows == 0
+    assert len(groups["diagonal"].weak) == 10
+
+
+def test_several_configurations_identify_gravity(small_plan: Plan, manutec: Robot) -> None:
+    rng = np.random.default_rng(3)
+    configurations = [tuple(rng.uniform(-1.5, 1.5, 6)) for _ in range(8)]
+    gravity = dry_run(gravity_plan(small_plan, 2, *configurations), manutec).groups[0]
+    assert gravity.complete
+    assert 1 < gravity.condition < 20
+    assert gravity.weak == ()
+
+
+def test_a_parameter_that_nothing_excites_is_named(small_plan: Plan, manutec: Robot) -> None:
+    """With q5 = 0 and q4 = 0 throughout, p13 enters g2 as p8 does."""
+    angles = [(0.0, a, b, 0.0, 0.0, 0.0) for a in (-0.8, 0.1, 0.9) for b in (-1.0, 0.2, 1.2)]
+    gravity = dry_run(gravity_plan(small_plan, 2, *angles), manutec).groups[0]
+    assert gravity.rank == 2
+    assert "p13" in gravity.weak
+    assert "p5" not in gravity.weak
+
+
+def test_the_answer_is_rendered_with_costs_and_gains(small_plan: Plan, manutec: Robot) -> None:
+    stream = io.StringIO()
+    render(dry_run(small_plan, manutec), Console(file=stream, width=120))
+    text = stream.getvalue()
+    for words in ("bus load 21.6%", "total", "off-diagonal", "weak in gravity: p5, p8, p13"):
+        assert words in text

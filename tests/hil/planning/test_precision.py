@@ -1,0 +1,156 @@
+"""Predictions: what the estimator will find, how its normal equations scatter, what that means."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from checked_files.yaml_file import FileError
+from hil.estimation import condensed
+from hil.estimation.signals import signals
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import parse_robot
+from hil.planning.design.by_counts import design
+from hil.planning.prediction.information import shares
+from hil.planning.prediction.noise import Noise, stated_noise
+from hil.planning.prediction.precision import predict, torque_scale
+from hil.planning.prediction.predicted_samples import forecast
+from hil.regression.terms import usable
+from hil.regression.window import noise_gain
+from hil.runs.recording import IDLE, Recording
+
+PERIOD = 0.004
+DRAWS = 600
+
+
+@pytest.fixture(scope="module")
+def plan(manutec):
+    return design(manutec, (8, 16, 2))
+
+
+@pytest.fixture(scope="module")
+def one_of_each(plan):
+    """A measurement of every kind, with the axis whose torque is read."""
+    return {m.kind: m for m in reversed(plan.measurements)}
+
+
+def ideal(measurement):
+    """Signals of axes that follow their profiles exactly; torques are zero."""
+    planned = forecast(measurement, PERIOD)
+    n = len(planned.time)
+    idle, flags = np.full(n, IDLE, np.int16), np.zeros(planned.q.shape, np.uint8)
+    tau = np.zeros_like(planned.q)
+    return signals(Recording(planned.time, planned.q, tau, flags, idle, idle))
+
+
+def deviations(robot, measurements, noise):
+    return predict(robot, measurements, PERIOD, noise).deviation
+
+
+@pytest.mark.parametrize("kind", ["gravity", "inertia", "coupling"])
+def test_the_information_foreseen_is_what_the_estimator_takes_from_an_ideal_motion(
+    manutec, one_of_each, kind
+):
+    measurement = one_of_each[kind]
+    taken = condensed.condense(manutec, measurement, ideal(measurement))
+    planned = shares(manutec, measurement, PERIOD)
+    assert [item.axis for item in planned] == [item.axis for item in taken]
+    for before, after in zip(planned, taken, strict=True):
+        assert before.n == pytest.approx(after.n, rel=0.03)
+        n_base = len(base_parameters(manutec))
+        expected, found = np.diag(before.information)[:n_base], np.diag(after.information)[:n_base]
+        told = found > 1e-6 * found.max()
+        assert told.any()
+        ratio = expected[told] / found[told]
+        assert ratio == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("what", ["white", "wander"])
+@pytest.mark.parametrize("kind", ["gravity", "inertia"])
+def test_noise_scatters_the_normal_equations_as_foreseen(manutec, one_of_each, kind, what):
+    """X'e of the estimator's own products, for many draws of e."""
+    measurement = one_of_each[kind]
+    axis, s = measurement.index, ideal(measurement)
+    drawn = np.random.default_rng(4).standard_normal((len(s.time), DRAWS))
+    if what == "wander":
+        walk = np.cumsum(np.sqrt(PERIOD) * drawn, axis=0)
+        drawn = np.sign(s.qd[:, axis])[:, np.newaxis] * walk
+    used = s.valid & usable(manutec, s, axis)
+    product, _ = condensed.products(manutec, s, axis, drawn, used)
+    n_base = len(base_parameters(manutec))
+    scores = product[DRAWS + 1 :, :DRAWS][:n_base]
+    expected = getattr(shares(manutec, measurement, PERIOD)[0], what)[:n_base, :n_base]
+    size = np.sqrt(np.diag(expected))
+    scaled = expected / np.outer(size, size).clip(min=1e-300)
+    found = np.sum((scores[size > 0] / size[size > 0, np.newaxis]) ** 2) / DRAWS
+    freedom = DRAWS * np.trace(scaled) ** 2 / np.sum(scaled**2)
+    low, high = stats.chi2.ppf([0.001, 0.999], freedom) / freedom
+    assert low * 0.95 < found / np.trace(scaled) < high * 1.05
+
+
+def test_smoothing_leaves_of_white_noise_what_the_gain_says(manutec, one_of_each):
+    planned = forecast(one_of_each["gravity"], PERIOD)
+    noise = np.random.default_rng(1).standard_normal((len(planned.time), 50))
+    assert planned.smoothed(noise).var() == pytest.approx(noise_gain(PERIOD), rel=0.05)
+
+
+def test_twice_the_measurements_lower_every_deviation_by_the_root_of_two(manutec, plan):
+    noise = stated_noise(manutec)
+    once = deviations(manutec, plan.measurements, noise)
+    twice = deviations(manutec, plan.measurements * 2, noise)
+    assert once / twice == pytest.approx(np.sqrt(2), rel=1e-3)
+
+
+def test_twice_the_noise_doubles_every_deviation(manutec, plan):
+    noise = stated_noise(manutec)
+    louder = Noise(2 * noise.torque, 2 * noise.wander, "")
+    ratio = deviations(manutec, plan.measurements, louder) / deviations(
+        manutec, plan.measurements, noise
+    )
+    assert ratio == pytest.approx(2.0, rel=1e-6)
+
+
+def test_friction_that_wanders_spoils_gravity_most(manutec, plan):
+    calm = Noise(stated_noise(manutec).torque, np.zeros(6), "")
+    restless = Noise(calm.torque, 0.01 * manutec.torque_limit, "")
+    ratio = deviations(manutec, plan.measurements, restless) / deviations(
+        manutec, plan.measurements, calm
+    )
+    groups = base_parameters(manutec).groups
+    assert min(ratio[list(groups["gravity"])]) > 2
+    assert max(ratio[list(groups["diagonal"])]) < min(ratio[list(groups["gravity"])])
+
+
+def test_what_nothing_tells_is_infinitely_uncertain(manutec, plan):
+    sixth = [m for m in plan.measurements if m.kind == "inertia" and m.axis == 6]
+    found = predict(manutec, sixth, PERIOD, stated_noise(manutec))
+    told = dict(zip(found.names, np.isfinite(found.deviation), strict=True))
+    assert told.pop("p14")
+    assert not any(told.values())
+    assert not found.weak[found.names.index("p14")]
+    assert found.weak[found.names.index("p1")]
+
+
+def test_a_unit_of_a_parameter_weighs_most_where_limits_are_small(manutec):
+    """1 kg m2 is nothing for joint 1 with 945 N m and much for joint 6 with 75 N m."""
+    scale = dict(zip(base_parameters(manutec).names, torque_scale(manutec), strict=True))
+    assert scale["p14"] > 10 * scale["p1"]
+    # p1 shows in joint 1 alone, p14 as Izz6 in joint 6: rms of an acceleration spread evenly
+    assert scale["p1"] == pytest.approx(15 / np.sqrt(3) / 945, rel=0.05)
+
+
+def test_the_robot_file_may_state_noise_and_the_drives_add_their_resolution(manutec):
+    joint = "    torque_limit: 945\n"
+    text = manutec.text.replace(joint, f"{joint}    torque_noise: 4.0\n    friction_wander: 2.5\n")
+    robot = parse_robot(text, "mine.yaml")
+    noise = stated_noise(robot, resolution=[12.0, 0, 0, 0, 0, 0])
+    assert noise.torque[0] == pytest.approx(np.hypot(4.0, 12 / np.sqrt(12)))
+    assert noise.wander[0] == 2.5
+    assert noise.torque[1] == pytest.approx(0.0025 * 1890)
+    assert robot.digest != manutec.digest
+
+
+def test_noise_beyond_the_torque_limit_is_refused(manutec):
+    joint = "    torque_limit: 945\n"
+    text = manutec.text.replace(joint, f"{joint}    torque_noise: 1200\n")
+    with pytest.raises(FileError, match="1200 must be positive and below torque_limit = 945"):
+        parse_robot(text, "mine.yaml")

@@ -1,0 +1,281 @@
+"""The report: self-contained, complete, right, and honest about what is weak."""
+
+import base64
+import re
+import shutil
+from dataclasses import replace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from small_run import SIMULATED, empty_plots, write_run
+
+from checked_files.yaml_file import FileError
+from hil import cli
+from hil.estimation.identify import estimates
+from hil.model.base_parameters import base_parameters
+from hil.report.campaign_rows import symbols
+from hil.report.page import report
+from hil.report.plots.campaign import PLOTS
+from hil.results.advice import advice, correlation
+from hil.results.model_file import identify, recorded
+from hil.results.prediction import predict
+from hil.results.rounding import decimals, percent, rounded, significant
+from hil.runs.finding import Finding
+
+PNG = b"\x89PNG"
+
+
+@pytest.fixture(scope="module")
+def folder(manutec, tmp_path_factory):
+    return write_run(tmp_path_factory.mktemp("report") / "run", manutec)
+
+
+@pytest.fixture(scope="module")
+def figures(folder):
+    return folder.path / "figures"
+
+
+@pytest.fixture(scope="module")
+def style():
+    """Of plots, before the first was drawn."""
+    return dict(mpl.rcParams)
+
+
+@pytest.fixture(scope="module")
+def page(folder, figures, style):
+    return report(folder.path, figures).read_text()
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return estimates(folder.robot, recorded(folder))
+
+
+@pytest.fixture
+def copy(folder, tmp_path, monkeypatch):
+    """A copy of the run to be changed, whose report is written with empty plots."""
+    empty_plots(monkeypatch)
+    written = shutil.ignore_patterns("model.yaml", "report.html", "figures")
+    shutil.copytree(folder.path, tmp_path / "run", ignore=written)
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def as_it_was(copy, found, monkeypatch):
+    """A copy whose recordings stay as they are, and so what is estimated from them."""
+    monkeypatch.setattr("hil.report.page.estimates", lambda *_: found)
+    return copy
+
+
+def text_of(markup):
+    """What a reader reads: inline markup closed up, everything else a space."""
+    markup = re.sub(r"(?s)<style>.*?</style>", "", str(markup))
+    markup = re.sub(r"</?(i|b|sub|sup)>", "", markup)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup))
+
+
+class TestPage:
+    def test_it_is_one_file_that_needs_no_network(self, page):
+        assert not re.search(r'(src|href)\s*=\s*"(?!data:)', page)
+        assert not re.search(r"url\(|@import|<script|<link|<iframe", page)
+
+    def test_every_picture_is_embedded_and_described(self, page):
+        pictures = re.findall(r'<img src="data:image/svg\+xml;base64,([^"]+)" alt="([^"]+)"', page)
+        assert len(pictures) == len(PLOTS) == page.count("<img")
+        for content, description in pictures:
+            assert b"<svg" in base64.b64decode(content)
+            assert len(description) > 40
+
+    def test_every_parameter_is_there_with_value_error_and_interval(self, page, found, manutec):
+        text, best = text_of(page), found["improved"]
+        base = base_parameters(manutec)
+        for k, name in enumerate(base.names):
+            error, half = best.standard_error[k], best.half_width()[k]
+            row = text[text.index(f" {name} {text_of(symbols(base.expressions[k]))} ") :][:300]
+            for value in (best.p[k], error, best.p[k] - half, best.p[k] + half):
+                assert rounded(value, error) in row
+
+    def test_both_methods_stand_side_by_side(self, page, found):
+        text = text_of(page)
+        compared = text[text.index("Both methods") : text.index("How the numbers")]
+        for k in range(14):
+            for estimate in found.values():
+                assert rounded(estimate.p[k], estimate.standard_error[k]) in compared
+
+    def test_it_says_what_was_measured_on_what(self, page, folder):
+        text = text_of(page)
+        assert "SIMULATED" in text
+        assert "39 (12 gravity, 24 inertia, 3 coupling)" in text
+        assert "drive no. 6" in text
+        assert folder.plan.digest in text
+        assert folder.robot.digest in text
+
+    def test_it_says_how_it_was_filtered(self, page):
+        assert "order 4 run forth and back" in text_of(page)
+
+    def test_the_plots_are_files_on_request(self, page, figures):
+        assert {path.stem for path in figures.iterdir()} == set(PLOTS)
+        assert all(path.read_bytes().startswith(PNG) for path in figures.iterdir())
+
+    @pytest.mark.usefixtures("page")
+    def test_it_leaves_no_style_behind(self, style):
+        assert dict(mpl.rcParams) == style
+
+
+class TestModelNote:
+    def test_no_model_is_needed(self, page):
+        assert "There is no model.yaml yet" in page
+
+    @pytest.mark.parametrize(
+        ("method", "told"),
+        [("printed", "holds the parameters of the printed method"), ("improved", "same method")],
+    )
+    def test_it_tells_by_which_method_the_model_was_made(self, as_it_was, method, told):
+        identify(as_it_was, method)
+        assert told in report(as_it_was).read_text()
+
+    def test_a_damaged_model_does_not_matter(self, as_it_was):
+        (as_it_was / "model.yaml").write_text("format: 9\n")
+        assert "model.yaml cannot be used" in report(as_it_was).read_text()
+
+
+class TestOtherRuns:
+    def test_what_a_session_noted_is_told(self, as_it_was):
+        journal = as_it_was / "run.json"
+        note = "joint 2 <node 2>: warning 4210"
+        journal.write_text(journal.read_text().replace('"notes": []', f'"notes": ["{note}"]'))
+        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(as_it_was).read_text()
+
+    def test_a_run_on_hardware_is_not_called_simulated(self, as_it_was):
+        journal = as_it_was / "run.json"
+        journal.write_text(journal.read_text().replace(SIMULATED, "socketcan <can0>"))
+        page = report(as_it_was).read_text()
+        assert "SIMULATED" not in page
+        assert "socketcan &lt;can0&gt;" in page
+
+    def test_an_incomplete_run_says_what_is_missing(self, copy):
+        (copy / "recordings" / "i05.h5").unlink()
+        text = text_of(report(copy).read_text())
+        assert "i05 1 of 39 planned measurements are missing finish the run" in text
+
+    def test_a_run_that_tells_too_little_is_refused(self, copy):
+        for path in (copy / "recordings").glob("i*.h5"):
+            path.unlink()
+        with pytest.raises(FileError, match="0 usable inertia measurements"):
+            report(copy)
+        assert not (copy / "report.html").exists()
+
+    def test_the_command_tells_where_the_report_is(self, copy, capsys):
+        with pytest.raises(SystemExit) as ended:
+            cli.main(["report", str(copy)])
+        assert not ended.value.code
+        assert "report.html" in capsys.readouterr().out.replace("\n", "")
+
+
+class TestAdvice:
+    def advised(self, folder, estimate, campaign=None):
+        prediction = predict(estimate, folder.robot)
+        campaign = list(folder) if campaign is None else campaign
+        found = advice(estimate, prediction, folder.robot, folder.plan, campaign)
+        return {item.subject: item for item in found}
+
+    def test_a_parameter_that_spoils_the_torques_is_weak(self, folder, found):
+        best = found["improved"]
+        covariance = best.covariance.copy()
+        covariance[10] = covariance[:, 10] = 0.0
+        covariance[10, 10] = 0.1**2
+        item = self.advised(folder, replace(best, covariance=covariance))["p11"]
+        assert "% of the torque of joint" in item.what
+        assert re.search(r"more inertia measurements of axis [45], such as i\d\d", item.remedy)
+        assert item.urgent
+
+    def test_an_interval_on_few_measurements_is_told(self, folder, found):
+        degrees = np.full(14, 20.0)
+        degrees[7] = 2.0
+        weak = replace(found["improved"], degrees_of_freedom=degrees)
+        item = self.advised(folder, weak)["p8"]
+        assert "2.0 effective degrees of freedom" in item.what
+        assert "more gravity measurements of axis" in item.remedy
+
+    def test_a_measurement_that_scatters_stands_out(self, folder, found):
+        local = found["improved"].local
+        odd = next(value for value in local if value.kind == "inertia")
+        worse = [replace(v, residual=90 * v.residual) if v is odd else v for v in local]
+        items = self.advised(folder, replace(found["improved"], local=tuple(worse)))
+        assert re.search(r"scatters by .* N m, \d+ times as much", items[odd.id].what)
+        assert not {v.id for v in local if v is not odd} & set(items)
+
+    def test_axes_on_which_the_local_models_do_not_fit_are_told(self, folder, found):
+        best = found["improved"]
+        residual = folder.robot.torque_limit * [0.003, 0.02, 0.003, 0.015, np.nan, 0.003]
+        item = self.advised(folder, replace(best, residual=residual))["axis 2, axis 4"]
+        assert "leave 2.0 %, 1.5 % of the torque limit" in item.what
+        assert item.urgent
+
+    def test_findings_and_measurements_left_out_are_told(self, folder, found):
+        campaign = list(folder)
+        finding = Finding("stuck", "axis 2 stood still for 0.3 s", 0.3, 0.1)
+        campaign[3] = replace(campaign[3], findings=(finding,), attempts=3)
+        best = replace(found["improved"], left_out=("g02: no usable sample",))
+        items = self.advised(folder, best, campaign)
+        assert "3 attempts: axis 2 stood still" in items[campaign[3].measurement.id].what
+        assert items["g02"].what == "left out: no usable sample"
+
+    def test_correlated_parameters_are_named_together(self, folder, found):
+        best = found["improved"]
+        covariance = np.diag(np.diag(best.covariance))
+        covariance[0, 1] = covariance[1, 0] = -0.97 * np.sqrt(covariance[0, 0] * covariance[1, 1])
+        assert correlation(replace(best, covariance=covariance))[0, 1] == pytest.approx(-0.97)
+        items = self.advised(folder, replace(best, covariance=covariance))
+        assert "−0.97" in items["p1, p2"].what
+
+    def test_friction_that_differs_by_direction_is_to_be_known(self, folder, found):
+        items = self.advised(folder, found["improved"])
+        (subject,) = [s for s in items if s.startswith("axis 2")]
+        assert "−2.0" in items[subject].what
+        assert not items[subject].urgent
+
+    def test_drives_taken_as_exact_are_to_be_known(self, folder, found):
+        item = self.advised(folder, found["improved"])["torque constants and rotor inertias"]
+        assert "state their uncertainty in the robot file" in item.remedy
+
+
+class TestPrediction:
+    def test_errors_of_parameters_become_errors_of_torques(self, folder, found):
+        best = found["improved"]
+        prediction = predict(best, folder.robot)
+        wider = predict(replace(best, covariance=4 * best.covariance), folder.robot)
+        assert wider.standard_error == pytest.approx(2 * prediction.standard_error)
+        assert np.all(prediction.relative < 0.05)
+
+    def test_one_parameter_alone_has_its_own_effect(self, folder, found):
+        alone = np.zeros((14, 14))
+        alone[13, 13] = 0.01**2
+        prediction = predict(replace(found["improved"], covariance=alone), folder.robot)
+        assert prediction.standard_error == pytest.approx(prediction.effect[:, 13])
+        assert prediction.effect[:, :13].max() == 0.0
+
+
+class TestRounding:
+    @pytest.mark.parametrize(
+        ("uncertainty", "expected"),
+        [(0.0052, 4), (0.00075, 5), (0.5, 2), (12.0, 0), (340.0, 0), (0.0, 4), (np.nan, 4)],
+    )
+    def test_an_uncertainty_has_two_digits(self, uncertainty, expected):
+        assert decimals(uncertainty) == expected
+
+    def test_a_value_has_the_digits_it_deserves(self):
+        assert rounded(-28.05174, 0.0051) == "−28.0517"
+        assert rounded(-0.00001, 0.0051) == "0.0000"
+
+    @pytest.mark.parametrize(
+        ("part", "whole", "expected"),
+        [(0.0071, 48.5, "0.015"), (0.21, 1.0, "21"), (2.0, 1.0, "> 100"), (1.0, 0.0, "> 100")],
+    )
+    def test_a_share_has_two_digits(self, part, whole, expected):
+        assert percent(part, whole) == expected
+
+    def test_a_round_figure_has_no_lonely_point(self):
+        assert significant(471.2, 3) == "471"
+        assert significant(2.3, 3) == "2.30"

@@ -1,0 +1,207 @@
+"""Loads and diagnoses that commands keep in a run's folder, and how reports show them."""
+
+import re
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_run import empty_plots, write_run
+from synthetic import TABLE_3_A
+
+from checked_files.yaml_file import load_yaml
+from hil import cli
+from hil.estimation.absent_parameters import complete
+from hil.estimation.gravity_phase import Sinusoid
+from hil.model.base_parameters import base_parameters
+from hil.report.findings import of_campaign
+from hil.report.page import report
+from hil.results.diagnosis import diagnose, evidence_for
+from hil.results.diagnosis_file import DiagnosisFile, write_diagnosis
+from hil.results.payload_file import LoadFile
+from hil.runs.run_folder import RunFolder
+
+LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
+OFFSET = 0.06
+"""First moment of link 4 off its axis [kg m]; a small and noisy run needs a large one."""
+
+
+def text_of(markup):
+    markup = re.sub(r"(?s)<style>.*?</style>", "", markup)
+    markup = re.sub(r"</?(i|b|sub|sup)>", "", markup)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup))
+
+
+def hil(*arguments):
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(argument) for argument in arguments])
+    assert not ended.value.code
+
+
+@pytest.fixture(scope="module")
+def runs(manutec, tmp_path_factory):
+    """A run without load, one with it, and one of a robot whose file leaves something out."""
+    place = tmp_path_factory.mktemp("findings")
+    base, whole = base_parameters(manutec), complete(manutec)
+    phi = np.array([LOAD.get(name, 0.0) for name in manutec.standard_parameters])
+    write_run(place / "bare", manutec)
+    write_run(place / "loaded", manutec, (manutec, TABLE_3_A + base.matrix @ phi), seed=2)
+    K = base_parameters(whole).matrix
+    off = OFFSET * K[:, whole.standard_parameters.index("sy4")]
+    truth = whole, K @ base.placement @ TABLE_3_A + off
+    write_run(place / "offset", manutec, truth, seed=3)
+    return place
+
+
+@pytest.fixture(scope="module")
+def diagnosis(runs):
+    return diagnose(runs / "offset")
+
+
+def page_of(path):
+    """The report of a run, its plots empty."""
+    with pytest.MonkeyPatch.context() as patched:
+        empty_plots(patched)
+        return report(path).read_text()
+
+
+@pytest.fixture
+def copies(runs, tmp_path):
+    for name in ("bare", "loaded", "offset"):
+        shutil.copytree(runs / name, tmp_path / name)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def kept(runs):
+    """What the command found of the load."""
+    hil("payload", runs / "bare", runs / "loaded", "--mass", 10.86)
+    return load_yaml(runs / "loaded" / "payload.yaml", LoadFile)
+
+
+@pytest.fixture(scope="module")
+def page(runs, kept):
+    return page_of(runs / "loaded")
+
+
+@pytest.fixture(scope="module")
+def bare_page(runs, kept):
+    return page_of(runs / "bare")
+
+
+class TestLoad:
+    def test_it_is_kept_in_the_loaded_runs_folder_with_what_it_was_made_of(self, kept):
+        assert kept.without.folder == "../bare"
+        assert kept.loaded.folder == "."
+        assert kept.without.recordings != kept.loaded.recordings
+        assert {q.name for q in kept.load} >= {"mass", "sz", "centre z", "Ixx", "Izz"}
+        assert len(kept.elements_without) == len(kept.elements_loaded) == 36
+
+    def test_the_report_has_table_3_of_the_robot(self, page):
+        text = text_of(page)
+        table = text[text.index("Table 3 of this robot") : text.index("The load, in the last")]
+        rows = ["without load, A", "with load, B", "difference", "standard error", "expected"]
+        places = [table.index(row) for row in rows]
+        assert places == sorted(places)
+        assert "p13: -sz6" in table
+        for row in rows:
+            assert table.count(row) == 2  # in two halves, as the paper prints it
+
+    def test_the_report_shows_load_gains_and_both_runs_in_figs_5_and_6(self, page):
+        assert "χ²" in page
+        assert "given as 10.86 kg" in page
+        assert 'id="plot-load-gravity"' in page
+        assert 'id="plot-load-inertia"' in page
+
+    def test_a_report_of_another_run_has_no_load(self, bare_page):
+        assert "The load" not in bare_page
+
+    def noted(self, place, kept):
+        """What a report of the loaded run would show and tell, were the estimate as it was."""
+        folder = RunFolder.open(place / "loaded")
+        then = [each.loaded for each in kept.changes]
+        return of_campaign(folder, SimpleNamespace(p=np.array(then)))
+
+    @pytest.mark.parametrize("changed", ["bare", "loaded"])
+    def test_recordings_that_changed_since_make_it_stale(self, kept, copies, changed):
+        (copies / changed / "recordings" / "i05.h5").unlink()
+        found = self.noted(copies, kept)
+        assert found.load is None
+        assert "payload.yaml is stale and not shown: the recordings of" in found.load_note
+        assert "Make it anew with: hil payload" in found.load_note
+
+    def test_without_the_other_run_it_is_still_shown(self, kept, copies):
+        shutil.rmtree(copies / "bare")
+        assert self.noted(copies, kept).load == kept
+
+    def test_a_damaged_file_is_told(self, kept, copies):
+        (copies / "loaded" / "payload.yaml").write_text("format: 9\n")
+        assert "payload.yaml cannot be used" in self.noted(copies, kept).load_note
+
+
+class TestDiagnosis:
+    def test_what_the_file_leaves_out_is_ranked_first_and_significant(self, diagnosis):
+        evidence = evidence_for(diagnosis, "sy4")
+        assert evidence.first
+        assert evidence.significant
+        assert evidence.value == pytest.approx(OFFSET, abs=4 * evidence.standard_error)
+
+    def test_what_is_not_left_out_has_no_evidence(self, diagnosis):
+        evidence = evidence_for(diagnosis, "sy2")
+        assert not evidence.first
+        assert not evidence.significant
+
+    def test_what_cannot_be_tested_is_no_evidence(self, diagnosis):
+        with pytest.raises(ValueError, match="m1 was not tested"):
+            evidence_for(diagnosis, "m1")
+
+    def test_the_phase_is_that_of_the_forearms_first_moments(self, diagnosis):
+        """tan(phase) = sy4 / (p13 sin q5): see docs/model_errors.md."""
+        phase = diagnosis.phase
+        assert (phase.axis + 1, phase.over + 1) == (3, 4)
+        found, p13 = diagnosis.errors.found[0].value, diagnosis.errors.p[12]
+        expected = np.arctan(found / (-p13 * np.sin(phase.q[4])))
+        assert phase.shift == pytest.approx(expected, rel=1e-3)
+
+    def test_measurements_lie_on_the_shifted_sinusoid(self, diagnosis):
+        phase = diagnosis.phase
+        off = [phase.torque - s.at(phase.angle) for s in (phase.extended, phase.stated)]
+        extended, stated = (np.sqrt(np.mean(each**2)) for each in off)
+        assert extended < 0.6 * stated
+
+    def test_the_command_keeps_it_and_the_report_shows_it(self, copies, capsys):
+        hil("diagnose", copies / "offset")
+        assert "shows it" in capsys.readouterr().out
+        kept = load_yaml(copies / "offset" / "diagnosis.yaml", DiagnosisFile)
+        assert "sy4" in kept.candidates[0].names
+        assert abs(kept.phase.phase().shift) == pytest.approx(np.radians(17), abs=np.radians(6))
+        names = {path.name for path in (copies / "offset" / "diagnosis").iterdir()}
+        assert names == {"gravity.svg", "inertia.svg", "phase.svg"}
+        text = text_of(page_of(copies / "offset"))
+        section = text[text.index("What the robot file leaves out") :][:1500]
+        assert f"is {kept.found[0]}: add it to the robot file" in section
+        assert "Ranked by evidence" in section
+
+    def test_one_of_another_estimate_is_stale(self, copies, diagnosis):
+        path = write_diagnosis(copies / "offset", diagnosis)
+        kept = load_yaml(path, DiagnosisFile)
+        path.write_text(path.read_text().replace(repr(kept.p[0]), repr(kept.p[0] + 0.01)))
+        text = text_of(page_of(copies / "offset"))
+        assert "diagnosis.yaml is stale and not shown: the parameters of the same" in text
+
+    def test_a_run_that_was_not_diagnosed_has_no_such_section(self, bare_page):
+        assert "What the robot file leaves out" not in bare_page
+
+
+def test_the_report_tells_each_axiss_lag(bare_page):
+    text = text_of(bare_page)
+    section = text[text.index("How late the current was read") :][:700]
+    rows = re.findall(r" ([1-6]) (−?\d\.\d+) (\d\.\d+)(?= )", section)
+    assert len(rows) == 6
+    assert all(abs(float(lag.replace("−", "-"))) < 1.0 for _, lag, _ in rows)
+
+
+def test_a_sinusoid_that_leads_has_a_positive_phase():
+    late, early = Sinusoid(1.0, 1.0, 0.0), Sinusoid(5.0, np.cos(0.1), -np.sin(0.1))
+    assert early.phase_against(late) == pytest.approx(0.1)
+    assert early.at(np.array([-0.1]))[0] == pytest.approx(6.0)

@@ -1,0 +1,166 @@
+"""A run folder that a stranger has sent: whatever lies in it, nothing outside it is written."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+from small_run import write_run
+
+from checked_files.yaml_file import FileError
+from hil import cli
+from hil.cli.run_session import prepare_folder
+from hil.runs.atomic_file import own_folder, write_file
+from hil.runs.recording_file import Measured
+from hil.runs.run_folder import RunFolder
+from hil.study.drift import prepare
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+
+MINE = "the user's own file"
+
+
+@pytest.fixture
+def victim(tmp_path: Path) -> Path:
+    """A file of the user's, outside the folder."""
+    path = tmp_path / "victim.txt"
+    path.write_text(MINE)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path, manutec: Robot) -> RunFolder:
+    return write_run(tmp_path / "run", manutec)
+
+
+@pytest.mark.parametrize("name", ["model.yaml", "model.yaml.part"])
+def test_an_estimate_overwrites_no_file_that_a_link_leads_to(
+    folder: RunFolder, victim: Path, name: str
+) -> None:
+    (folder.path / name).symlink_to(victim)
+    hil("identify", folder.path)
+    assert victim.read_text() == MINE
+    assert not (folder.path / "model.yaml").is_symlink()
+    assert "parameters" in (folder.path / "model.yaml").read_text()
+
+
+@pytest.mark.parametrize("name", ["report.html", "report.html.part"])
+def test_a_report_overwrites_no_file_that_a_link_leads_to(
+    folder: RunFolder, victim: Path, name: str
+) -> None:
+    (folder.path / name).symlink_to(victim)
+    hil("report", folder.path)
+    assert victim.read_text() == MINE
+    assert (folder.path / "report.html").read_text().startswith("<!DOCTYPE")
+
+
+@pytest.mark.parametrize("name", ["run.json", "run.json.part"])
+def test_the_journal_overwrites_no_file_that_a_link_leads_to(
+    folder: RunFolder, tmp_path: Path, name: str
+) -> None:
+    elsewhere = tmp_path / "elsewhere.json"
+    elsewhere.write_bytes((folder.path / "run.json").read_bytes())
+    before = elsewhere.read_bytes()
+    (folder.path / name).unlink(missing_ok=True)
+    (folder.path / name).symlink_to(elsewhere)
+    folder.note_rehearsed(0.2)
+    assert elsewhere.read_bytes() == before
+    assert RunFolder.open(folder.path).journal.rehearsed == 0.2
+
+
+def test_recordings_behind_a_link_are_neither_written_nor_removed(
+    folder: RunFolder, tmp_path: Path
+) -> None:
+    outside = tmp_path / "outside"
+    (folder.path / "recordings").rename(outside)
+    (folder.path / "recordings").symlink_to(outside)
+    (outside / "thesis.part").write_text(MINE)
+    measured = next(iter(folder))
+    with pytest.raises(FileError, match=r"recordings: is a symbolic link .* move the whole folder"):
+        folder.set_aside_damaged()
+    with pytest.raises(FileError, match="recordings: is a symbolic link"):
+        folder.write(Measured(measured.measurement, measured.recording))
+    assert (outside / "thesis.part").read_text() == MINE
+
+
+def test_a_stub_whose_recordings_are_a_link_is_not_completed(
+    tmp_path: Path, small_plan: Plan, manutec: Robot
+) -> None:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "recordings").symlink_to(outside)
+    with pytest.raises(FileError, match="is there already"):
+        prepare_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", False, None)
+
+
+def test_plots_of_a_diagnosis_are_not_drawn_behind_a_link(
+    folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (folder.path / "diagnosis").symlink_to(outside)
+    with pytest.raises(SystemExit):
+        cli.main(["diagnose", str(folder.path)])
+    assert "diagnosis: is a symbolic link" in capsys.readouterr().err
+    assert not list(outside.iterdir())
+
+
+def test_a_study_does_not_follow_a_link_in_its_folder(tmp_path: Path) -> None:
+    outside, study = tmp_path / "outside", tmp_path / "study"
+    outside.mkdir()
+    study.mkdir()
+    (study / "off").symlink_to(outside)
+    with pytest.raises(FileError, match="off: is a symbolic link"):
+        prepare(study, "manutec-r15", "manutec-r15", [1], ["off"], share=0.1)
+    assert not list(outside.iterdir())
+
+
+def test_what_a_killed_process_left_blocks_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "model.yaml"
+    (tmp_path / "model.yaml.part").mkdir()
+    write_file(path, b"whole")
+    assert path.read_bytes() == b"whole"
+
+
+def test_two_writers_of_the_same_file_do_not_share_a_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, flush, parts = tmp_path / "model.yaml", os.fsync, []
+
+    def interleaved(descriptor: int) -> None:
+        flush(descriptor)
+        parts.append(sorted(part.name for part in tmp_path.glob("*.part")))
+        if len(parts) == 1:
+            write_file(path, b"the other's")
+
+    monkeypatch.setattr(os, "fsync", interleaved)
+    write_file(path, b"ours")
+    assert len(set(parts[1])) == 2
+    assert path.read_bytes() == b"ours"
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_a_file_is_as_readable_as_any_that_the_user_makes(tmp_path: Path) -> None:
+    write_file(tmp_path / "ours", b"")
+    (tmp_path / "plain").touch()
+    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_the_users_own_link_to_a_folder_is_followed(tmp_path: Path) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "runs").symlink_to(tmp_path / "disk")
+    own_folder(tmp_path / "runs" / "first")
+    write_file(tmp_path / "runs" / "first" / "plan.yaml", b"x")
+    assert (tmp_path / "disk" / "first" / "plan.yaml").read_bytes() == b"x"
+
+
+def hil(*arguments: object) -> None:
+    with pytest.raises(SystemExit) as left:
+        cli.main([str(argument) for argument in arguments])
+    assert not left.value.code

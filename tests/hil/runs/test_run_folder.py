@@ -1,0 +1,274 @@
+"""Run folders: atomic recordings, resuming, refusing."""
+
+import errno
+import json
+import os
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from checked_files.yaml_file import FileError
+from drivers.drive_bus import DriveFault, Sample
+from hil.measuring.campaign import run_campaign
+from hil.measuring.events import Recorded
+from hil.model.robot import Robot, load_robot
+from hil.planning.plan import Plan
+from hil.runs.finding import Finding
+from hil.runs.lock import locked
+from hil.runs.recording import Recording
+from hil.runs.recording_file import Measured
+from hil.runs.run_folder import RunFolder
+
+N = 50
+
+
+@pytest.fixture
+def recording() -> Recording:
+    rng = np.random.default_rng(1)
+    q = rng.normal(size=(N, 6))
+    q[7, 2] = np.nan
+    return Recording(
+        time=0.004 * np.arange(N),
+        q=q,
+        tau=rng.normal(size=(N, 6)),
+        flags=rng.integers(0, 16, (N, 6), dtype=np.uint8),
+        stroke=np.repeat(np.array([-1, 0, 1, 2, -1], dtype=np.int16), N // 5),
+        partner_stroke=np.full(N, -1, dtype=np.int16),
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path, small_plan: Plan, manutec: Robot) -> RunFolder:
+    return RunFolder.create(tmp_path / "run", small_plan, manutec, "axes: []\n")
+
+
+def test_what_is_written_is_read_back_bit_by_bit(folder: RunFolder, recording: Recording) -> None:
+    finding = Finding("gaps", "2 samples lack a telegram; check the wiring", 2.0, 0.0)
+    measured = Measured(folder.plan.measurements[2], recording, 3, (finding,), session=1)
+    folder.write(measured)
+    back = folder.read(folder.plan.measurements[2])
+    assert back.measurement == measured.measurement
+    assert (back.attempts, back.findings, back.session) == (3, (finding,), 1)
+    for name in ("time", "q", "tau", "flags", "stroke", "partner_stroke"):
+        ours, theirs = getattr(recording, name), getattr(back.recording, name)
+        assert ours.dtype == theirs.dtype
+        assert ours.tobytes() == theirs.tobytes()
+
+
+def test_only_one_measures_into_a_folder_at_a_time(folder: RunFolder) -> None:
+    with (
+        locked(folder.path),
+        pytest.raises(FileError, match="another process measures into it now"),
+        locked(folder.path),
+    ):
+        pass
+    with locked(folder.path):
+        assert not list(folder.path.glob("*lock*"))
+
+
+def test_any_hdf5_tool_finds_units_and_the_measurement(
+    folder: RunFolder, recording: Recording
+) -> None:
+    folder.write(Measured(folder.plan.measurements[0], recording))
+    with h5py.File(folder.path / "recordings" / "g1.h5") as file:
+        assert file["q"].attrs["unit"] == "rad"
+        assert file["tau"].attrs["unit"] == "N m"
+        assert json.loads(file.attrs["measurement"])["kind"] == "gravity"
+
+
+def test_recordings_come_in_the_order_of_the_plan(folder: RunFolder, recording: Recording) -> None:
+    gravity, inertia, coupling = folder.plan.measurements
+    for measurement in (coupling, gravity):
+        folder.write(Measured(measurement, recording))
+    assert [measured.measurement for measured in folder] == [gravity, coupling]
+    assert folder.missing == (inertia,)
+
+
+def test_a_folder_opened_again_has_plan_robot_and_verbatim_files(
+    folder: RunFolder, small_plan: Plan, manutec: Robot
+) -> None:
+    again = RunFolder.open(folder.path)
+    assert again.plan == small_plan
+    assert again.robot == manutec
+    assert (folder.path / "robot.yaml").read_text() == manutec.text
+    assert (folder.path / "drives.yaml").read_text() == "axes: []\n"
+
+
+@pytest.mark.parametrize("position", [0.2, 0.5, 0.9])
+def test_a_flipped_bit_is_noticed(folder: RunFolder, recording: Recording, position: float) -> None:
+    measurement = folder.plan.measurements[0]
+    folder.write(Measured(measurement, recording))
+    path = folder.recording_path(measurement)
+    with h5py.File(path, "r+") as file:
+        tau = file["tau"][:]
+        tau.flat[int(position * tau.size)] += 1e-12
+        file["tau"][:] = tau
+    with pytest.raises(FileError, match="checksum"):
+        folder.read(measurement)
+
+
+@pytest.mark.parametrize("keep", [0, 100, 3000])
+def test_a_damaged_file_is_set_aside_and_measured_again(
+    folder: RunFolder, recording: Recording, keep: int
+) -> None:
+    gravity, inertia, coupling = folder.plan.measurements
+    for measurement in (gravity, inertia):
+        folder.write(Measured(measurement, recording))
+    path = folder.recording_path(gravity)
+    path.write_bytes(path.read_bytes()[:keep])
+    told = RunFolder.open(folder.path).set_aside_damaged()
+    assert len(told) == 1
+    assert "g1.h5" in told[0]
+    assert "kept as g1.h5.damaged, will be measured again" in told[0]
+    assert (folder.path / "recordings" / "g1.h5.damaged").exists()
+    assert folder.missing == (gravity, coupling)
+
+
+def test_a_recording_under_anothers_name_is_not_taken(
+    folder: RunFolder, recording: Recording
+) -> None:
+    gravity, inertia, _ = folder.plan.measurements
+    folder.write(Measured(gravity, recording))
+    shutil.copy(folder.recording_path(gravity), folder.recording_path(inertia))
+    with pytest.raises(FileError, match="holds another measurement than i1"):
+        folder.read(inertia)
+
+
+def test_what_a_kill_left_half_written_is_no_recording(
+    folder: RunFolder, recording: Recording
+) -> None:
+    gravity, inertia, coupling = folder.plan.measurements
+    folder.write(Measured(gravity, recording))
+    whole = folder.recording_path(gravity).read_bytes()
+    part = folder.path / "recordings" / "i1.h5.part"
+    part.write_bytes(whole[: len(whole) // 2])
+    again = RunFolder.open(folder.path)
+    assert again.missing == (inertia, coupling)
+    assert again.set_aside_damaged() == []
+    assert not part.exists()
+
+
+def test_an_existing_run_is_not_overwritten(
+    folder: RunFolder, small_plan: Plan, manutec: Robot
+) -> None:
+    with pytest.raises(FileError, match="is there already; go on with --resume"):
+        RunFolder.create(folder.path, small_plan, manutec)
+
+
+def test_resuming_with_another_plan_robot_or_drives_is_refused(
+    folder: RunFolder, small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    folder.refuse_changes(small_plan, manutec, "axes: []\n")
+    with pytest.raises(FileError, match="the plan differs"):
+        folder.refuse_changes(small_plan.model_copy(update={"travel": 0.5}), manutec, "axes: []\n")
+    other = tmp_path / "other.yaml"
+    other.write_text(manutec.text.replace("velocity_limit: 3.0", "velocity_limit: 2.9"))
+    with pytest.raises(FileError, match="the robot file differs"):
+        folder.refuse_changes(small_plan, load_robot(other), "axes: []\n")
+    with pytest.raises(FileError, match="the drives file differs"):
+        folder.refuse_changes(small_plan, manutec, "axes: [1]\n")
+
+
+def test_a_plan_changed_inside_the_folder_is_refused(folder: RunFolder) -> None:
+    path = folder.path / "plan.yaml"
+    path.write_text(path.read_text().replace("stroke: 0.4", "stroke: 0.3"))
+    with pytest.raises(FileError, match="was changed since the run was started"):
+        RunFolder.open(folder.path)
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="is no run folder"):
+        RunFolder.open(tmp_path / "nothing")
+    with pytest.raises(FileError, match=r"run.json: cannot be read"):
+        RunFolder.open(tmp_path)
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(FileError, match="is this the folder of a run"):
+        RunFolder.open(tmp_path)
+
+
+def test_a_full_disk_is_told_once_and_clearly(
+    folder: RunFolder, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("hil.runs.atomic_file.os.fsync", full)
+    with pytest.raises(FileError) as refused:
+        folder.write(Measured(folder.plan.measurements[0], recording))
+    path = folder.path / "recordings" / "g1.h5"
+    assert str(refused.value) == f"{path}: cannot be written: No space left on device"
+    assert not path.exists()
+
+
+def test_a_place_that_cannot_be_written_is_told(
+    tmp_path: Path, small_plan: Plan, manutec: Robot
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot be made: Not a directory"):
+        RunFolder.create(tmp_path / "file" / "run", small_plan, manutec)
+
+
+def test_a_campaign_ends_in_a_folder_with_all_recordings(folder: RunFolder, ideal_bus) -> None:
+    events = list(run_campaign(folder, ideal_bus, "ideal test"))
+    assert sum(isinstance(event, Recorded) for event in events) == 3
+    again = RunFolder.open(folder.path)
+    assert again.missing == ()
+    assert [len(m.recording.time) > 200 for m in again] == [True] * 3
+    session = again.journal.sessions[0]
+    assert (session.bus, session.reason) == ("ideal test", "finished")
+    assert [axis.identity for axis in session.axes] == ["ideal"] * 6
+    assert session.ended is not None
+
+
+def test_a_campaign_that_broke_off_is_finished_by_resuming(folder: RunFolder, ideal_bus) -> None:
+    def fail(sample: Sample) -> Sample:
+        if sample.time > 8:
+            raise DriveFault("axis 3: over-current (2310)")
+        return sample
+
+    ideal_bus.tamper = fail
+    with pytest.raises(DriveFault):
+        list(run_campaign(folder, ideal_bus))
+    assert ideal_bus.log[-1] == "powered off"
+    broken = RunFolder.open(folder.path)
+    assert broken.journal.sessions[0].reason == "DriveFault: axis 3: over-current (2310)"
+    left = [m.id for m in broken.missing]
+    assert 0 < len(left) < 3
+
+    kept = broken.recording_path(broken.plan.measurements[0]).read_bytes()
+    ideal_bus.tamper = lambda sample: sample
+    again = [e for e in run_campaign(broken, ideal_bus) if isinstance(e, Recorded)]
+    assert [e.measurement.id for e in again] == left
+    assert broken.missing == ()
+    assert [measured.session for measured in broken][-1] == 1
+    assert broken.recording_path(broken.plan.measurements[0]).read_bytes() == kept
+
+
+def test_ctrl_c_switches_off_and_keeps_what_was_measured(folder: RunFolder, ideal_bus) -> None:
+    def interrupt(sample: Sample) -> Sample:
+        if sample.time > 8:
+            raise KeyboardInterrupt
+        return sample
+
+    ideal_bus.tamper = interrupt
+    ideal_bus.notes = ("axis 1: warning 4210",)
+    with pytest.raises(KeyboardInterrupt):
+        list(run_campaign(folder, ideal_bus))
+    assert ideal_bus.log[-1] == "powered off"
+    again = RunFolder.open(folder.path)
+    assert again.journal.sessions[0].notes == ("axis 1: warning 4210",)
+    assert again.journal.sessions[0].reason == "interrupted by the operator"
+    assert len(list(again)) == 3 - len(again.missing) > 0
+
+
+def test_the_folder_of_a_run_without_recordings_can_be_discarded(
+    folder: RunFolder, recording: Recording
+) -> None:
+    folder.write(Measured(folder.plan.measurements[0], recording))
+    assert not folder.discard_if_empty()
+    folder.recording_path(folder.plan.measurements[0]).unlink()
+    assert folder.discard_if_empty()
+    assert not folder.path.exists()

@@ -1,0 +1,42 @@
+"""Run folders with known parameters, written in a moment: recordings without a plant."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from synthetic import TABLE_3_A, Friction, record
+
+from drivers.drive_bus import AxisInfo
+from hil.planning.design.by_counts import design
+from hil.report.plots.campaign import PLOTS
+from hil.runs.recording_file import Measured
+from hil.runs.run_folder import RunFolder
+
+COUNTS = (12, 24, 3)
+SIMULATED = "sim_plant manutec-r15"
+NOISE = 0.0025
+
+
+def write_run(path, robot, truth=None, seed=1):
+    """Write a whole run of a small plan; friction decays and has an offset.
+
+    `truth`: the robot as it is and its base parameters, if it is not as its file says.
+    """
+    machine, p = truth or (robot, TABLE_3_A)
+    plan = design(robot, COUNTS)
+    folder = RunFolder.create(path, plan, robot)
+    friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
+    rng, begin = np.random.default_rng(seed), 0.0
+    with folder.session(SIMULATED) as session:
+        folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
+                          for n in range(1, 7)])  # fmt: skip
+        for measurement in plan.measurements:
+            recording = record(machine, measurement, p, friction, begin=begin, noise=NOISE, rng=rng)
+            folder.write(Measured(measurement, recording, session=session))
+            begin = float(recording.time[-1]) + 1.0
+    return folder
+
+
+def empty_plots(monkeypatch):
+    """Let reports have all their pictures, with nothing drawn."""
+    blank = dict.fromkeys(PLOTS, lambda _evidence: Figure())
+    monkeypatch.setattr("hil.report.plots.campaign.PLOTS", blank)
+    monkeypatch.setattr("hil.report.page.image", lambda _figure, _kind: b"<svg/>")

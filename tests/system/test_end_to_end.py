@@ -1,0 +1,100 @@
+"""The main job through the command line: plan, dry run, run, identify, report, compare.
+
+One small campaign over CANopen frames on the virtual plant, drift and asymmetry on. The whole one,
+64 + 92 + 9 configurations, is `make demo`.
+"""
+
+import re
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+
+import hil
+from hil.cli import main
+from hil.study.comparison import comparison
+from hil.study.truth import true_parameters
+
+COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
+
+pytestmark = pytest.mark.slow
+
+
+def cli(*arguments):
+    """Run `hil`; its regular end is an exit with status 0."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    assert not ended.value.code
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("campaign")
+    cli("plan", "manutec-r15", "-o", place / "plan.yaml", *COUNTS)
+    cli("dry-run", place / "plan.yaml")
+    cli("run", place / "plan.yaml", "-o", place / "run")
+    return place / "run"
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return hil.load_robot("manutec-r15")
+
+
+@pytest.fixture(scope="module")
+def truth(robot):
+    return true_parameters(robot, "manutec-r15")
+
+
+def judged(folder, robot, truth, method):
+    return comparison(hil.identify(folder, method), robot, truth)
+
+
+def test_every_measurement_is_kept_with_its_units_and_no_finding(folder):
+    plan = yaml.safe_load((folder / "plan.yaml").read_text())
+    files = sorted(path.stem for path in (folder / "recordings").iterdir())
+    assert files == sorted(m["id"] for m in plan["measurements"])
+    with h5py.File(folder / "recordings" / "g01.h5") as file:
+        assert file["q"].shape == file["tau"].shape
+        assert file["q"].shape[1] == 6
+        assert not np.any(file["flags"])
+
+
+def test_the_improved_method_finds_the_plant_s_parameters(folder, robot, truth):
+    found = judged(folder, robot, truth, "improved")
+    assert found.group_error["gravity"] < 0.1e-2
+    assert found.group_error["diagonal"] < 0.3e-2
+    assert found.group_error["off_diagonal"] < 2e-2
+    assert found.mean_torque_error < 0.6e-2
+    assert found.inside.sum() >= 11
+
+
+def test_the_printed_method_finds_them_to_a_few_percent(folder, robot, truth):
+    found = judged(folder, robot, truth, "printed")
+    assert found.group_error["gravity"] < 1e-2
+    assert found.group_error["diagonal"] < 5e-2
+    assert found.mean_torque_error < 5e-2
+
+
+def test_model_report_and_comparison_can_be_made_again_and_again(folder, capsys):
+    for _ in range(2):
+        cli("identify", folder)
+        cli("report", folder)
+    cli("compare", folder, "--truth", "manutec-r15")
+    assert "p14" in capsys.readouterr().out
+    model = yaml.safe_load((folder / "model.yaml").read_text())
+    assert [p["name"] for p in model["parameters"]] == [f"p{k}" for k in range(1, 15)]
+    page = (folder / "report.html").read_text()
+    assert not re.search(r'(src|href)="(http|//)', page)
+
+
+def test_the_same_seed_gives_the_same_samples(folder, tmp_path):
+    cli("run", folder / "plan.yaml", "-o", tmp_path / "again", "--bus-option", "seed=1")
+    for path in (folder / "recordings").iterdir():
+        with (
+            h5py.File(path) as one,
+            h5py.File(tmp_path / "again" / "recordings" / path.name) as two,
+        ):
+            assert np.array_equal(one["tau"][:], two["tau"][:])
+            assert np.array_equal(one["q"][:], two["q"][:])
