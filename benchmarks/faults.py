@@ -15,6 +15,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
+
 from fault_table.cases import CASES
 from fault_table.promise import CYCLES, tried
 from fault_table.stop_cases import WAY

@@ -12,7 +12,10 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
 
 from hostile.driver_storm import DriverStorm
 from hostile.harm import Harm

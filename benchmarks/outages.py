@@ -25,7 +25,10 @@ import multiprocessing
 import sys
 from collections import Counter
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
 
 from outage_sweep.draws import draw
 from outage_sweep.session import frames_sent, happen

@@ -17,6 +17,7 @@ import can
 import drive_bus_conformance as conformance
 import local_drives
 import pytest
+from local_bench import NODES, all_off, build, drives_file, never_energised, refused
 
 from drivers.canopen.process_data import DOUBT
 from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
@@ -31,7 +32,7 @@ from drivers.drive_bus import (
     NodeSilent,
     SampleFlag,
 )
-from drivers.drives_file import DrivesFile, load_drives
+from drivers.drives_file import load_drives
 from sim_plant.plant import load_plant
 from sim_plant.serving.server import serve
 
@@ -41,53 +42,6 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus
 
 MANUTEC = Path(__file__).parents[2] / "hil" / "robots" / "manutec-r15.drives.yaml"
-
-
-NODES = 3
-ENERGISED = {"enabled", "stopping"}
-
-
-def axis(node: int, **changes: Any) -> dict[str, Any]:
-    return {
-        "name": f"joint {node}",
-        "node": node,
-        "identity": {"vendor": 0x4D2, "product": 0x402},
-        "gear_ratio": 100,
-        "sign": 1 if node % 2 else -1,
-        "zero": 500 * (node - 1),
-        "increments_per_revolution": 4096,
-        "velocity_unit": "inc/s",
-        "acceleration_unit": "inc/s^2",
-        "current": {
-            "index": 0x6078,
-            "type": "i16",
-            "basis": "per mille of rated current",
-            "amplitude": "peak",
-        },
-        "rated_current": 2.0,
-        "rated_torque": 1.0,
-        "torque_constant": 0.5,
-        "torque_constant_amplitude": "peak",
-        "limits": {"q_min": -2, "q_max": 2, "velocity": 2, "acceleration": 20, "torque": 300},
-        "following_error_window": 0.05,
-        "following_error_time": 0.05,
-        "position_window": 0.001,
-        "position_window_time": 0.02,
-        **changes,
-    }
-
-
-def drives_file(**changes: Any) -> DrivesFile:
-    axes = [axis(node, **changes) for node in range(1, NODES + 1)]
-    return DrivesFile.model_validate({"bitrate": 1_000_000, "axes": axes})
-
-
-def build(
-    changes: dict[int, dict[tuple[int, int], Any]] | None = None, **options: Any
-) -> tuple[Any, CanopenDriveBus]:
-    """Local drives with some objects changed (None: missing), and the driver on their bus."""
-    can_bus = local_drives.LocalBus(NODES, changes or {})
-    return can_bus, CanopenDriveBus(can_bus, drives_file(), **options)
 
 
 @pytest.fixture
@@ -100,25 +54,6 @@ def can_bus() -> Iterator[Any]:
 @pytest.fixture
 def drive_bus(can_bus: Any) -> CanopenDriveBus:
     return CanopenDriveBus(can_bus, drives_file())
-
-
-def never_energised(can_bus: Any) -> bool:
-    return not any(ENERGISED & set(drive.history) for drive in can_bus.drives.values())
-
-
-def all_off(can_bus: Any) -> bool:
-    return all(drive.state in {"off", "fault"} for drive in can_bus.drives.values())
-
-
-def refused(changes: dict[int, dict[tuple[int, int], Any]], error: type[DriveError]) -> str:
-    """Enter on changed drives; return why not, having checked that nothing was energised."""
-    can_bus, drive_bus = build(changes)
-    with can_bus:
-        with pytest.raises(error) as caught, drive_bus:
-            pytest.fail("the drives were accepted")
-        assert never_energised(can_bus)
-        assert all_off(can_bus)
-    return str(caught.value)
 
 
 class TestConformanceOnLocalDrives(conformance.DriveBusConformance):

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
+from local_bench import build, drives_file, never_energised
 from personalities import drives_for, plant_file
 from pydantic import ValidationError
-from test_canopen_bus import build, drives_file, never_energised
 
 from drivers.canopen.bus_load import achievable_rate, cycle_time
 from drivers.canopen_bus import CanopenDriveBus

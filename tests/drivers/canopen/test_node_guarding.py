@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import can
 import pytest
 from conftest import Desk, IdealMachine
+from local_bench import build, never_energised
 from personalities import drives_for, plant_file
-from test_canopen_bus import build, never_energised
 
 from drivers.canopen.process_data import SYNC
 from drivers.canopen_bus import CanopenDriveBus

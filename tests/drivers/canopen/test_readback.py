@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from test_canopen_bus import build, drives_file, never_energised
+from local_bench import build, drives_file, never_energised
 
 from drivers.canopen import objects
 from drivers.canopen.readback import Readback

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import local_drives
 import pytest
-from test_canopen_bus import all_off, drives_file, never_energised
+from local_bench import all_off, drives_file, never_energised
 
 from drivers import canopen_bus
 from drivers.canopen_bus import CanopenDriveBus

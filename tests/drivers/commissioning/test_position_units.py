@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from test_scaling import axis, drives
+from stated_axis import axis, drives
 
 from drivers.axis import AxisScale
 from drivers.canopen import objects

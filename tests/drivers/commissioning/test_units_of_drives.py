@@ -10,7 +10,7 @@ import local_drives
 import pytest
 import yaml
 from data_sheets import sheet
-from test_canopen_bus import axis, never_energised
+from local_bench import axis, never_energised
 from unit_dictionaries import HABITS, Habit, as_sheet, words
 
 from checked_files.yaml_file import UNSTATED

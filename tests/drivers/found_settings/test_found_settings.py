@@ -10,11 +10,12 @@ import can
 import canopen
 import local_drives
 import pytest
+from downloads import Place, downloads
 from hypothesis import given
 from hypothesis import strategies as st
+from local_bench import NODES, drives_file
 from personalities import FIT, UNFIT, drives_for, plant_file
 from probing_bench import Scripted
-from test_canopen_bus import NODES, drives_file
 
 from checked_files.yaml_file import FileError, parse_yaml
 from drivers.canopen_bus import CanopenDriveBus
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-Place = tuple[int, int, int]
-"""Node, index, sub-index."""
 LEFT_OUT = COMMANDS | {0x1003}
 """Commands, and the history of errors, which a master may clear and only the drive writes."""
 
@@ -55,25 +54,6 @@ def dictionaries(bus: can.BusABC) -> dict[Place, object]:
                 data = node.dictionary.upload(entry.index, entry.subindex)
                 found[node.dictionary.node_id, entry.index, entry.subindex] = data
     return found
-
-
-def downloads(frames: list[can.Message]) -> list[Place]:
-    """Objects that expedited SDO downloads wrote to, unless they were refused."""
-    refused = [_place(frame) for frame in frames if _answer(frame) and frame.data[0] == 0x80]
-    return [
-        _place(frame)
-        for frame in frames
-        if 0x600 < frame.arbitration_id < 0x680 and frame.data[0] >> 5 == 1
-        if _place(frame) not in refused
-    ]
-
-
-def _answer(frame: can.Message) -> bool:
-    return 0x580 < frame.arbitration_id < 0x600
-
-
-def _place(frame: can.Message) -> Place:
-    return frame.arbitration_id & 0x7F, int.from_bytes(frame.data[1:3], "little"), frame.data[3]
 
 
 @contextmanager

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from probing_bench import AlteredBus, Scripted, drives_of, unaltered
-from test_scaling import axis, drives
+from stated_axis import axis, drives
 
 from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import Move

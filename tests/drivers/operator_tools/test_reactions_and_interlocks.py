@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import can
 import local_drives
 import pytest
+from local_bench import axis, build, never_energised
 from probing_bench import Scripted, drives_of
-from test_canopen_bus import axis, build, never_energised
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402.interlocks import safe_torque_off

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import local_drives
 import pytest
-from test_canopen_bus import all_off, axis, drives_file, refused
+from local_bench import all_off, axis, drives_file, refused
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused, Move, Tripped

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import can
 import local_drives
 import pytest
+from downloads import downloads
+from local_bench import NODES, drives_file
 from probing_bench import DRIVES, spoilt_plant
 from rich.console import Console
-from test_canopen_bus import NODES, drives_file
-from test_found_settings import downloads
 from two_processes import open_bus, plant_process
 
 from checked_files.yaml_file import FileError

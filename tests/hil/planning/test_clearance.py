@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sampled_depth import sampled_depth
 
 from checked_files.yaml_file import FileError
 from hil.model.capsules import DEFAULT_RADIUS, capsules, segments
@@ -52,14 +53,6 @@ def test_a_link_without_a_stated_capsule_leads_to_the_next_joint(chains) -> None
     assert shapes.ends[0].tolist() == [[0, 0, 0], [0.3, 0, 0]]
     assert shapes.ends[1] == pytest.approx(np.array([[0, 0, 0], [0, -0.45, 0]]))
     assert not shapes.ends[2].any()
-
-
-def sampled_depth(robot: Robot, workspace: Workspace, q: np.ndarray) -> float:
-    placed, keep = segments(robot, q), capsules(robot).radii + workspace.margin
-    return max(
-        float((keep - box_distance(placed[:, :, 0], placed[:, :, 1], box.low, box.high)).max())
-        for box in workspace.boxes
-    )
 
 
 def somewhere(rng: np.random.Generator) -> Workspace:

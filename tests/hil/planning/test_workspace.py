@@ -146,7 +146,7 @@ def test_no_axis_is_sent_into_a_box_from_where_the_robot_stands(
 def test_left_alone_the_same_arm_does_run_into_the_box(
     small_plan: Plan, manutec: Robot, ideal_bus
 ) -> None:
-    from test_clearance import sampled_depth
+    from sampled_depth import sampled_depth
 
     seen: list[tuple[float, ...]] = []
 

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING
 
 import pytest
-from test_faults import SYNC, network, write
+from faulty_bench import SYNC, network, write
 
 from sim_plant.physics import state as st
 

@@ -11,14 +11,14 @@ import can
 import pytest
 from fault_table.cases import CASES
 from fault_table.promise import tried
+from faulty_bench import SYNC, network, plan, write
 from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from checked_files.yaml_file import FileError, parse_yaml
+from checked_files.yaml_file import FileError
 from sim_plant import __main__ as command
-from sim_plant.faults.fault_plan import Fault, FaultPlan, What, load_fault_plan
-from sim_plant.faults.faulty_network import FaultyNetwork
+from sim_plant.faults.fault_plan import Fault, What, load_fault_plan
 from sim_plant.faults.frame_faults import BusOff, NotSent
 from sim_plant.faults.moment import Progress, Watch
 from sim_plant.plant import load_plant
@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 
     from fault_table.cases import Case
 
-SYNC, START = (0x80, b""), (0, b"\1\0")
+    from sim_plant.faults.faulty_network import FaultyNetwork
+
+START = (0, b"\1\0")
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
@@ -46,10 +48,6 @@ def test_every_kind_of_fault_has_a_row() -> None:
 
 
 # The plan
-
-
-def plan(*lines: str) -> FaultPlan:
-    return parse_yaml("faults:\n" + "\n".join(f"  - {line}" for line in lines), FaultPlan, "f.yaml")
 
 
 def test_a_plan_reads_what_where_when_and_how_long(tmp_path: Path) -> None:
@@ -126,13 +124,6 @@ def test_a_fault_in_time_begins_and_ends_in_time(begin: float, after: float, las
 # What injections do to frames; that of the rest shows in the table
 
 
-def network(*lines: str) -> FaultyNetwork:
-    faults = plan(*lines) if lines else FaultPlan(faults=())
-    made = FaultyNetwork(load_plant("manutec-r15"), "sync", faults)
-    made.power_on()
-    return made
-
-
 def identifiers(frames: list[tuple[float, int, bytes]]) -> list[int]:
     return [identifier for _, identifier, _ in frames]
 
@@ -148,14 +139,6 @@ def report_status(faulty: FaultyNetwork, node: int) -> None:
         (0x1800, 1, 4, 0x180 + node),
     ):
         write(faulty, node, index, sub, size, value)
-
-
-def write(faulty: FaultyNetwork, node: int, *what: int) -> bytes:
-    index, sub, size, value = what
-    data = struct.pack("<BHBI", 0x23 | (4 - size) << 2, index, sub, value)
-    answer = faulty.receive(0x600 + node, data)[-1][2]
-    assert answer[0] == 0x60, answer.hex()
-    return answer
 
 
 def reporting(*lines: str) -> FaultyNetwork:
