@@ -21,6 +21,7 @@ from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
 from hil.planning.plan import Plan, PlannedRobot
 from hil.planning.trapezoid import Trapezoid
+from hil.terminal.console import out
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.eds import EDS_PATH, drive_entries, key
 from sim_plant.drive_settings import DriveSettings
@@ -41,6 +42,12 @@ settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them
+
+
+@pytest.fixture
+def wide_console(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let commands print lines of 200 characters, so that tables are not wrapped."""
+    monkeypatch.setattr(out, "width", 200)
 
 
 class _Path:

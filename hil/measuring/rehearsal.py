@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.measuring import REHEARSAL_SPEED
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
 from hil.measuring.motion import locate, pass_along, travel
 from hil.measuring.sequencer import hold, never, refuse_other_bus
@@ -33,15 +34,12 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.trapezoid import Trapezoid
 
-SPEED = 0.2
-"""Share of the velocity limits that is not exceeded, unless asked for."""
-
 
 def rehearse(
     plan: Plan,
     robot: Robot,
     bus: DriveBus,
-    speed: float = SPEED,
+    speed: float = REHEARSAL_SPEED,
     pause: Callable[[], bool] = never,
 ) -> Iterator[Event]:
     """Pass all ways of `plan`.

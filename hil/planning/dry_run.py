@@ -13,6 +13,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.planning import BITRATE
 from hil.planning.measurement import (
     MARGIN,
     PARTNER_TURN,
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement, Strokes
     from hil.planning.plan import Plan
 
-BITRATE = 1_000_000
-"""Bit rate that is assumed where nothing else is known [bit/s]."""
 MAX_LOAD = 0.7
 """Share of the bus that SYNC and samples may take."""
 

@@ -15,7 +15,6 @@ import pytest
 from downloads import downloads
 from local_bench import NODES, drives_file
 from probing_bench import DRIVES, spoilt_plant
-from rich.console import Console
 from two_processes import open_bus, plant_process
 
 from checked_files.yaml_file import FileError
@@ -27,7 +26,7 @@ from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools import put_back
 from drivers.operator_tools.unpowered import StandingDrives
 from hil import cli
-from hil.cli import bus_access, bus_state, drive_settings
+from hil.cli import bus_state, drive_settings
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
@@ -41,10 +40,10 @@ PLACE = ("local", f"restore-{os.getpid()}")
 
 
 @pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
+def hil(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, wide_console: None
+) -> Hil:
     """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setattr(bus_access, "out", Console(width=160))
-    monkeypatch.setattr(cli, "out", Console(width=200))
     monkeypatch.setattr("sys.stdin", io.StringIO())
 
     def call(*arguments: object) -> tuple[int, str, str]:
