@@ -23,6 +23,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from types import ModuleType
 
 F = TypeVar("F", bound="Callable[..., object]")
 
@@ -59,7 +60,7 @@ class _Named(CompileResultCacheImpl):
     """Numba's way to keep compiled code, in files that a digest of the sources names."""
 
     def __init__(self, function: Callable[..., object]) -> None:
-        self.digest = _digest(function.__module__)
+        self.digest = _digest(sys.modules[function.__module__])
         super().__init__(function)  # type: ignore[no-untyped-call]
 
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
@@ -80,11 +81,12 @@ class _Cache(FunctionCache):
                 path.unlink(missing_ok=True)  # another process may be faster
 
 
-def _digest(module: str) -> str:
+@cache
+def _digest(module: ModuleType) -> str:
     """Digest of the source of `module` and of all that it imports of its own package."""
-    package = module.partition(".")[0]
+    package = module.__name__.partition(".")[0]
     sources: dict[str, bytes] = {}
-    names = [module]
+    names = [module.__name__]
     while names:
         name = names.pop()
         if name in sources or name not in sys.modules:
