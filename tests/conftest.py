@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move
     from hil.model.robot import Robot
 
-settings.register_profile("local", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
+settings.register_profile("explore", deadline=None, print_blob=True)
+settings.load_profile("repeatable")  # another by --hypothesis-profile
 
 SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them
 
