@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from drivers.canopen.communication import Communication
     from drivers.canopen.pdo_set_up import OtherTpdo
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import Entry, RemoteDictionary
     from drivers.drives_file import AxisDrive, DrivesFile
 
 PDO_BYTES = 8
@@ -35,7 +35,7 @@ SYNC_PRODUCER, SYNC_RESERVED = 1 << 30, 1 << 31
 
 
 def set_up_communication(
-    server: SdoServer,
+    server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
     period: float,
@@ -55,7 +55,7 @@ def set_up_communication(
     communication.guarded = _set_up_watch(server, axis, drives)
 
 
-def _set_up_sync(server: SdoServer, period: float) -> None:
+def _set_up_sync(server: RemoteDictionary, period: float) -> None:
     _listen_to_sync(server)
     _stop_counting(server)
     server.set_if_present(
@@ -63,7 +63,7 @@ def _set_up_sync(server: SdoServer, period: float) -> None:
     )
 
 
-def _listen_to_sync(server: SdoServer) -> None:
+def _listen_to_sync(server: RemoteDictionary) -> None:
     """Have the drive listen to our SYNC and produce none, before it has a period to do so."""
     present = server.find(objects.SYNC_COB_ID)
     if present is None:
@@ -76,7 +76,7 @@ def _listen_to_sync(server: SdoServer) -> None:
         server.set(objects.SYNC_COB_ID, wanted)
 
 
-def _stop_counting(server: SdoServer) -> None:
+def _stop_counting(server: RemoteDictionary) -> None:
     """Have the drive expect SYNC without a counter, which it changes only without a period."""
     counter = server.find(objects.SYNC_COUNTER)
     if not counter:
@@ -93,7 +93,7 @@ def _stop_counting(server: SdoServer) -> None:
 
 
 def _note_others(
-    server: SdoServer, others: Sequence[OtherTpdo], bitrate: int, period: float
+    server: RemoteDictionary, others: Sequence[OtherTpdo], bitrate: int, period: float
 ) -> None:
     for other in others:
         kind = other.transmission
@@ -109,7 +109,7 @@ def _note_others(
         )
 
 
-def _find_emergency(server: SdoServer) -> int | None:
+def _find_emergency(server: RemoteDictionary) -> int | None:
     """Return under which identifier emergencies come, None where the drive sends none."""
     present = server.find(objects.EMERGENCY_COB_ID)
     if present is None:
@@ -123,7 +123,7 @@ def _find_emergency(server: SdoServer) -> int | None:
     return present & IDENTIFIER
 
 
-def _set_up_watch(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> bool:
+def _set_up_watch(server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile) -> bool:
     """Have the drive watch us; return whether it does so by guarding requests."""
     watches = server.find(objects.CONSUMER_HEARTBEAT) is not None
     beats = server.find(objects.PRODUCER_HEARTBEAT) is not None
@@ -141,7 +141,7 @@ def _set_up_watch(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> boo
     return False
 
 
-def _watch_us(server: SdoServer, node: int, time: int) -> None:
+def _watch_us(server: RemoteDictionary, node: int, time: int) -> None:
     entry = _watching(server, node)
     try:
         server.set(entry, node << NODE_SHIFT | time)
@@ -156,7 +156,7 @@ def _watch_us(server: SdoServer, node: int, time: int) -> None:
         ) from error
 
 
-def _watching(server: SdoServer, node: int) -> Entry:
+def _watching(server: RemoteDictionary, node: int) -> Entry:
     """Return the entry of 1016 by which a drive watches us already; by default the first.
 
     A node may stand in one entry only.

@@ -19,7 +19,7 @@ from drivers.canopen.readback import LONGER_WATCH
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import DrivesFile
 
 ERROR_CONTROL = 0x700
@@ -33,13 +33,13 @@ def guarding_request(node: int) -> can.Message:
     )
 
 
-def can_be_guarded(server: SdoServer) -> bool:
+def can_be_guarded(server: RemoteDictionary) -> bool:
     """Whether a drive has the objects of life guarding."""
     entries = (objects.GUARD_TIME, objects.LIFE_TIME_FACTOR)
     return all(server.find(entry) is not None for entry in entries)
 
 
-def set_up_life_guarding(server: SdoServer, drives: DrivesFile) -> None:
+def set_up_life_guarding(server: RemoteDictionary, drives: DrivesFile) -> None:
     """Have a drive stop when our guarding requests stay away for `heartbeat_timeout`.
 
     Raises

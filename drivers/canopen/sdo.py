@@ -1,6 +1,6 @@
 """Typed access to a drive's object dictionary, with errors that state the remedy.
 
-An `SdoServer` reads and writes numbers of one node. What goes wrong names node, object, abort code
+An `RemoteDictionary` reads and writes numbers of one node. What goes wrong names node, object, abort code
 and remedy. `set` writes and reads back, since a drive may round a value, clip it or ignore it;
 what it keeps instead is accepted where `Judge` says so. Where the object is optional and missing,
 that is noted instead of refused.
@@ -124,7 +124,7 @@ class SdoClient(Protocol):
         """Write an object."""
 
 
-class SdoServer:
+class RemoteDictionary:
     """The object dictionary of one drive.
 
     Parameters
@@ -170,7 +170,7 @@ class SdoServer:
         self._network = network
         self._client: SdoClient = PumpedSdoClient(network, node, timeout)
 
-    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> SdoServer:
+    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> RemoteDictionary:
         """Return this drive's dictionary as `layer` shows it, with notes of its own.
 
         Parameters

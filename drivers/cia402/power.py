@@ -18,8 +18,8 @@ from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from drivers.canopen.process_data import Exchange
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.process_data import ProcessData
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.cia402.supervision import Supervision
 
 STEP_TIME = 3.0
@@ -35,9 +35,9 @@ class Power:
 
     Parameters
     ----------
-    exchange : Exchange
+    process_data : ProcessData
         Process data.
-    servers : sequence of SdoServer
+    servers : sequence of RemoteDictionary
         The drives in joint order.
     supervision : Supervision
         Puts faults into words.
@@ -47,12 +47,12 @@ class Power:
 
     def __init__(
         self,
-        exchange: Exchange,
-        servers: Sequence[SdoServer],
+        process_data: ProcessData,
+        servers: Sequence[RemoteDictionary],
         supervision: Supervision,
         now: Callable[[], float],
     ) -> None:
-        self._exchange = exchange
+        self._process_data = process_data
         self._servers = servers
         self._supervision = supervision
         self._now = now
@@ -63,10 +63,10 @@ class Power:
         while not holds():
             if self._now() > ends:
                 return False
-            self._exchange.tick()
+            self._process_data.tick()
         return True
 
-    def make_safe(self, server: SdoServer, *, reset_fault: bool) -> None:
+    def make_safe(self, server: RemoteDictionary, *, reset_fault: bool) -> None:
         """Bring a drive in whatever state to SWITCH ON DISABLED.
 
         Raises
@@ -93,7 +93,7 @@ class Power:
         ends = self._now() + STEP_TIME
         while True:
             cycle()
-            words = self._exchange.words
+            words = self._process_data.words
             states = [decode_state(word) for word in words]
             if all(state is goal for state in states):
                 return
@@ -101,7 +101,7 @@ class Power:
             for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
                 self._step(axis, server, state, goal, late=late)
 
-    def switch_off(self, server: SdoServer) -> None:
+    def switch_off(self, server: RemoteDictionary) -> None:
         """Switch one drive off by SDO, and see that it shows it.
 
         Raises
@@ -124,10 +124,10 @@ class Power:
                 "press the emergency stop"
             )
 
-    def _state(self, server: SdoServer) -> State | None:
+    def _state(self, server: RemoteDictionary) -> State | None:
         return decode_state(server.get(objects.STATUSWORD))
 
-    def _reset(self, server: SdoServer, *, permitted: bool) -> None:
+    def _reset(self, server: RemoteDictionary, *, permitted: bool) -> None:
         reason = self._supervision.reason(server)
         if not permitted:
             raise DriveFault(
@@ -142,10 +142,10 @@ class Power:
             )
 
     def _step(
-        self, axis: int, server: SdoServer, state: State | None, goal: State, *, late: bool
+        self, axis: int, server: RemoteDictionary, state: State | None, goal: State, *, late: bool
     ) -> None:
         if state in _FAULTS:
-            raise self._supervision.diagnose(server, self._exchange.words[axis])
+            raise self._supervision.diagnose(server, self._process_data.words[axis])
         if late and state is not goal:
             locked = safe_torque_off(server)
             if locked is not None:
@@ -158,13 +158,13 @@ class Power:
                 f"{server.label}: stays in {shown}, {goal.value} was commanded; check supply "
                 "voltage, enable input and safe torque off"
             )
-        if self._exchange.flags[axis] & SampleFlag.MISSING or state is None:
+        if self._process_data.flags[axis] & SampleFlag.MISSING or state is None:
             return
         command = next_command(state, goal)
         if command is not None:
             self._command(axis, command)
 
     def _command(self, axis: int, command: Command) -> None:
-        position = self._exchange.positions[axis]
+        position = self._process_data.positions[axis]
         for word in command.value:
-            self._exchange.command(axis, position, word)
+            self._process_data.command(axis, position, word)

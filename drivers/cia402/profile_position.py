@@ -21,8 +21,8 @@ from drivers.drive_bus import MoveFailed, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from drivers.canopen.process_data import Exchange
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.process_data import ProcessData
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drive_bus import Move
     from drivers.drives_file import AxisDrive
 
@@ -51,14 +51,14 @@ class _Motion:
     following: Move | None = None
 
 
-class Motions:
+class ProfilePosition:
     """Set-points under way.
 
     Parameters
     ----------
-    exchange : Exchange
+    process_data : ProcessData
         Process data.
-    servers : sequence of SdoServer
+    servers : sequence of RemoteDictionary
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
@@ -75,14 +75,14 @@ class Motions:
 
     def __init__(
         self,
-        exchange: Exchange,
-        servers: Sequence[SdoServer],
+        process_data: ProcessData,
+        servers: Sequence[RemoteDictionary],
         axes: Sequence[AxisDrive],
         period: float,
         now: Callable[[], float],
     ) -> None:
         self.active: dict[int, _Motion] = {}
-        self._exchange = exchange
+        self._process_data = process_data
         self._servers = servers
         self._axes = axes
         self._scales = [AxisScale.of(axis) for axis in axes]
@@ -103,7 +103,7 @@ class Motions:
     def halt(self) -> None:
         """Bring all axes to rest with the deceleration of their last profile."""
         for axis, drive in enumerate(self._axes):
-            self._exchange.command(axis, self._position(axis), HALTED)
+            self._process_data.command(axis, self._position(axis), HALTED)
             duration = drive.limits.velocity / self.deceleration(axis)
             command = Stopping(self._standstill(axis))
             self.active[axis] = _Motion(command, self._deadline(duration), duration)
@@ -116,16 +116,16 @@ class Motions:
         """Return the deceleration of an axis's last profile [rad/s^2 or m/s^2]."""
         return self._profiles[axis][1] or self._axes[axis].limits.acceleration
 
-    def advance(self, time: float, exchange: Exchange) -> MoveFailed | None:
+    def advance(self, time: float, process_data: ProcessData) -> MoveFailed | None:
         """Take what the SYNC at `time` [s] brought; return what failed, if anything.
 
         Axes whose TPDO is missing wait for the next.
         """
         for axis, motion in tuple(self.active.items()):
-            if exchange.flags[axis] & _MISSING:
+            if process_data.flags[axis] & _MISSING:
                 continue
-            position = exchange.positions[axis]
-            self._step(axis, motion, exchange.words[axis], position)
+            position = process_data.positions[axis]
+            self._step(axis, motion, process_data.words[axis], position)
             if time > motion.deadline and axis in self.active:
                 return self._failure(axis, motion, position)
         return None
@@ -144,7 +144,7 @@ class Motions:
 
     def _offer(self, axis: int, move: Move) -> None:
         scale, drive = self._scales[axis], self._axes[axis]
-        target, word = scale.position_to_counts(move.target), self._exchange.words[axis]
+        target, word = scale.position_to_counts(move.target), self._process_data.words[axis]
         window = drive.position_window / abs(scale.position)
         distance = abs(target - self._position(axis)) * abs(scale.position)
         duration = distance / move.velocity + 2 * move.velocity / move.acceleration
@@ -158,7 +158,7 @@ class Motions:
         self.active[axis] = motion
         if earlier is not None and earlier.command.phase is Phase.OFFERED:
             # The drive must see bit 4 low before it can take another set-point.
-            self._exchange.command(axis, self._position(axis), ENABLED)
+            self._process_data.command(axis, self._position(axis), ENABLED)
         else:
             self._step(axis, motion, word, self._position(axis))
 
@@ -171,7 +171,7 @@ class Motions:
         if command.phase is phase:
             return
         if controlword is not None and isinstance(command, SetPoint):
-            self._exchange.command(axis, command.target, controlword)
+            self._process_data.command(axis, command.target, controlword)
         if command.phase is Phase.TRAVELLING:
             motion.deadline = self._deadline(motion.duration)
         elif command.phase is Phase.REACHED:
@@ -204,7 +204,7 @@ class Motions:
         )
 
     def _position(self, axis: int) -> int:
-        return self._exchange.positions[axis]
+        return self._process_data.positions[axis]
 
     def _standstill(self, axis: int) -> Standstill:
         drive = self._axes[axis]

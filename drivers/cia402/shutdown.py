@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from drivers.canopen.heartbeat import Heartbeats
-    from drivers.canopen.process_data import Exchange
-    from drivers.canopen.sdo import SdoServer
-    from drivers.canopen.sync_clock import Pacing
+    from drivers.canopen.process_data import ProcessData
+    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.canopen.sync_clock import SyncClock
     from drivers.cia402.states import Command
     from drivers.drives_file import AxisDrive
 
@@ -56,13 +56,13 @@ class Shutdown:
 
     Parameters
     ----------
-    exchange : Exchange
+    process_data : ProcessData
         Process data.
-    pacing : Pacing
+    clock : SyncClock
         Where SYNC's time comes from.
     heartbeats : Heartbeats
         Kept going until it must cease.
-    servers : sequence of SdoServer
+    servers : sequence of RemoteDictionary
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
@@ -79,19 +79,19 @@ class Shutdown:
 
     def __init__(
         self,
-        exchange: Exchange,
-        pacing: Pacing,
+        process_data: ProcessData,
+        clock: SyncClock,
         heartbeats: Heartbeats,
-        servers: Sequence[SdoServer],
+        servers: Sequence[RemoteDictionary],
         axes: Sequence[AxisDrive],
         period: float,
         heartbeat_timeout: float,
-        switch_off: Callable[[SdoServer], None],
+        switch_off: Callable[[RemoteDictionary], None],
     ) -> None:
         self.problems: list[str] = []
         self._switch_off_by_sdo = switch_off
-        self._exchange = exchange
-        self._pacing = pacing
+        self._process_data = process_data
+        self._clock = clock
         self._heartbeats = heartbeats
         self._servers = servers
         self._axes = axes
@@ -124,9 +124,9 @@ class Shutdown:
         """
         if self.begun:
             return
-        self._exchange.hurry(True)
+        self._process_data.hurry(True)
         self._gives_up = monotonic() + LONGEST + max(axis.brake_delay for axis in self._axes)
-        now, time = self._pacing.now(), self._exchange.time
+        now, time = self._clock.now(), self._process_data.time
         self._stops = tuple(
             AxisStop(
                 now,
@@ -141,7 +141,7 @@ class Shutdown:
             )
             for axis, position, speed, deceleration, per_count in zip(
                 self._axes,
-                self._exchange.positions,
+                self._process_data.positions,
                 speeds,
                 decelerations,
                 self._per_count,
@@ -159,13 +159,13 @@ class Shutdown:
         """Switch off all axes; those that do not show it are left to their watchdogs."""
         self.await_rest()
         while any(
-            stop.phase is Phase.RESTING and stop.rested(self._pacing.now()) < axis.brake_delay
+            stop.phase is Phase.RESTING and stop.rested(self._clock.now()) < axis.brake_delay
             for stop, axis in zip(self._stops, self._axes, strict=True)
         ):
             self._cycle()
         for stop in self._stops:
             if stop.phase is Phase.RESTING:
-                stop.disable(self._pacing.now())
+                stop.disable(self._clock.now())
         while not all(stop.ended for stop in self._stops):
             self._cycle()
         if not all(self.off):
@@ -196,7 +196,7 @@ class Shutdown:
         self._stops = ()
         self.problems = []
         self._refused.clear()
-        self._exchange.hurry(False)
+        self._process_data.hurry(False)
 
     def _cycle(self) -> None:
         synced = False
@@ -205,10 +205,10 @@ class Shutdown:
             if command is not None:
                 self._command(axis, stop, command)
         try:
-            self._exchange.sync()
+            self._process_data.sync()
             synced = True
         except Exception:  # whatever a bus raises, the axes must stop
-            self._pacing.miss()
+            self._clock.miss()
         with suppress(DriveError):
             self._heartbeats.beat()
         self._step(synced=synced)
@@ -217,11 +217,13 @@ class Shutdown:
                 stop.hang()
 
     def _step(self, *, synced: bool) -> None:
-        exchange, time = self._exchange, self._pacing.now()
+        process_data, time = self._process_data, self._clock.now()
         for axis, stop in enumerate(self._stops):
-            fresh = synced and not exchange.flags[axis] & _UNCERTAIN
+            fresh = synced and not process_data.flags[axis] & _UNCERTAIN
             overrun = stop.overrun
-            command = stop.step(time, exchange.words[axis], exchange.positions[axis], fresh=fresh)
+            command = stop.step(
+                time, process_data.words[axis], process_data.positions[axis], fresh=fresh
+            )
             if stop.overrun is not overrun:
                 self.problems.append(self._overran(axis, stop))
             if stop.phase is Phase.LOST:
@@ -232,12 +234,12 @@ class Shutdown:
     def _command(self, axis: int, stop: AxisStop, command: Command) -> None:
         try:
             for word in command.value:
-                self._exchange.command(axis, self._exchange.positions[axis], word)
+                self._process_data.command(axis, self._process_data.positions[axis], word)
         except Exception as error:
             self._refused[axis] = str(error)
         else:
             self._refused.pop(axis, None)
-            stop.sent(self._pacing.now())
+            stop.sent(self._clock.now())
 
     def _ask_unseen(self) -> None:
         """Ask drives by SDO whose TPDOs stay away, and switch them off that way."""
@@ -257,16 +259,16 @@ class Shutdown:
             for axis, per_count in zip(self._axes, self._per_count, strict=True)
         ]
         resting = [False] * len(rests)
-        ends = self._pacing.now() + max(SAG_TIME, 2 * self._settling)
+        ends = self._clock.now() + max(SAG_TIME, 2 * self._settling)
         gives_up = monotonic() + self._reaction_time
-        while self._pacing.now() < ends and monotonic() < gives_up:
+        while self._clock.now() < ends and monotonic() < gives_up:
             self._cycle()
-            positions = self._exchange.positions
+            positions = self._process_data.positions
             resting = [rest.update(p) for rest, p in zip(rests, positions, strict=True)]
         sagged: list[str] = []
         for axis, stop in enumerate(self._stops):
             if stop.phase is Phase.OFF and stop.left_at is not None:
-                way = abs(self._exchange.positions[axis] - stop.left_at) * self._per_count[axis]
+                way = abs(self._process_data.positions[axis] - stop.left_at) * self._per_count[axis]
                 sagged += self._judged(axis, stop, way, resting=resting[axis])
         return sagged
 
@@ -284,10 +286,10 @@ class Shutdown:
             )
 
     def _await_reactions(self) -> None:
-        ends, gives_up = self._pacing.now() + self._reaction_time, monotonic() + self._reaction_time
+        ends, gives_up = self._clock.now() + self._reaction_time, monotonic() + self._reaction_time
         lost = [stop for stop in self._stops if stop.phase is not Phase.OFF]
         while any(stop.phase is not Phase.OFF for stop in lost):
-            if self._pacing.now() > ends or monotonic() > gives_up:
+            if self._clock.now() > ends or monotonic() > gives_up:
                 break  # in lock-step with a plant that is gone a period takes long
             self._cycle()
         self.problems += [

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
 
 CODE_SIZE = 2
 """What an EMCY must hold at least: its error code [bytes]."""
@@ -32,7 +32,7 @@ class Supervision:
     ----------
     network : PumpedNetwork
         Where emergencies are heard.
-    servers : sequence of SdoServer
+    servers : sequence of RemoteDictionary
         The drives in joint order.
 
     Attributes
@@ -41,7 +41,7 @@ class Supervision:
         An emergency has come of which it is not yet told whether it was a warning.
     """
 
-    def __init__(self, network: PumpedNetwork, servers: Sequence[SdoServer]) -> None:
+    def __init__(self, network: PumpedNetwork, servers: Sequence[RemoteDictionary]) -> None:
         self.emergency = False
         self._servers = servers
         self._emergencies: dict[int, Emergency] = {}
@@ -94,7 +94,7 @@ class Supervision:
                 found.append(f"{labels[node]}: warning {emergency}; see the drive's manual")
         return found
 
-    def diagnose(self, server: SdoServer, statusword: int) -> DriveError:
+    def diagnose(self, server: RemoteDictionary, statusword: int) -> DriveError:
         """Put into words why a drive is not in OPERATION ENABLED."""
         state = decode_state(statusword)
         if state in _FAULTS:
@@ -110,7 +110,7 @@ class Supervision:
             "torque off and the drive's enable input"
         )
 
-    def reason(self, server: SdoServer) -> str:
+    def reason(self, server: RemoteDictionary) -> str:
         """Return a fault's reason: the last emergency, else what 603F or 1003 says."""
         emergency = self._emergencies.get(server.node)
         if emergency is not None:

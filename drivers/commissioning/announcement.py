@@ -28,7 +28,7 @@ from drivers.found_settings.reading import before
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from drivers.canopen.sdo import SdoClient, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary, SdoClient
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
 
@@ -94,7 +94,7 @@ class Announcement:
 
 
 def announce(
-    server: SdoServer,
+    server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
     period: float,
@@ -105,7 +105,7 @@ def announce(
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         The drive's object dictionary.
     axis, drives : AxisDrive, DrivesFile
         What the drives file states.
@@ -142,7 +142,7 @@ def announce(
 class _Rehearsal:
     """What is written to a drive behind a layer, and what the drive holds of it."""
 
-    def __init__(self, server: SdoServer, layer: Callable[[SdoClient], _Layer]) -> None:
+    def __init__(self, server: RemoteDictionary, layer: Callable[[SdoClient], _Layer]) -> None:
         self.found: dict[Entry, int] = {}
         self._entries: dict[Place, Entry] = {}
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from drivers.canopen.communication import Communication
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import Entry, RemoteDictionary
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, AxisLimits, DrivesFile
 
@@ -42,7 +42,7 @@ MODE_TIME = 3.0
 
 
 def commission(
-    server: SdoServer,
+    server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
     period: float,
@@ -54,7 +54,7 @@ def commission(
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         Its object dictionary.
     axis, drives : AxisDrive, DrivesFile
         What the drives file states.
@@ -89,7 +89,7 @@ def commission(
     return identity
 
 
-def check_identity(server: SdoServer, axis: AxisDrive) -> str:
+def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
     """Return the drive's identity (1018); refuse a drive that is another than the file states."""
     profile = server.get(objects.DEVICE_TYPE) & 0xFFFF
     if profile != DRIVE_PROFILE:
@@ -115,7 +115,7 @@ def check_identity(server: SdoServer, axis: AxisDrive) -> str:
 
 
 def _take_profile_position(
-    server: SdoServer, wait: Callable[[Callable[[], bool], float], bool]
+    server: RemoteDictionary, wait: Callable[[Callable[[], bool], float], bool]
 ) -> None:
     supported = server.find(objects.SUPPORTED_MODES)
     if supported is not None and not supported & Mode.PROFILE_POSITION.supported_bit:
@@ -132,7 +132,7 @@ def _take_profile_position(
         )
 
 
-def _require_current(server: SdoServer, axis: AxisDrive) -> None:
+def _require_current(server: RemoteDictionary, axis: AxisDrive) -> None:
     try:
         server.get(current_entry(axis))
     except Aborted as error:
@@ -142,7 +142,7 @@ def _require_current(server: SdoServer, axis: AxisDrive) -> None:
         ) from error
 
 
-def _lower_profile(server: SdoServer, axis: AxisDrive, limits: AxisLimits) -> None:
+def _lower_profile(server: RemoteDictionary, axis: AxisDrive, limits: AxisLimits) -> None:
     """Lower what is above our limits first: some drives refuse a limit below their profile."""
     scale = AxisScale.of(axis)
     acceleration = scale.acceleration_to_counts(limits.acceleration)
@@ -157,7 +157,7 @@ def _lower_profile(server: SdoServer, axis: AxisDrive, limits: AxisLimits) -> No
                 server.put(entry, value)
 
 
-def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) -> None:
+def _write_limits(server: RemoteDictionary, axis: AxisDrive, holding: EffectiveLimits) -> None:
     scale, limits, values = AxisScale.of(axis), holding.limits, holding.values
     server.notes += holding.notes
     write_range(server, axis, values)
@@ -205,7 +205,7 @@ def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) 
     server.set(objects.PROFILE_ACCELERATION, acceleration)
 
 
-def _refuse_zero(server: SdoServer, entry: Entry, value: int, key: str) -> None:
+def _refuse_zero(server: RemoteDictionary, entry: Entry, value: int, key: str) -> None:
     """Refuse a limit below one count of an object: to many drives 0 means that there is none."""
     if not value and server.find(entry) is not None:
         raise DriveRefused(
@@ -214,7 +214,7 @@ def _refuse_zero(server: SdoServer, entry: Entry, value: int, key: str) -> None:
         )
 
 
-def _write_limit(server: SdoServer, values: Mapping[Entry, int]) -> None:
+def _write_limit(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
     """Write a limit that one or several objects keep; leave alone what is there already."""
     present = {entry: server.find(entry) for entry in values}
     if not any(present[entry] == value for entry, value in values.items()):
@@ -233,7 +233,7 @@ _OWN_WINDOW = "the drive's own window decides on target reached"
 _ANY = range(1 << 32)
 
 
-def _write_reactions(server: SdoServer, drives: DrivesFile) -> None:
+def _write_reactions(server: RemoteDictionary, drives: DrivesFile) -> None:
     option, reaction = objects.QUICK_STOP_OPTION, objects.ABORT_CONNECTION_OPTION
     own = "the drive's own quick stop is used"
     server.set_if_present(option, drives.quick_stop_option, own, STOPPING_OPTIONS)

@@ -84,7 +84,7 @@ class PositionFactors:
 
     @classmethod
     def read(cls, read: Callable[[Entry], int | None]) -> PositionFactors:
-        """Ask a live drive (`SdoServer.find`) or a dictionary (`Dictionary.value`)."""
+        """Ask a live drive (`RemoteDictionary.find`) or a dictionary (`Dictionary.value`)."""
         assumed: dict[str, Entry] = {}
 
         def ratio(name: str) -> Fraction | None:

@@ -17,16 +17,16 @@ from drivers.drive_bus import DriveRefused
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import Entry, RemoteDictionary
     from drivers.drives_file import AxisDrive
 
 
-def write_range(server: SdoServer, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
+def write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
     """Write the software limits; where they are fixed, take and note them.
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         The drive.
     axis : AxisDrive
         What the drives file states.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
 
 NAME = "found-settings.yaml"
 """How the file is called in the folder of a run."""
@@ -276,7 +276,7 @@ def dump_found_settings(settings: FoundSettings) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_identity(server: SdoServer) -> FoundIdentity:
+def read_identity(server: RemoteDictionary) -> FoundIdentity:
     """Ask a drive for its identity.
 
     Raises

@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
     from drivers.canopen.heartbeat import Heartbeats
     from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
 
 BLIND = 10
 """SYNCs in a row without an axis's TPDO after which all axes are stopped."""
 
 
-class Gaps:
+class MissingTelegrams:
     """Counts the SYNCs that an axis left unanswered.
 
     Parameters
     ----------
     network : PumpedNetwork
         The bus.
-    servers : sequence of SdoServer
+    servers : sequence of RemoteDictionary
         The drives in joint order.
     heartbeats : Heartbeats
         Ours is sent early after a gap.
@@ -41,7 +41,7 @@ class Gaps:
     """
 
     def __init__(
-        self, network: PumpedNetwork, servers: Sequence[SdoServer], heartbeats: Heartbeats
+        self, network: PumpedNetwork, servers: Sequence[RemoteDictionary], heartbeats: Heartbeats
     ) -> None:
         self.open = False
         self._network = network

@@ -224,11 +224,11 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
         Drives that cannot serve, a line each, after the others' tables.
     """
     from drivers.commissioning.announcement import announce  # noqa: PLC0415 - slow to import
-    from drivers.operator_tools.unpowered import StandingDrives  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.unpowered import UnpoweredDrives  # noqa: PLC0415 - slow to import
 
     keeper.open(drives)
     problems: list[DriveError] = []
-    for server, axis in zip(StandingDrives(bus, drives).servers, drives.axes, strict=True):
+    for server, axis in zip(UnpoweredDrives(bus, drives).servers, drives.axes, strict=True):
         try:
             found = announce(
                 server, axis, drives, drives.sync_period, partial(keeper.found, server)
