@@ -1,12 +1,12 @@
 """Servo axes on a CANopen bus: `DriveBus` for CiA 402 drives in profile position mode.
 
-Entering checks and configures every drive while it is off (`commissioning.check_and_configure`), starts the exchange of
-process data, and only when every drive has passed powers all of them on together (`cia402.power`). Then
-time passes in `CanopenDriveBus.sample` alone: one SYNC, the TPDOs that it latched (`canopen.process_data`),
-set-point handshakes, heartbeats, statuswords and emergencies. There is no thread. Trouble stops all
-axes before it is raised and latches: nothing moves until `CanopenDriveBus.reset`. Leaving stops and
-switches everything off (`cia402.shutdown`), whatever happened, and releases the watchdogs of those drives
-that have shown that they are off.
+Entering checks and configures every drive while it is off (`commissioning.check_and_configure`),
+starts process data, and only when every drive has passed powers all of them on together
+(`cia402.power`). Then time passes in `CanopenDriveBus.sample` alone: one SYNC, the TPDOs that it
+latched (`canopen.process_data`), set-point handshakes, heartbeats, statuswords and emergencies.
+There is no thread. Trouble stops all axes before it is raised and latches: nothing moves until
+`CanopenDriveBus.reset`. Leaving stops and switches everything off (`cia402.shutdown`), whatever
+happened, and releases the watchdogs of those drives that have shown that they are off.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from drivers.axis import AxisScale
 from drivers.can_bus.frame_log import logged
 from drivers.can_bus.kernel_sync import KernelSync
 from drivers.can_bus.opening import open_can_bus
-from drivers.canopen import objects
 from drivers.canopen.communication import Communication
+from drivers.canopen.emergency import Emergencies
 from drivers.canopen.heartbeat import Heartbeats
 from drivers.canopen.life_guarding import guarding_request
 from drivers.canopen.network import PumpedNetwork
@@ -33,6 +33,7 @@ from drivers.canopen.pdo_mapping import answers
 from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.sdo import RemoteDictionary
 from drivers.canopen.sync_clock import choose_sync_clock, sync_channel
+from drivers.cia402 import objects
 from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.power import Power
 from drivers.cia402.profile_position import ProfilePosition
@@ -373,7 +374,9 @@ class CanopenDriveBus:
             Communication.predefined(axis, server.label)
             for axis, server in zip(drives.axes, self._servers, strict=True)
         ]
-        self._supervision = Supervision(network, self._servers)
+        self._supervision = Supervision(self._servers)
+        nodes = [server.node for server in self._servers]
+        self._emergencies = Emergencies(network, nodes, self._supervision.take_emergency)
         self._process_data = SyncProcessData(network, drives.axes, self._clock)
         now = self._clock.now
         self._heartbeats = Heartbeats(
@@ -385,10 +388,9 @@ class CanopenDriveBus:
             now,
         )
         network.idle = self._heartbeats.beat
-        self._power = Power(self._process_data, self._servers, self._supervision, now)
+        self._power = Power(self._process_data, self._servers, self._supervision)
         self._shutdown = Shutdown(
             self._process_data,
-            self._clock,
             self._heartbeats,
             self._servers,
             drives.axes,
@@ -399,7 +401,8 @@ class CanopenDriveBus:
         self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * self._period)
         self._commissioned: list[RemoteDictionary] = []
         self._running = False
-        self._missing = MissingTelegrams(network, self._servers, self._heartbeats)
+        self._network = network
+        self._missing = MissingTelegrams(self._servers, self._collect_late)
         self._words = ()
 
     def _check_and_configure(self) -> None:
@@ -414,7 +417,7 @@ class CanopenDriveBus:
             reset_faults=self._reset_faults,
         )
         self._process_data.wire(self.transmitted)
-        self._supervision.listen([drive.emergency for drive in self._communications])
+        self._emergencies.listen([drive.emergency for drive in self._communications])
         self._heartbeats.requests = [
             guarding_request(drive.node) for drive in self._communications if drive.guarded
         ]
@@ -422,9 +425,7 @@ class CanopenDriveBus:
         pairs = zip(self._limits, self._drives.axes, strict=True)
         self._limited = axes = tuple(limits.of(axis) for limits, axis in pairs)
         process_data, servers, period = self._process_data, self._servers, self._period
-        self._profile_position = ProfilePosition(
-            process_data, servers, axes, period, self._clock.now
-        )
+        self._profile_position = ProfilePosition(process_data, servers, axes, period)
         self._trips = Trips(axes, period)
         self._cyclic_position = CyclicPosition(
             process_data, servers, axes, self._trips, period, self.follow
@@ -451,6 +452,10 @@ class CanopenDriveBus:
                     "length; check that no other master is on the bus, and the bus load"
                 )
             self._cycle()
+
+    def _collect_late(self) -> None:
+        self._heartbeats.hurry()
+        self._network.pump(0.0)
 
     def _cycle(self) -> None:
         self._process_data.sync()

@@ -24,8 +24,9 @@ from drivers.canopen.pdo_mapping import (
     received,
     transmitted,
 )
-from drivers.canopen.sdo import FIXED_CODES, RANGE_CODES, Aborted, Entry
+from drivers.canopen.sdo import FIXED_CODES, RANGE_CODES, Aborted
 from drivers.drive_bus import DriveRefused
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from drivers.canopen.pdo_mapping import Pdo

@@ -21,8 +21,8 @@ import can
 
 from drivers.can_bus.frame_block import FrameBlock, block_source, count_values, messages
 from drivers.canopen.network import SEND_ATTEMPTS
-from drivers.canopen.objects import POSITION, STATUSWORD
 from drivers.canopen.pdo_mapping import current_entry, received, transmitted
+from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from drivers.can_bus.frame_block import BlockSource
     from drivers.canopen.network import PumpedNetwork
     from drivers.canopen.pdo_mapping import Pdo
-    from drivers.canopen.sdo import Entry
     from drivers.canopen.sync_clock import SyncClock
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
@@ -174,6 +174,14 @@ class SyncProcessData:
             except Exception as again:
                 error = again
         raise self._network.unavailable("SYNC cannot be sent", error)
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock.now()
+
+    def miss(self) -> None:
+        """Let a period pass in which the bus took no SYNC."""
+        self._clock.miss()
 
     def speeds(self) -> list[float]:
         """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].

@@ -279,7 +279,7 @@ def clock_of(bus: can.BusABC) -> Callable[[], float]:
 def sync_channel(
     bus: can.BusABC, requested: PacingName, period: float, answers: Collection[int]
 ) -> can.BusABC:
-    """Return the bus itself, or one on it where the kernel sends SYNC; `choose_sync_clock` knows it.
+    """Return the bus itself, or one on it where the kernel sends SYNC, for `choose_sync_clock`.
 
     Parameters
     ----------

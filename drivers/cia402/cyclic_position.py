@@ -4,7 +4,8 @@ Beside profile position, where each drive plans its own way, the master can plan
 axes and send the next set-point of each right after every SYNC. Drives change their mode while the
 axes rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
 that follows it at once stays where it is. When a stream has ended its last set-point is repeated,
-for many drives fault when their set-points stay out, until `CyclicPosition.leave` changes the mode back.
+for many drives fault when their set-points stay out, until `CyclicPosition.leave` changes the mode
+back.
 
 Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
 of `drivers.safety.trips` moves along with the stream.
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import Mode
 from drivers.drive_bus import DriveRefused, MoveFailed
@@ -28,9 +29,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.canopen.process_data import ProcessData
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Objects, ProcessData
     from drivers.safety.trips import Trips
 
 MODE_TIME = 3.0
@@ -47,8 +47,8 @@ class CyclicPosition:
     Parameters
     ----------
     process_data : ProcessData
-        Process data.
-    servers : sequence of RemoteDictionary
+        Of all axes.
+    servers : sequence of Objects
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
@@ -70,7 +70,7 @@ class CyclicPosition:
     def __init__(
         self,
         process_data: ProcessData,
-        servers: Sequence[RemoteDictionary],
+        servers: Sequence[Objects],
         axes: Sequence[AxisDrive],
         trips: Trips,
         period: float,
@@ -162,7 +162,7 @@ class CyclicPosition:
         self._change(Mode.CYCLIC_POSITION)
         self.cyclic = True
 
-    def _set_interpolation(self, server: RemoteDictionary) -> None:
+    def _set_interpolation(self, server: Objects) -> None:
         microseconds = round(1e6 * self._period)
         power = -6
         while microseconds % 10 == 0 or microseconds > 255:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.cia402.interlocks import safe_torque_off
 from drivers.cia402.states import Command, State, decode_state, next_command
 from drivers.cia402.stop import NOT_ENERGISED
@@ -18,9 +18,8 @@ from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from drivers.canopen.process_data import ProcessData
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.cia402.supervision import Supervision
+    from drivers.fieldbus import Objects, ProcessData
 
 STEP_TIME = 3.0
 """How long a drive may take from one state to another [s]; brakes and DC links are slow."""
@@ -36,37 +35,33 @@ class Power:
     Parameters
     ----------
     process_data : ProcessData
-        Process data.
-    servers : sequence of RemoteDictionary
+        Of all axes.
+    servers : sequence of Objects
         The drives in joint order.
     supervision : Supervision
         Puts faults into words.
-    now : callable
-        Time [s].
     """
 
     def __init__(
         self,
         process_data: ProcessData,
-        servers: Sequence[RemoteDictionary],
+        servers: Sequence[Objects],
         supervision: Supervision,
-        now: Callable[[], float],
     ) -> None:
         self._process_data = process_data
         self._servers = servers
         self._supervision = supervision
-        self._now = now
 
     def wait(self, holds: Callable[[], bool], timeout: float) -> bool:
         """Let time pass until a condition holds; return whether it did within `timeout` [s]."""
-        ends = self._now() + timeout
+        ends = self._process_data.now() + timeout
         while not holds():
-            if self._now() > ends:
+            if self._process_data.now() > ends:
                 return False
             self._process_data.tick()
         return True
 
-    def make_safe(self, server: RemoteDictionary, *, reset_fault: bool) -> None:
+    def make_safe(self, server: Objects, *, reset_fault: bool) -> None:
         """Bring a drive in whatever state to SWITCH ON DISABLED.
 
         Raises
@@ -90,18 +85,18 @@ class Power:
         DriveFault, DriveRefused
             A drive faults, or does not get there in time.
         """
-        ends = self._now() + STEP_TIME
+        ends = self._process_data.now() + STEP_TIME
         while True:
             cycle()
             words = self._process_data.words
             states = [decode_state(word) for word in words]
             if all(state is goal for state in states):
                 return
-            late = self._now() > ends
+            late = self._process_data.now() > ends
             for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
                 self._step(axis, server, state, goal, late=late)
 
-    def switch_off(self, server: RemoteDictionary) -> None:
+    def switch_off(self, server: Objects) -> None:
         """Switch one drive off by SDO, and see that it shows it.
 
         Raises
@@ -124,10 +119,10 @@ class Power:
                 "press the emergency stop"
             )
 
-    def _state(self, server: RemoteDictionary) -> State | None:
+    def _state(self, server: Objects) -> State | None:
         return decode_state(server.get(objects.STATUSWORD))
 
-    def _reset(self, server: RemoteDictionary, *, permitted: bool) -> None:
+    def _reset(self, server: Objects, *, permitted: bool) -> None:
         reason = self._supervision.reason(server)
         if not permitted:
             raise DriveFault(
@@ -142,7 +137,7 @@ class Power:
             )
 
     def _step(
-        self, axis: int, server: RemoteDictionary, state: State | None, goal: State, *, late: bool
+        self, axis: int, server: Objects, state: State | None, goal: State, *, late: bool
     ) -> None:
         if state in _FAULTS:
             raise self._supervision.diagnose(server, self._process_data.words[axis])

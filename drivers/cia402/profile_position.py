@@ -14,17 +14,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
+from drivers.cia402.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
 from drivers.cia402.set_point import ENABLED, HALTED, Phase, SetPoint, Standstill, Stopping
 from drivers.drive_bus import MoveFailed, SampleFlag
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.process_data import ProcessData
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drive_bus import Move
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Objects, ProcessData
 
 ACKNOWLEDGE_CYCLES = 25
 """How many SYNCs the handshake may take at least: four statuswords must come and go."""
@@ -57,15 +56,13 @@ class ProfilePosition:
     Parameters
     ----------
     process_data : ProcessData
-        Process data.
-    servers : sequence of RemoteDictionary
+        Of all axes.
+    servers : sequence of Objects
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
     period : float
         Time between two SYNCs [s].
-    now : callable
-        Time [s].
 
     Attributes
     ----------
@@ -76,10 +73,9 @@ class ProfilePosition:
     def __init__(
         self,
         process_data: ProcessData,
-        servers: Sequence[RemoteDictionary],
+        servers: Sequence[Objects],
         axes: Sequence[AxisDrive],
         period: float,
-        now: Callable[[], float],
     ) -> None:
         self.active: dict[int, _Motion] = {}
         self._process_data = process_data
@@ -90,7 +86,6 @@ class ProfilePosition:
         shortest = ACKNOWLEDGE_CYCLES * period
         self._patience = [max(axis.acknowledge_timeout, shortest) for axis in axes]
         self._holds = [axis.acknowledge == "reached" for axis in axes]
-        self._now = now
         self._profiles = [(0.0, 0.0)] * len(axes)
 
     def start(self, moves: Mapping[int, Move]) -> None:
@@ -149,7 +144,7 @@ class ProfilePosition:
         distance = abs(target - self._position(axis)) * abs(scale.position)
         duration = distance / move.velocity + 2 * move.velocity / move.acceleration
         command = SetPoint(target, window, self._standstill(axis))
-        ends = self._now() + self._patience[axis]
+        ends = self._process_data.now() + self._patience[axis]
         motion = _Motion(command, ends, duration, self._position(axis))
         earlier = self.active.get(axis)
         if self._holds[axis] and earlier is not None and isinstance(earlier.command, SetPoint):
@@ -190,7 +185,7 @@ class ProfilePosition:
             motion.deadline = self._deadline(motion.duration)
 
     def _deadline(self, duration: float) -> float:
-        return self._now() + 1.5 * duration + GRACE
+        return self._process_data.now() + 1.5 * duration + GRACE
 
     def _failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
         place, q = self._servers[axis].label, self._scales[axis].position_from_counts(position)

@@ -17,8 +17,8 @@ from drivers.drive_bus import Sample, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.canopen.process_data import ProcessData
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import ProcessData
 
 _LIMIT = Status.INTERNAL_LIMIT.value
 _new_tuple = tuple.__new__  # half the time of Sample(...), at every SYNC

@@ -24,12 +24,9 @@ from drivers.drive_bus import DriveError, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from drivers.canopen.heartbeat import Heartbeats
-    from drivers.canopen.process_data import ProcessData
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.canopen.sync_clock import SyncClock
     from drivers.cia402.states import Command
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import LifeSign, Objects, ProcessData
 
 SETTLING_TIME = 0.04
 """For how long an axis must keep still to count as resting [s], and for `SETTLED` samples."""
@@ -57,12 +54,10 @@ class Shutdown:
     Parameters
     ----------
     process_data : ProcessData
-        Process data.
-    clock : SyncClock
-        Where SYNC's time comes from.
-    heartbeats : Heartbeats
-        Kept going until it must cease.
-    servers : sequence of RemoteDictionary
+        Of all axes.
+    life_sign : LifeSign
+        Our heartbeat, kept going until it must cease.
+    servers : sequence of Objects
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
@@ -80,19 +75,17 @@ class Shutdown:
     def __init__(
         self,
         process_data: ProcessData,
-        clock: SyncClock,
-        heartbeats: Heartbeats,
-        servers: Sequence[RemoteDictionary],
+        life_sign: LifeSign,
+        servers: Sequence[Objects],
         axes: Sequence[AxisDrive],
         period: float,
         heartbeat_timeout: float,
-        switch_off: Callable[[RemoteDictionary], None],
+        switch_off: Callable[[Objects], None],
     ) -> None:
         self.problems: list[str] = []
         self._switch_off_by_sdo = switch_off
         self._process_data = process_data
-        self._clock = clock
-        self._heartbeats = heartbeats
+        self._life_sign = life_sign
         self._servers = servers
         self._axes = axes
         self._per_count = [abs(AxisScale.of(axis).position) for axis in axes]
@@ -126,7 +119,7 @@ class Shutdown:
             return
         self._process_data.hurry(True)
         self._gives_up = monotonic() + LONGEST + max(axis.brake_delay for axis in self._axes)
-        now, time = self._clock.now(), self._process_data.time
+        now, time = self._process_data.now(), self._process_data.time
         self._stops = tuple(
             AxisStop(
                 now,
@@ -159,17 +152,17 @@ class Shutdown:
         """Switch off all axes; those that do not show it are left to their watchdogs."""
         self.await_rest()
         while any(
-            stop.phase is Phase.RESTING and stop.rested(self._clock.now()) < axis.brake_delay
+            stop.phase is Phase.RESTING and stop.rested(self._process_data.now()) < axis.brake_delay
             for stop, axis in zip(self._stops, self._axes, strict=True)
         ):
             self._cycle()
         for stop in self._stops:
             if stop.phase is Phase.RESTING:
-                stop.disable(self._clock.now())
+                stop.disable(self._process_data.now())
         while not all(stop.ended for stop in self._stops):
             self._cycle()
         if not all(self.off):
-            self._heartbeats.cease()
+            self._life_sign.cease()
             self._ask_unseen()
 
     def conclude(self) -> list[str]:
@@ -182,7 +175,7 @@ class Shutdown:
         """
         sagged = self._watch_rest()
         if not all(self.off):
-            self._heartbeats.cease()
+            self._life_sign.cease()
             self._await_reactions()
         self.problems[:0] = self._left_on()
         return sagged
@@ -208,16 +201,16 @@ class Shutdown:
             self._process_data.sync()
             synced = True
         except Exception:  # whatever a bus raises, the axes must stop
-            self._clock.miss()
+            self._process_data.miss()
         with suppress(DriveError):
-            self._heartbeats.beat()
+            self._life_sign.beat()
         self._step(synced=synced)
         if monotonic() > self._gives_up:
             for stop in self._stops:
                 stop.hang()
 
     def _step(self, *, synced: bool) -> None:
-        process_data, time = self._process_data, self._clock.now()
+        process_data, time = self._process_data, self._process_data.now()
         for axis, stop in enumerate(self._stops):
             fresh = synced and not process_data.flags[axis] & _UNCERTAIN
             overrun = stop.overrun
@@ -227,7 +220,7 @@ class Shutdown:
             if stop.overrun is not overrun:
                 self.problems.append(self._overran(axis, stop))
             if stop.phase is Phase.LOST:
-                self._heartbeats.cease()
+                self._life_sign.cease()
             if command is not None:
                 self._command(axis, stop, command)
 
@@ -239,7 +232,7 @@ class Shutdown:
             self._refused[axis] = str(error)
         else:
             self._refused.pop(axis, None)
-            stop.sent(self._clock.now())
+            stop.sent(self._process_data.now())
 
     def _ask_unseen(self) -> None:
         """Ask drives by SDO whose TPDOs stay away, and switch them off that way."""
@@ -259,9 +252,9 @@ class Shutdown:
             for axis, per_count in zip(self._axes, self._per_count, strict=True)
         ]
         resting = [False] * len(rests)
-        ends = self._clock.now() + max(SAG_TIME, 2 * self._settling)
+        ends = self._process_data.now() + max(SAG_TIME, 2 * self._settling)
         gives_up = monotonic() + self._reaction_time
-        while self._clock.now() < ends and monotonic() < gives_up:
+        while self._process_data.now() < ends and monotonic() < gives_up:
             self._cycle()
             positions = self._process_data.positions
             resting = [rest.update(p) for rest, p in zip(rests, positions, strict=True)]
@@ -286,10 +279,13 @@ class Shutdown:
             )
 
     def _await_reactions(self) -> None:
-        ends, gives_up = self._clock.now() + self._reaction_time, monotonic() + self._reaction_time
+        ends, gives_up = (
+            self._process_data.now() + self._reaction_time,
+            monotonic() + self._reaction_time,
+        )
         lost = [stop for stop in self._stops if stop.phase is not Phase.OFF]
         while any(stop.phase is not Phase.OFF for stop in lost):
-            if self._clock.now() > ends or monotonic() > gives_up:
+            if self._process_data.now() > ends or monotonic() > gives_up:
                 break  # in lock-step with a plant that is gone a period takes long
             self._cycle()
         self.problems += [

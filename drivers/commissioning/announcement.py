@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from drivers.canopen import objects
 from drivers.canopen.communication import Communication
 from drivers.canopen.pdo_mapping import arrangements, mapping_count
 from drivers.canopen.pdo_set_up import set_up_pdos
-from drivers.canopen.sdo import Entry
+from drivers.cia402 import objects
 from drivers.commissioning.configure import check_identity, commission
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import DriveRefused
+from drivers.fieldbus import Entry
 from drivers.found_settings.reading import before
 
 if TYPE_CHECKING:

@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from drivers.canopen.communication import Communication
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.cia402.power import Power
     from drivers.commissioning.announcement import Announcement
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
     from drivers.found_settings.keeping import SettingsKeeper
 
 _Result = TypeVar("_Result")

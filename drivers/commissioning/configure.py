@@ -12,11 +12,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.communication_set_up import set_up_communication
 from drivers.canopen.pdo_mapping import current_entry
 from drivers.canopen.readback import Readback
 from drivers.canopen.sdo import Aborted
+from drivers.cia402 import objects
 from drivers.cia402.states import Mode
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.software_limits import write_range
@@ -26,9 +27,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from drivers.canopen.communication import Communication
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, AxisLimits, DrivesFile
+    from drivers.fieldbus import Entry
 
 DRIVE_PROFILE = 402
 SLOW_DOWN_RAMP = 1
@@ -91,14 +93,14 @@ def commission(
 
 def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
     """Return the drive's identity (1018); refuse a drive that is another than the file states."""
-    profile = server.get(objects.DEVICE_TYPE) & 0xFFFF
+    profile = server.get(cia301.DEVICE_TYPE) & 0xFFFF
     if profile != DRIVE_PROFILE:
         raise DriveRefused(
             f"{server.label}: device profile {profile} is no CiA 402 drive; check the node number"
         )
     expected = axis.identity
     wanted = (expected.vendor, expected.product, expected.revision, expected.serial)
-    entries = (objects.VENDOR, objects.PRODUCT, objects.REVISION, objects.SERIAL)
+    entries = (cia301.VENDOR, cia301.PRODUCT, cia301.REVISION, cia301.SERIAL)
     found = [server.find(entry) for entry in entries]
     for entry, present, value in zip(entries, found, wanted, strict=True):
         if value is not None and present != value:

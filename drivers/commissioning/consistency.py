@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.commissioning.comparison import Agreement, compared, unsettled
 from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
 from drivers.commissioning.ratings import compare_ratings
@@ -22,9 +22,10 @@ from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_uni
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
     from drivers.rate_units import RateUnit
 
 POSITION = "position unit (6064)"

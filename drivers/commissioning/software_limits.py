@@ -11,14 +11,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 
 def write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:

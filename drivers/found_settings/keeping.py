@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
 
 
 class SettingsKeeper:

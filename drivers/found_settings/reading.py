@@ -15,7 +15,8 @@ from drivers.found_settings.settings_file import COMMANDS, WRITTEN_ONCE, FoundDr
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.fieldbus import Entry
 
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 ENTRIES_MAX = 64

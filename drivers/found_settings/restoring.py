@@ -13,9 +13,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.pdo_set_up import OFF
-from drivers.canopen.sdo import Aborted, Entry
+from drivers.canopen.sdo import Aborted
+from drivers.cia402 import objects
 from drivers.cia402.states import decode_state
 from drivers.cia402.stop import NOT_ENERGISED
 from drivers.drive_bus import DriveRefused
@@ -24,11 +25,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from drivers.canopen.sdo import RemoteDictionary
+    from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundDrive
 
 WATCHDOGS = frozenset({0x100C, 0x100D, 0x1016})
 """Life guarding and consumer heartbeat."""
-_SYNC = frozenset({objects.SYNC_COB_ID.index})
+_SYNC = frozenset({cia301.SYNC_COB_ID.index})
 """May make the drive produce SYNC, which it must not do with our period."""
 _MODE = frozenset({objects.MODE.index})
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
@@ -108,12 +110,12 @@ def refuse_energised(server: RemoteDictionary) -> None:
 
 def _free_sync_counter(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
     """Put back the counter in SYNC first, which can be changed without a period only (1006)."""
-    counters = [v for e, v in values.items() if e.index == objects.SYNC_COUNTER.index]
+    counters = [v for e, v in values.items() if e.index == cia301.SYNC_COUNTER.index]
     for counter in counters:  # by index: a file may name its objects otherwise
-        if not _differs(server, objects.SYNC_COUNTER, counter):
+        if not _differs(server, cia301.SYNC_COUNTER, counter):
             return
-        _try(server, objects.CYCLE_PERIOD, 0)
-        _try(server, objects.SYNC_COUNTER, counter)
+        _try(server, cia301.CYCLE_PERIOD, 0)
+        _try(server, cia301.SYNC_COUNTER, counter)
 
 
 def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:

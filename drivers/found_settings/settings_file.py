@@ -17,8 +17,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from checked_files.yaml_file import FileModel, load_yaml
 from drivers.canopen.objects import PRODUCT, REVISION, SERIAL, VENDOR
-from drivers.canopen.sdo import Entry
 from drivers.drives_file import U32
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence

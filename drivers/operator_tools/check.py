@@ -13,9 +13,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
 from drivers.canopen.sdo import SDO_TIMEOUT
+from drivers.cia402 import objects
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import check_identity
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     import can
 
     from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.canopen.sync_clock import PacingName
     from drivers.dictionary.dictionary import Dictionary
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
     from drivers.operator_tools.check_gravity import Gravity
     from drivers.operator_tools.check_powered import SmallMoves
     from drivers.operator_tools.operator import Operator

@@ -12,15 +12,16 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.drives_file import Basis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.canopen.sdo import Entry, RemoteDictionary
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 SLACK = 1e-3
 """A drive's limit may be narrower by this share: counts are rounded."""

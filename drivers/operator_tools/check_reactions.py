@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
 from drivers.canopen.vendor_objects import MAKERS
+from drivers.cia402 import objects
 from drivers.cia402.interlocks import safe_torque_off
 from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.dictionary import probed_objects as probed

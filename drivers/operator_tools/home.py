@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
 from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
 from drivers.cia402.states import Control, Mode, Status
 from drivers.commissioning.effective_limits import effective_limits

@@ -11,8 +11,8 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
 from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402 import objects
 from drivers.cia402.set_point_limits import check_move
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import LimitExceeded

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.sdo import Entry, RemoteDictionary
+from drivers.canopen.sdo import RemoteDictionary
 from drivers.canopen.sync_clock import choose_sync_clock
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 from drivers.found_settings.restoring import NotTakenBack, refuse_energised, restore_drive
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import can
 
     from drivers.canopen.sync_clock import PacingName
+    from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundDrive, FoundSettings
 
 PERIOD = 0.004

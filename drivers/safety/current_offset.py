@@ -15,8 +15,8 @@ from drivers.axis import AxisScale
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from drivers.canopen.process_data import ProcessData
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import ProcessData
 
 SYNCS = 10
 """Samples that are averaged."""
@@ -33,7 +33,7 @@ def offsets(
     Parameters
     ----------
     process_data : ProcessData
-        Process data.
+        Of all axes.
     axes : sequence of AxisDrive
         In joint order.
     cycle : callable

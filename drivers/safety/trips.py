@@ -27,8 +27,8 @@ from drivers.drive_bus import Tripped
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.canopen.process_data import ProcessData
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import ProcessData
 
 TORQUE_SHARE = 0.95
 """Share of its torque limit that an axis may not need for long, unless stated."""

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
     import can
 
-    from drivers.canopen.sdo import Entry
     from drivers.drives_file import DrivesFile
+    from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundSettings
 
 REPLAY = "replay"

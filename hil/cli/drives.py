@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from checked_files.yaml_file import UNSTATED
-from drivers.canopen.objects import STATUSWORD
+from drivers.cia402.objects import STATUSWORD
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from hil.cli import bus_access, drive_settings, scan_view

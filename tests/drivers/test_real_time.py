@@ -18,11 +18,12 @@ import numpy as np
 import pytest
 from two_processes import BUSES, open_bus, plant_process, slow_drives, wake
 
-from drivers.canopen import objects
 from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.sdo import Entry, RemoteDictionary
+from drivers.canopen.sdo import RemoteDictionary
 from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveFault, Move, SampleFlag
+from drivers.fieldbus import Entry
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished
 from hil.model.robot import load_robot

@@ -256,7 +256,7 @@ def test_an_object_that_is_written_unforeseen_is_kept_first(tmp_path: Path) -> N
 
 
 def local_drives_entry(index: int, kind: str) -> Any:
-    from drivers.canopen.sdo import Entry
+    from drivers.fieldbus import Entry
 
     return Entry(index, 0, kind, "x")
 

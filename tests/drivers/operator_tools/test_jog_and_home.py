@@ -9,7 +9,7 @@ import pytest
 from probing_bench import Scripted, bench, drives_of
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.drives_file import Homing
 from drivers.operator_tools.home import home
