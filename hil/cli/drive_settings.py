@@ -19,7 +19,7 @@ from drivers.commissioning.announcement import announce
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import NAME, load_found_settings
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil.cli import bus_state, changes_view
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import operator_told, write_file
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     import can
 
-    from drivers.canopen.sdo import Entry
     from drivers.drives_file import DrivesFile
+    from drivers.fieldbus import Entry
 
 REPLAY = "replay"
 
@@ -123,7 +123,7 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
     """
     keeper.open(drives)
     problems: list[DriveError] = []
-    for server, axis in zip(StandingDrives(bus, drives).servers, drives.axes, strict=True):
+    for server, axis in zip(UnpoweredDrives(bus, drives).servers, drives.axes, strict=True):
         try:
             found = announce(
                 server, axis, drives, drives.sync_period, partial(keeper.found, server)

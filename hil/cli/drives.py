@@ -214,7 +214,7 @@ def _row(found: FoundNode) -> scan_view.NodeRow:
 
 
 def _state(found: FoundNode) -> str:
-    from drivers.canopen.objects import STATUSWORD
+    from drivers.cia402.objects import STATUSWORD
 
     word = found.dictionary.value(STATUSWORD) if found.dictionary else None
     state = None if word is None else decode_state(word)

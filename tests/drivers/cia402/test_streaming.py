@@ -189,7 +189,7 @@ def test_an_axis_that_leaves_its_path_trips(bus: CanopenDriveBus) -> None:
     reach(bus, *TRAJECTORY.start)
     bus.stream(TRAJECTORY.path(PERIOD).tolist())
     samples(bus, 150)
-    bus._streams._lows = bus._streams._highs = [[10**7] * 6] * 5000
+    bus._cyclic_position._lows = bus._cyclic_position._highs = [[10**7] * 6] * 5000
     with pytest.raises(Tripped, match="outside"):
         samples(bus, 10)
 

@@ -24,7 +24,7 @@ from drivers.commissioning.announcement import announce
 from drivers.drives_file import load_drives
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools import put_back
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil import cli
 from hil.cli import bus_state, drive_settings
 from hil.planning.plan import Plan, dump_plan
@@ -140,7 +140,7 @@ def state_of_the_drives() -> dict[tuple[int, int, int], int]:
     drives = load_drives(DRIVES)
     with open_bus(PLACE) as bus:
         found = {}
-        servers = StandingDrives(bus, drives, "lock-step").servers
+        servers = UnpoweredDrives(bus, drives, "lock-step").servers
         for server, axis in zip(servers, drives.axes, strict=True):
             announced = announce(server, axis, drives, drives.sync_period)
             for entry, value in announced.found.items():

@@ -36,7 +36,7 @@ for line in sys.argv[1:]:
 
 def program(*arguments: str, **variables: str) -> tuple[str, set[str]]:
     """Call `hil` in a process of its own; return what it prints, and the modules that it loaded."""
-    done = subprocess.run(
+    done = subprocess.run(  # noqa: S603 - ours
         [sys.executable, "-c", PROGRAM, *arguments],
         env={**os.environ, **variables},
         capture_output=True,
@@ -92,7 +92,7 @@ def test_the_shell_is_given_a_script_that_asks_hil() -> None:
 
 
 def test_no_command_s_help_loads_numerics_or_a_bus() -> None:
-    done = subprocess.run(
+    done = subprocess.run(  # noqa: S603 - ours
         [sys.executable, "-c", ALL_HELP, *EVERY], capture_output=True, text=True, check=True
     )
     lines = done.stderr.splitlines()
