@@ -11,7 +11,7 @@ from local_bench import drives_file
 
 from drivers.axis import AxisScale
 from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
-from drivers.cia402.cyclic_position import Streams
+from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.drive_bus import DriveRefused, LimitExceeded, Move, StreamingBus, Tripped
 from drivers.drives_file import load_drives
 from drivers.safety.trips import Trips
@@ -202,7 +202,7 @@ def test_an_axis_may_be_five_periods_and_its_window_behind_its_set_points(
     axes = drives_file().axes
     corridor = Trips(axes, PERIOD)
     silent: Any = SimpleNamespace(command=lambda *_: None)
-    streams = Streams(silent, (), axes, corridor, PERIOD, lambda: None)
+    streams = CyclicPosition(silent, (), axes, corridor, PERIOD, lambda: None)
     streams.cyclic = True
     path = np.full((100, 3), 0.4 * PERIOD) * np.arange(100)[:, None]
     q = path[50].copy()
