@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -95,6 +96,14 @@ def test_limits_of_a_drive_that_are_tighter_than_the_files_hold_and_are_noted(
     assert "the tighter of both holds, [-1.745, 1.745] rad" in found["software limits (607D)"]
     assert "lower limits.torque" in found["max torque (6072)"]
     assert "drive's own is tighter and holds" in found["max motor speed (6080)"]
+
+
+def test_all_that_is_checked_of_a_prismatic_axis_is_stated_in_metres_and_newtons() -> None:
+    with bench() as bus:
+        stated = "\n".join(map(str, checked(bus, drives_of(1, joint="prismatic"))))
+    assert "software limits (607D): [-2.88, 2.88] m" in stated
+    assert "max torque (6072): 945 N (" in stated
+    assert not re.search(r"\brad\b|N m\b", stated)
 
 
 def test_ranges_of_drive_and_file_without_anything_in_common_are_refused_without_power() -> None:
