@@ -77,7 +77,7 @@ class Travels:
         distance = np.abs(self._way)
         self._peak = np.minimum(velocity, np.sqrt(distance * acceleration))
         self._ramp = self._peak / acceleration
-        cruise = np.divide(distance, self._peak, out=np.zeros_like(distance), where=distance > 0)
+        cruise = np.divide(distance, self._peak, out=np.zeros_like(distance), where=self._peak > 0)
         self._duration = cruise + self._ramp
         self.high = self._duration.max(axis=1, keepdims=True)
         self.low = np.zeros_like(self.high)

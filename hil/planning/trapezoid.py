@@ -59,7 +59,7 @@ class Trapezoid:
     @property
     def duration(self) -> float:
         """Time from rest to rest [s]."""
-        if not self.distance:
+        if not self.peak:
             return 0.0
         return self.distance / self.peak + self.ramp_time
 

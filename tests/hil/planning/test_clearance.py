@@ -99,6 +99,11 @@ def test_all_angles_of_two_axes_at_once_are_looked_at(manutec: Robot, seed: int)
     assert not hits or depth - 0.01 <= hits[0].depth
 
 
+def test_a_travel_whose_highest_speed_is_0_in_floating_point_takes_no_time() -> None:
+    rate = np.array([0.5])
+    assert Travels(np.zeros((1, 1)), np.full((1, 1), 5e-324), rate, rate).high == 0.0
+
+
 def test_a_link_that_stands_in_a_box_can_be_left_out(manutec: Robot) -> None:
     floor = {"name": "floor", "low": (-2, -2, -2), "high": (2, 2, -0.25)}
     up = np.array([[0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hil.planning.trapezoid import Trapezoid
@@ -13,6 +13,7 @@ moves = st.builds(Trapezoid, numbers, numbers, rates, rates)
 
 
 @given(moves)
+@example(Trapezoid(0.0, 5e-324, 1.0, 0.5))  # its highest speed is 0 in floating point
 def test_a_move_begins_at_start_and_ends_at_end(move: Trapezoid) -> None:
     q = move.q([-1.0, 0.0, move.duration, move.duration + 1])
     np.testing.assert_allclose(q, [move.start, move.start, move.end, move.end], atol=1e-9)
