@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-9
-_PLANT = "sim_plant"
+_PLANT, _PLANT_FILES = "sim_plant", "plants"
 
 
 class _Part(FileModel):
@@ -129,7 +129,7 @@ def find_plant(plant: Path | str) -> Path:
     """Path of a plant file; the package of the plant is located, never imported."""
     spec = find_spec(_PLANT)
     folders = [] if spec is None else list(spec.submodule_search_locations or [])
-    packaged = [Path(folder) / f"{plant}.yaml" for folder in folders]
+    packaged = [Path(folder) / _PLANT_FILES / f"{plant}.yaml" for folder in folders]
     return next((path for path in packaged if path.is_file()), Path(plant))
 
 

@@ -18,7 +18,6 @@ from probing_bench import DRIVES, spoilt_plant
 from two_processes import open_bus, plant_process
 
 from checked_files.yaml_file import FileError
-from drivers.can_bus import opening as open_bus_module
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.commissioning.announcement import announce
 from drivers.drives_file import load_drives
@@ -26,7 +25,7 @@ from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools import put_back
 from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil import cli
-from hil.cli import bus_state, drive_settings
+from hil.cli import bus_access, bus_state, drive_settings
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
@@ -352,7 +351,7 @@ def buses(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
         opened.append((interface, channel))
         return local_drives.LocalBus(NODES, {1: {(0x1016, 1): ("u32", 1)}})
 
-    monkeypatch.setattr(open_bus_module, "open_can_bus", bus)
+    monkeypatch.setattr(bus_access, "open_can_bus", bus)
     return opened
 
 

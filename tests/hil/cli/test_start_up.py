@@ -6,15 +6,18 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from typing import Any
 
 import pytest
+import typer
 
 from hil.cli import COMMANDS, PANELS, imported
 
 HEAVY = {"numpy", "scipy", "numba", "h5py", "canopen", "can", "matplotlib"}
-PYDANTIC = {"pydantic"}
-"""Which typer itself loads for the options of a command that is chosen."""
+"""pydantic is not among them: typer itself loads it wherever it parses options."""
+
+MODULES = {command.module for command in COMMANDS.values()}
 
 PROGRAM = """
 import atexit, sys
@@ -36,7 +39,7 @@ for line in sys.argv[1:]:
 
 def program(*arguments: str, **variables: str) -> tuple[str, set[str]]:
     """Call `hil` in a process of its own; return what it prints, and the modules that it loaded."""
-    done = subprocess.run(  # noqa: S603 - ours
+    done = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", PROGRAM, *arguments],
         env={**os.environ, **variables},
         capture_output=True,
@@ -68,22 +71,21 @@ EVERY = dict(every_command())
 def test_the_help_loads_neither_numerics_nor_a_bus() -> None:
     printed, loaded = program("--help")
     assert "identify" in printed
-    assert not loaded & (HEAVY | PYDANTIC)
+    assert not loaded & {*HEAVY, "pydantic"}
 
 
 def test_a_command_s_name_completes_without_any_command_s_module() -> None:
     words, loaded = completed("hil ide")
     assert words == ["identify"]
-    assert not loaded & (HEAVY | PYDANTIC)
-    assert not loaded & {f"hil.cli.{command.module}" for command in COMMANDS.values()}
+    assert not loaded & HEAVY
+    assert not loaded & {f"hil.cli.{module}" for module in MODULES}
 
 
 def test_options_complete_with_the_module_of_their_command_alone() -> None:
     words, loaded = completed("hil identify --")
     assert {"--method", "--with"} <= set(words)
     assert not loaded & HEAVY
-    modules = {f"hil.cli.{command.module}" for command in COMMANDS.values()}
-    assert loaded & modules == {"hil.cli.results"}
+    assert loaded & {f"hil.cli.{module}" for module in MODULES} == {"hil.cli.results"}
 
 
 def test_the_shell_is_given_a_script_that_asks_hil() -> None:
@@ -92,7 +94,7 @@ def test_the_shell_is_given_a_script_that_asks_hil() -> None:
 
 
 def test_no_command_s_help_loads_numerics_or_a_bus() -> None:
-    done = subprocess.run(  # noqa: S603 - ours
+    done = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", ALL_HELP, *EVERY], capture_output=True, text=True, check=True
     )
     lines = done.stderr.splitlines()
@@ -109,19 +111,10 @@ def test_the_list_of_commands_repeats_their_own_help(name: str) -> None:
 
 
 def test_every_command_of_a_module_is_listed() -> None:
-    modules = {command.module for command in COMMANDS.values()}
-    assert modules
-    for module in modules:
+    for module in MODULES:
         stated = {name for name, command in COMMANDS.items() if command.module == module}
-        offered = typer_commands(module)
-        assert offered == stated
-
-
-def typer_commands(module: str) -> set[str]:
-    import typer
-
-    commands = __import__(f"hil.cli.{module}", fromlist=["commands"]).commands
-    return set(typer.main.get_group(commands).commands)
+        offered = typer.main.get_group(import_module(f"hil.cli.{module}").commands).commands
+        assert set(offered) == stated
 
 
 def test_the_help_shows_the_commands_panel_by_panel() -> None:
@@ -134,6 +127,6 @@ def test_the_help_shows_the_commands_panel_by_panel() -> None:
 @pytest.mark.parametrize("name", EVERY)
 def test_each_option_is_explained_in_one_sentence(name: str) -> None:
     for parameter in EVERY[name].params:
-        told = parameter.help
-        assert re.fullmatch(r"[A-Z][^.]*(?:\.\w[^.]*)*\.", told), f"{parameter.name}: {told}"
-        assert not re.match(r"(Of|Its|Their|How|bit/s)\b", told), f"{parameter.name}: {told}"
+        text = parameter.help
+        assert re.fullmatch(r"[A-Z][^.]*(?:\.\w[^.]*)*\.", text), f"{parameter.name}: {text}"
+        assert not re.match(r"(Of|Its|Their|How|bit/s)\b", text), f"{parameter.name}: {text}"

@@ -25,7 +25,7 @@ L1, L2, MASS, DISTANCE, I_RADIAL, I_AXIAL = 0.5, 0.73, 10.86, 0.14, 0.0259, 0.04
 
 def plant_text():
     folder = find_spec("sim_plant").submodule_search_locations[0]
-    return (Path(folder) / f"{PLANT}.yaml").read_text()
+    return (Path(folder) / "plants" / f"{PLANT}.yaml").read_text()
 
 
 def plant_file(tmp_path, old="", new=""):

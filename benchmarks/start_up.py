@@ -1,0 +1,65 @@
+"""What `hil --help` and a completion cost, against the libraries that show them.
+
+Processor time (user and system) of whole processes, interpreter included, in turns so that all see
+the same machine: the help of `hil` and the completion of a command's name, against an interpreter
+that imports typer and rich alone. Stated are medians; promised is a help of at most three times the
+libraries.
+
+    python benchmarks/start_up.py [--times 10]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+from statistics import median
+
+PROMISED = 3.0
+"""Largest ratio of the help's processor time to that of the libraries."""
+LIBRARIES = "typer, rich alone"
+HELP = "hil --help"
+COMPLETION = "completion of hil ide"
+PROGRAM = (sys.executable, "-m", "hil")
+ASKED = {"_HIL_COMPLETE": "complete_bash", "COMP_WORDS": "hil ide", "COMP_CWORD": "1"}
+STARTED: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+    LIBRARIES: ((sys.executable, "-c", "import typer, rich"), {}),
+    HELP: ((*PROGRAM, "--help"), {}),
+    COMPLETION: (PROGRAM, ASKED),
+}
+"""Command and additional environment of what is compared."""
+
+
+def main() -> None:
+    """Measure in turns, print the medians; exit status 1 where the promise is not kept."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--times", type=int, default=10)
+    times = parser.parse_args().times
+    spent = {name: [] for name in STARTED}
+    for turn in range(times + 1):  # the first writes byte code and fills the disk's cache
+        for name, (command, variables) in STARTED.items():
+            time = processor_time(command, variables)
+            if turn:
+                spent[name].append(time)
+    middle = {name: median(each) for name, each in spent.items()}
+    for name, each in middle.items():
+        print(
+            f"{name:<24}{1e3 * each:6.0f} ms  {each / middle[LIBRARIES]:5.2f} times the libraries"
+        )
+    ratio = middle[HELP] / middle[LIBRARIES]
+    print(f"promised: {HELP} at most {PROMISED:g} times; {ratio:.2f}")
+    sys.exit(ratio > PROMISED)
+
+
+def processor_time(command: tuple[str, ...], variables: dict[str, str]) -> float:
+    """Return what a process takes of processors from its start to its end [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, env={**os.environ, **variables}, stdout=subprocess.DEVNULL, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+if __name__ == "__main__":
+    main()
