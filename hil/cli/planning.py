@@ -19,7 +19,7 @@ from hil.runs.atomic_file import write_file
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from hil.estimation.noise_levels import Levels
     from hil.model.robot import Robot
@@ -103,7 +103,9 @@ def plan(
     ] = None,
     run: Annotated[
         list[Path] | None,
-        typer.Option("--refine", help="Run to go on from: measure what is weak; may be repeated."),
+        typer.Option(
+            "--refine", help="Run to go on from: measure what is imprecise; may be repeated."
+        ),
     ] = None,
     noise_from: NoiseFrom = None,
     warm_up: Annotated[
@@ -114,7 +116,8 @@ def plan(
     ] = None,
 ) -> None:
     """Choose configurations and motions from g(q) and M(q)."""
-    counts = (gravity, inertia, coupling)
+    asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
+    counts = {kind: number for kind, number in asked.items() if number is not None}
     _refuse_contradictions(name, run, minutes, counts, warm_up, workspace, noise_from)
     refuse_existing(output)
     if run:
@@ -127,8 +130,7 @@ def plan(
         if minutes is None:
             from hil.planning.design.by_counts import COUNTS, design  # noqa: PLC0415 - slow to import
 
-            asked = gravity or COUNTS[0], inertia or COUNTS[1], coupling or COUNTS[2]
-            designed = design(the_robot, asked, warm_up, guard)
+            designed = design(the_robot, COUNTS | counts, warm_up, guard)
         else:
             from hil.planning.design.by_minutes import design_within  # noqa: PLC0415 - slow to import
 
@@ -240,16 +242,15 @@ def _refuse_contradictions(
     name: str | None,
     run: list[Path] | None,
     minutes: float | None,
-    counts: Sequence[int | None],
+    counts: Mapping[str, int],
     warm_up: float,
     workspace: Path | None,
     noise_from: Path | None,
 ) -> None:
     """Refuse options that do not go together."""
-    counted = any(count is not None for count in counts)
     if (name is None) == (not run):
         raise typer.BadParameter("give a robot, or a run with --refine: one of the two")
-    if counted and (minutes is not None or run):
+    if counts and (minutes is not None or run):
         raise typer.BadParameter(
             "--gravity, --inertia and --coupling are for a plan by counts; leave them out with"
             " --minutes and --refine, which choose them"
