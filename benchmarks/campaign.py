@@ -29,7 +29,7 @@ import can
 from rich.console import Console
 from rich.table import Table
 
-from drivers.canopen.process_data import Exchange
+from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
 from drivers.drives_file import load_drives
 from hil.measuring.campaign import run_campaign
@@ -145,7 +145,7 @@ class Stopwatch:
 LAYERS = (
     ("driver", CanopenDriveBus, "sample"),
     ("driver", CanopenDriveBus, "move"),
-    ("reception of frames, bus and driver", Exchange, "_take_block"),
+    ("reception of frames, bus and driver", SyncProcessData, "_take_block"),
     ("sending of frames, bus", PlantBus, "send"),
     ("drives", SlaveNetwork, "answer"),
     ("physics", Plant, "advance"),

@@ -1,12 +1,12 @@
 """Servo axes on a CANopen bus: `DriveBus` for CiA 402 drives in profile position mode.
 
-Entering checks and configures every drive while it is off (`commissioning`), starts the exchange of
-process data, and only when every drive has passed powers all of them on together (`power`). Then
-time passes in `CanopenDriveBus.sample` alone: one SYNC, the TPDOs that it latched (`exchange`),
-set-point handshakes, heartbeats, statuswords and emergencies. There is no thread. Trouble stops all
-axes before it is raised and latches: nothing moves until `CanopenDriveBus.reset`. Leaving stops and
-switches everything off (`shutdown`), whatever happened, and releases the watchdogs of those drives
-that have shown that they are off.
+Entering checks and configures every drive while it is off (`commissioning.check_and_configure`),
+starts process data, and only when every drive has passed powers all of them on together
+(`cia402.power`). Then time passes in `CanopenDriveBus.sample` alone: one SYNC, the TPDOs that it
+latched (`canopen.process_data`), set-point handshakes, heartbeats, statuswords and emergencies.
+There is no thread. Trouble stops all axes before it is raised and latches: nothing moves until
+`CanopenDriveBus.reset`. Leaving stops and switches everything off (`cia402.shutdown`), whatever
+happened, and releases the watchdogs of those drives that have shown that they are off.
 """
 
 from __future__ import annotations
@@ -24,25 +24,26 @@ from drivers.axis import AxisScale
 from drivers.can_bus.frame_log import logged
 from drivers.can_bus.kernel_sync import KernelSync
 from drivers.can_bus.opening import open_can_bus
-from drivers.canopen import objects
 from drivers.canopen.communication import Communication
+from drivers.canopen.emergency import Emergencies
 from drivers.canopen.heartbeat import Heartbeats
 from drivers.canopen.life_guarding import guarding_request
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.pdo_mapping import answers
-from drivers.canopen.process_data import Exchange
-from drivers.canopen.sdo import SdoServer
-from drivers.canopen.sync_clock import choose_pacing, sync_channel
-from drivers.cia402.cyclic_position import Streams
+from drivers.canopen.process_data import SyncProcessData
+from drivers.canopen.sdo import RemoteDictionary
+from drivers.canopen.sync_clock import choose_sync_clock, sync_channel
+from drivers.cia402 import objects
+from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.power import Power
-from drivers.cia402.profile_position import Motions
-from drivers.cia402.samples import Readout
+from drivers.cia402.profile_position import ProfilePosition
+from drivers.cia402.samples import SampleReader
 from drivers.cia402.set_point_limits import check_move
 from drivers.cia402.shutdown import Shutdown
 from drivers.cia402.states import State
 from drivers.cia402.stream_limits import check_path
 from drivers.cia402.supervision import Supervision
-from drivers.commissioning.admission import admit
+from drivers.commissioning.check_and_configure import check_and_configure
 from drivers.commissioning.effective_limits import SLOWEST_STOP
 from drivers.drive_bus import (
     AxisInfo,
@@ -58,7 +59,7 @@ from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.restoring import WATCHDOGS
 from drivers.interrupts import interrupts_held
 from drivers.safety.current_offset import offsets
-from drivers.safety.missing_telegrams import Gaps
+from drivers.safety.missing_telegrams import MissingTelegrams
 from drivers.safety.trips import SPEED_SHARE, Trips
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class CanopenDriveBus:
     period : float, optional
         Time between two SYNCs [s]; by default that of the drives file.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
     reset_faults : bool
         Reset drives that are found in a fault, instead of refusing them.
     owns_bus : bool
@@ -148,10 +149,10 @@ class CanopenDriveBus:
         self._limited = drives.axes
         self._trip: DriveError | None = _outside()
         self._inside = False
-        self._servers: list[SdoServer] = []
+        self._servers: list[RemoteDictionary] = []
         self._words: tuple[int, ...] = ()
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
-        self._readout = Readout(drives.axes)
+        self._samples = SampleReader(drives.axes)
         self._channel = bus
 
     @property
@@ -175,7 +176,7 @@ class CanopenDriveBus:
         return self._limited
 
     @property
-    def servers(self) -> tuple[SdoServer, ...]:
+    def servers(self) -> tuple[RemoteDictionary, ...]:
         """The drives' object dictionaries in joint order; available once entered."""
         return tuple(self._servers)
 
@@ -187,7 +188,7 @@ class CanopenDriveBus:
     @property
     def skipped_syncs(self) -> int:
         """SYNCs left out since the bus was entered, because we came too late for them."""
-        return self._pacing.skipped
+        return self._clock.skipped
 
     def __enter__(self) -> Self:
         """Check, configure and power on every drive (see `drivers.drive_bus.DriveBus`).
@@ -206,7 +207,7 @@ class CanopenDriveBus:
             raise
         self._inside, self._trip = True, None
         try:
-            self._admit()
+            self._check_and_configure()
             self._start()
             self._power_on()
         except BaseException as error:
@@ -237,26 +238,28 @@ class CanopenDriveBus:
             own = self._limits[axis].own
             check_move(move, self._limited[axis], self._scales[axis], axis + 1, own)
         try:
-            if self._streams.cyclic:
-                self._streams.leave()
+            if self._cyclic_position.cyclic:
+                self._cyclic_position.leave()
             for axis, move in moves.items():
-                moving = axis in self._motions.active
-                self._trips.expect(axis, self._exchange.positions[axis], move.target, moving=moving)
-            self._motions.start(moves)
+                moving = axis in self._profile_position.active
+                self._trips.expect(
+                    axis, self._process_data.positions[axis], move.target, moving=moving
+                )
+            self._profile_position.start(moves)
         except DriveError as error:
             self._fail(error)
 
     def stream(self, path: Sequence[Sequence[float]]) -> None:
         """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
         self._refuse_after_trip()
-        if self._motions.active or self._streams.moving:
+        if self._profile_position.active or self._cyclic_position.moving:
             raise MoveFailed("a path can only begin where all axes rest; wait until reached")
-        here = self._readout.sample(self._pacing.now(), self._exchange, reached=True).q
+        here = self._samples.sample(self._clock.now(), self._process_data, reached=True).q
         points = np.asarray(path, dtype=float)
         own = [limits.own for limits in self._limits]
         check_path(points, self._limited, here, self._period, own)
         try:
-            self._streams.begin(points)
+            self._cyclic_position.begin(points)
         except DriveError as error:
             self._fail(error)
 
@@ -264,31 +267,39 @@ class CanopenDriveBus:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
         if self._trip is not None:
             self._supervise_trip()
-        exchange, motions, streams = self._exchange, self._motions, self._streams
-        before = exchange.time
+        process_data, profile_position, cyclic_position = (
+            self._process_data,
+            self._profile_position,
+            self._cyclic_position,
+        )
+        before = process_data.time
         try:
-            time = exchange.sync()
+            time = process_data.sync()
             if time >= self._heartbeats.due:
                 self._heartbeats.service()
-            words = exchange.words
+            words = process_data.words
             if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
                 self._attend(words)
-            if exchange.irregular or self._gaps.open:
-                blind = self._gaps.look(exchange.flags)
+            if process_data.irregular or self._missing.open:
+                blind = self._missing.look(process_data.flags)
                 if blind:
                     self._fail(blind)
-            if time - before > self._unsupervised and (motions.active or streams.moving):
+            if time - before > self._unsupervised and (
+                profile_position.active or cyclic_position.moving
+            ):
                 self._fail(self._unattended(time - before))
             failed = (
-                (motions.active and motions.advance(time, exchange))
-                or self._trips.look(time, exchange)
-                or (streams.cyclic and streams.advance())
+                (profile_position.active and profile_position.advance(time, process_data))
+                or self._trips.look(time, process_data)
+                or (cyclic_position.cyclic and cyclic_position.advance())
             )
             if failed:
                 self._fail(failed)
         except DriveError as error:
             self._fail(error)
-        return self._readout.sample(time, exchange, not (motions.active or streams.moving))
+        return self._samples.sample(
+            time, process_data, not (profile_position.active or cyclic_position.moving)
+        )
 
     def follow(self) -> Sample:
         """Return the next sample while a drive moves by itself, as in homing.
@@ -299,20 +310,20 @@ class CanopenDriveBus:
         if self._trip is not None:
             self._supervise_trip()
         try:
-            time = self._exchange.sync()
+            time = self._process_data.sync()
             self._heartbeats.service()
-            self._attend(self._exchange.words)
+            self._attend(self._process_data.words)
         except DriveError as error:
             self._fail(error)
-        self._trips.arm(time, self._exchange.positions)
-        return self._readout.sample(time, self._exchange, reached=False)
+        self._trips.arm(time, self._process_data.positions)
+        return self._samples.sample(time, self._process_data, reached=False)
 
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
         self._refuse_after_trip()
-        self._streams.abandon()
+        self._cyclic_position.abandon()
         try:
-            self._motions.halt()
+            self._profile_position.halt()
         except DriveError as error:
             self._fail(error)
 
@@ -351,20 +362,23 @@ class CanopenDriveBus:
         drives = self._drives
         expected = [cob_id for axis in drives.axes for cob_id in answers(axis)]
         self._channel = sync_channel(self._bus, self._requested, self._period, expected)
-        self._pacing = choose_pacing(self._channel, self._requested, self._period)
-        network = PumpedNetwork(self._channel, synchronous=self._pacing.synchronous)
+        self._clock = choose_sync_clock(self._channel, self._requested, self._period)
+        network = PumpedNetwork(self._channel, synchronous=self._clock.synchronous)
         if isinstance(self._channel, KernelSync):
             self._channel.deliver = network.dispatch
         self._servers = [
-            SdoServer(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
+            RemoteDictionary(network, axis.node, axis.name, drives.sdo_timeout)
+            for axis in drives.axes
         ]
         self._communications = [
             Communication.predefined(axis, server.label)
             for axis, server in zip(drives.axes, self._servers, strict=True)
         ]
-        self._supervision = Supervision(network, self._servers)
-        self._exchange = Exchange(network, drives.axes, self._pacing)
-        now = self._pacing.now
+        self._supervision = Supervision(self._servers)
+        nodes = [server.node for server in self._servers]
+        self._emergencies = Emergencies(network, nodes, self._supervision.take_emergency)
+        self._process_data = SyncProcessData(network, drives.axes, self._clock)
+        now = self._clock.now
         self._heartbeats = Heartbeats(
             network,
             drives.master_node,
@@ -374,10 +388,9 @@ class CanopenDriveBus:
             now,
         )
         network.idle = self._heartbeats.beat
-        self._power = Power(self._exchange, self._servers, self._supervision, now)
+        self._power = Power(self._process_data, self._servers, self._supervision)
         self._shutdown = Shutdown(
-            self._exchange,
-            self._pacing,
+            self._process_data,
             self._heartbeats,
             self._servers,
             drives.axes,
@@ -386,13 +399,14 @@ class CanopenDriveBus:
             self._power.switch_off,
         )
         self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * self._period)
-        self._commissioned: list[SdoServer] = []
+        self._commissioned: list[RemoteDictionary] = []
         self._running = False
-        self._gaps = Gaps(network, self._servers, self._heartbeats)
+        self._network = network
+        self._missing = MissingTelegrams(self._servers, self._collect_late)
         self._words = ()
 
-    def _admit(self) -> None:
-        self._axes, self._limits = admit(
+    def _check_and_configure(self) -> None:
+        self._axes, self._limits = check_and_configure(
             self._servers,
             self._drives,
             self._period,
@@ -402,18 +416,20 @@ class CanopenDriveBus:
             self._keeper,
             reset_faults=self._reset_faults,
         )
-        self._exchange.wire(self.transmitted)
-        self._supervision.listen([drive.emergency for drive in self._communications])
+        self._process_data.wire(self.transmitted)
+        self._emergencies.listen([drive.emergency for drive in self._communications])
         self._heartbeats.requests = [
             guarding_request(drive.node) for drive in self._communications if drive.guarded
         ]
         self._note(note for server in self._servers for note in server.notes)
         pairs = zip(self._limits, self._drives.axes, strict=True)
         self._limited = axes = tuple(limits.of(axis) for limits, axis in pairs)
-        exchange, servers, period = self._exchange, self._servers, self._period
-        self._motions = Motions(exchange, servers, axes, period, self._pacing.now)
+        process_data, servers, period = self._process_data, self._servers, self._period
+        self._profile_position = ProfilePosition(process_data, servers, axes, period)
         self._trips = Trips(axes, period)
-        self._streams = Streams(exchange, servers, axes, self._trips, period, self.follow)
+        self._cyclic_position = CyclicPosition(
+            process_data, servers, axes, self._trips, period, self.follow
+        )
 
     def _start(self) -> None:
         for server in self._servers:
@@ -422,13 +438,13 @@ class CanopenDriveBus:
         self._heartbeats.watch()
         self._heartbeats.hurry()  # a drive watches from the first heartbeat on, not before
         self._supervision.forget()
-        ends = self._pacing.now() + 1.0
+        ends = self._clock.now() + 1.0
         self._cycle()
-        while self._exchange.irregular:
-            if self._pacing.now() > ends:
+        while self._process_data.irregular:
+            if self._clock.now() > ends:
                 silent = [
                     server.label
-                    for server, flag in zip(self._servers, self._exchange.flags, strict=True)
+                    for server, flag in zip(self._servers, self._process_data.flags, strict=True)
                     if flag
                 ]
                 raise NodeSilent(
@@ -437,8 +453,12 @@ class CanopenDriveBus:
                 )
             self._cycle()
 
+    def _collect_late(self) -> None:
+        self._heartbeats.hurry()
+        self._network.pump(0.0)
+
     def _cycle(self) -> None:
-        self._exchange.sync()
+        self._process_data.sync()
         self._heartbeats.service()
         if self._heartbeats.trouble:
             raise self._heartbeats.trouble
@@ -449,8 +469,8 @@ class CanopenDriveBus:
         self._power.walk(State.SWITCHED_ON, self._cycle)
         self._note_offsets("before power-on")
         self._power.walk(State.OPERATION_ENABLED, self._cycle)
-        self._pacing.skipped = 0
-        self._trips.arm(self._pacing.now(), self._exchange.positions)
+        self._clock.skipped = 0
+        self._trips.arm(self._clock.now(), self._process_data.positions)
 
     def _refuse_unwatched(self) -> None:
         """Refuse drives whose watch on us is not as it was set: another master may be at work."""
@@ -468,7 +488,7 @@ class CanopenDriveBus:
             return
         outside = []
         for axis, scale, counts in zip(
-            self._limited, self._scales, self._exchange.positions, strict=True
+            self._limited, self._scales, self._process_data.positions, strict=True
         ):
             q, limits, slack = scale.position_from_counts(counts), axis.limits, axis.position_window
             if not limits.q_min - slack <= q <= limits.q_max + slack:
@@ -483,7 +503,7 @@ class CanopenDriveBus:
 
     def _attend(self, words: tuple[int, ...]) -> None:
         self._words = words
-        self._readout.note_limits(words)
+        self._samples.note_limits(words)
         if self._heartbeats.trouble:
             self._fail(self._heartbeats.trouble)
         lost = self._supervision.lost(words)
@@ -533,18 +553,20 @@ class CanopenDriveBus:
             speeds = self._speeds()
         except Exception:  # nothing may keep the axes from being stopped
             speeds = [axis.limits.velocity for axis in self._limited]
-        self._motions.active.clear()
-        self._streams.abandon()
+        self._profile_position.active.clear()
+        self._cyclic_position.abandon()
         self._shutdown.begin(speeds, decelerations)
 
     def _speeds(self) -> list[float]:
         """How fast each axis may be: as measured, or as commanded if that is faster."""
         found = []
         for number, (axis, scale, counts) in enumerate(
-            zip(self._limited, self._scales, self._exchange.speeds(), strict=True)
+            zip(self._limited, self._scales, self._process_data.speeds(), strict=True)
         ):
             limit = axis.limits.velocity
-            commanded = max(self._streams.velocity(number), self._motions.velocity(number))
+            commanded = max(
+                self._cyclic_position.velocity(number), self._profile_position.velocity(number)
+            )
             measured = limit if math.isinf(counts) else counts * abs(scale.position)
             fastest = axis.trip.velocity or SPEED_SHARE * limit  # a jump of the encoder is none
             found.append(max(commanded, min(measured, fastest)))
@@ -558,7 +580,9 @@ class CanopenDriveBus:
             stated = self._limits[number].stop_deceleration or axis.limits.acceleration
             ours = max(stated, slowest)
             if server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
-                ours = min(ours, self._motions.deceleration(number))  # it may take that of 6084
+                ours = min(
+                    ours, self._profile_position.deceleration(number)
+                )  # it may take that of 6084
             found.append(axis.quick_stop_deceleration or ours)
         return found
 
@@ -569,10 +593,10 @@ class CanopenDriveBus:
             log.warning("%s", note)
 
     def _note_offsets(self, when: str) -> None:
-        self._note(offsets(self._exchange, self._drives.axes, self._beating, when))
+        self._note(offsets(self._process_data, self._drives.axes, self._beating, when))
 
     def _beating(self) -> None:
-        self._exchange.sync()
+        self._process_data.sync()
         self._heartbeats.beat()
 
     def _leave_for_certain(self, error: BaseException | None) -> None:
@@ -619,7 +643,7 @@ class CanopenDriveBus:
                     self._keeper.restore(server)
         return self._shutdown.problems, set(self._commissioned) <= off
 
-    def _switch_off_running(self) -> set[SdoServer]:
+    def _switch_off_running(self) -> set[RemoteDictionary]:
         shutdown = self._shutdown
         self._stop()
         shutdown.switch_off()
@@ -629,7 +653,7 @@ class CanopenDriveBus:
         self._note(shutdown.conclude())
         return {s for s, off in zip(self._servers, shutdown.off, strict=True) if off}
 
-    def _switch_off_standing(self) -> set[SdoServer]:
+    def _switch_off_standing(self) -> set[RemoteDictionary]:
         """Switch off drives of which no process data come yet, and which were never energised."""
         off = set()
         for server in self._commissioned:
@@ -684,7 +708,7 @@ def open_drive_bus(
     bus_options : mapping, optional
         Further arguments of the interface.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
     frame_log : path, optional
         Where to log all frames (see `drivers.can_bus.frame_log`).
     keeper : SettingsKeeper, optional

@@ -1,19 +1,29 @@
 """Numba's compiler as typed decorators for what runs at every step of the physics.
 
 Floating-point rules are relaxed as far as speed needs it (fused, reordered, reciprocal) and no
-further: infinities and NaN keep their meaning, since an infinite window means "off". Compiled code
-is kept on disk; Numba notices that a file has changed, but not that a file it calls into has:
-delete ``sim_plant/__pycache__`` after changing one of several.
+further: infinities and NaN keep their meaning, since an infinite window means "off".
+
+Compiled code is kept on disk where Numba keeps it. Numba looks at the file of a function alone, but
+callees and constants of other files are compiled into it. So the names of the files on disk contain
+a digest of all sources that the function's module is made of: itself and what it imports of its own
+package, directly or not. Code of other sources is never found, and removed when newer is written.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar, cast
+import ast
+import hashlib
+import sys
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from numba import njit
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from types import ModuleType
 
 F = TypeVar("F", bound="Callable[..., object]")
 
@@ -23,14 +33,12 @@ IN_ORDER = {"contract"}
 
 def compiled(function: F) -> F:
     """Compile `function`."""
-    return cast("F", njit(cache=True, fastmath=RELAXED, error_model="numpy")(function))
+    return _kept_on_disk(function, njit(fastmath=RELAXED, error_model="numpy"))
 
 
 def inlined(function: F) -> F:
     """Compile `function` as a part of each function that calls it."""
-    return cast(
-        "F", njit(cache=True, fastmath=RELAXED, error_model="numpy", inline="always")(function)
-    )
+    return _kept_on_disk(function, njit(fastmath=RELAXED, error_model="numpy", inline="always"))
 
 
 def in_order(function: F) -> F:
@@ -38,4 +46,64 @@ def in_order(function: F) -> F:
 
     Numba would hand on the caller's rules where a function states none.
     """
-    return cast("F", njit(cache=True, fastmath=IN_ORDER, error_model="numpy")(function))
+    return _kept_on_disk(function, njit(fastmath=IN_ORDER, error_model="numpy"))
+
+
+def _kept_on_disk(function: F, compiler: Callable[[F], Any]) -> F:
+    dispatcher = compiler(function)
+    # what `cache=True` does, with a cache of our own
+    dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    return cast("F", dispatcher)
+
+
+class _Named(CompileResultCacheImpl):
+    """Numba's way to keep compiled code, in files that a digest of the sources names."""
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self.digest = _digest(sys.modules[function.__module__])
+        super().__init__(function)  # type: ignore[no-untyped-call]
+
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        base = super().get_filename_base(fullname, abiflags)  # type: ignore[no-untyped-call]
+        return f"{base}-{self.digest}"
+
+
+class _Cache(FunctionCache):
+    """Numba's cache of one function, without what was compiled of older sources."""
+
+    _impl_class = _Named
+
+    def save_overload(self, sig: object, data: object) -> None:
+        super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        function = self._impl.filename_base.partition("-")[0]
+        for path in Path(self.cache_path).glob(f"{function}-*.nb[ci]"):
+            if self._impl.digest not in path.name:
+                path.unlink(missing_ok=True)  # another process may be faster
+
+
+@cache
+def _digest(module: ModuleType) -> str:
+    """Digest of the source of `module` and of all that it imports of its own package."""
+    package = module.__name__.partition(".")[0]
+    sources: dict[str, bytes] = {}
+    names = [module.__name__]
+    while names:
+        name = names.pop()
+        if name in sources or name not in sys.modules:
+            continue  # seen, or what a module defines
+        if file := sys.modules[name].__file__:
+            sources[name] = Path(file).read_bytes()
+            names += _imports(sources[name], package)
+    return hashlib.sha256(repr(sorted(sources.items())).encode()).hexdigest()[:16]
+
+
+@cache
+def _imports(source: bytes, package: str) -> list[str]:
+    """Names within `package` that the top level of a module imports, modules among them."""
+    names: list[str] = []
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names += [f"{node.module}", *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return [name for name in names if name.partition(".")[0] == package]

@@ -19,7 +19,8 @@ from sim_plant.plant import load_plant
 if TYPE_CHECKING:
     from sim_plant.drive_settings import DriveSettings
     from sim_plant.personality import Personality
-    from sim_plant.plant import Plant, Servo
+    from sim_plant.plant import Plant
+    from sim_plant.servo_axis import ServoAxis
 
 
 def load_machine(
@@ -74,7 +75,7 @@ def give_personality(plant: Plant, axis: int, personality: Personality) -> None:
         plant.const[axis, st.CURRENT_PER_MILLE] *= 1000 / drives[axis].rated_current
 
 
-def _recounted(drive: DriveSettings, servo: Servo) -> DriveSettings:
+def _recounted(drive: DriveSettings, servo: ServoAxis) -> DriveSettings:
     """Let a servo count positions in the unit of its drive, and the drive's limits with it."""
     factor = float(drive.counts_per_revolution / drive.increments_per_revolution)
     servo.recount(factor)

@@ -22,6 +22,7 @@ from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot
 from hil.planning.strokes import Partner
 from hil.planning.trapezoid import Trapezoid
+from hil.terminal.console import out
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.eds import EDS_PATH, drive_entries, key
 from sim_plant.drive_settings import DriveSettings
@@ -37,11 +38,17 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move
     from hil.model.robot import Robot
 
-settings.register_profile("local", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
+settings.register_profile("explore", deadline=None, print_blob=True)
+settings.load_profile("repeatable")  # another by --hypothesis-profile
 
 SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them
+
+
+@pytest.fixture
+def wide_console(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let commands print lines of 200 characters, so that tables are not wrapped."""
+    monkeypatch.setattr(out, "width", 200)
 
 
 class _Path:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.communication import EXTENDED, IDENTIFIER, LAST_SYNCHRONOUS, ON_REQUEST, SYNC
 from drivers.canopen.frame_length import frame_bits
 from drivers.canopen.life_guarding import can_be_guarded, set_up_life_guarding
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
     from drivers.canopen.communication import Communication
     from drivers.canopen.pdo_set_up import OtherTpdo
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
 
 PDO_BYTES = 8
 NODE_SHIFT, TIME_MASK = 16, 0xFFFF
@@ -35,7 +36,7 @@ SYNC_PRODUCER, SYNC_RESERVED = 1 << 30, 1 << 31
 
 
 def set_up_communication(
-    server: SdoServer,
+    server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
     period: float,
@@ -55,45 +56,45 @@ def set_up_communication(
     communication.guarded = _set_up_watch(server, axis, drives)
 
 
-def _set_up_sync(server: SdoServer, period: float) -> None:
+def _set_up_sync(server: RemoteDictionary, period: float) -> None:
     _listen_to_sync(server)
     _stop_counting(server)
     server.set_if_present(
-        objects.CYCLE_PERIOD, round(1e6 * period), "it does not know the period of SYNC"
+        cia301.CYCLE_PERIOD, round(1e6 * period), "it does not know the period of SYNC"
     )
 
 
-def _listen_to_sync(server: SdoServer) -> None:
+def _listen_to_sync(server: RemoteDictionary) -> None:
     """Have the drive listen to our SYNC and produce none, before it has a period to do so."""
-    present = server.find(objects.SYNC_COB_ID)
+    present = server.find(cia301.SYNC_COB_ID)
     if present is None:
         return
     wanted = present & SYNC_RESERVED | SYNC
     if present & SYNC_PRODUCER and present & ~SYNC_PRODUCER != wanted:
         present &= ~SYNC_PRODUCER  # its identifier is locked as long as it produces SYNC
-        server.set(objects.SYNC_COB_ID, present)
+        server.set(cia301.SYNC_COB_ID, present)
     if present != wanted:
-        server.set(objects.SYNC_COB_ID, wanted)
+        server.set(cia301.SYNC_COB_ID, wanted)
 
 
-def _stop_counting(server: SdoServer) -> None:
+def _stop_counting(server: RemoteDictionary) -> None:
     """Have the drive expect SYNC without a counter, which it changes only without a period."""
-    counter = server.find(objects.SYNC_COUNTER)
+    counter = server.find(cia301.SYNC_COUNTER)
     if not counter:
         return
     try:
-        if server.find(objects.CYCLE_PERIOD):
-            server.put(objects.CYCLE_PERIOD, 0)
-        server.set(objects.SYNC_COUNTER, 0)
+        if server.find(cia301.CYCLE_PERIOD):
+            server.put(cia301.CYCLE_PERIOD, 0)
+        server.set(cia301.SYNC_COUNTER, 0)
     except DriveRefused as error:
         raise DriveRefused(
-            f"{error}; it expects a counter in SYNC ({objects.SYNC_COUNTER} is {counter}), and "
+            f"{error}; it expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), and "
             "ours has none: set it to 0 with the maker's commissioning tool"
         ) from error
 
 
 def _note_others(
-    server: SdoServer, others: Sequence[OtherTpdo], bitrate: int, period: float
+    server: RemoteDictionary, others: Sequence[OtherTpdo], bitrate: int, period: float
 ) -> None:
     for other in others:
         kind = other.transmission
@@ -109,39 +110,39 @@ def _note_others(
         )
 
 
-def _find_emergency(server: SdoServer) -> int | None:
+def _find_emergency(server: RemoteDictionary) -> int | None:
     """Return under which identifier emergencies come, None where the drive sends none."""
-    present = server.find(objects.EMERGENCY_COB_ID)
+    present = server.find(cia301.EMERGENCY_COB_ID)
     if present is None:
         return 0x80 + server.node
     if present & (OFF | EXTENDED):
         server.notes.append(
-            f"{server.label}: {objects.EMERGENCY_COB_ID} is {present:08X}h: no emergencies come, "
+            f"{server.label}: {cia301.EMERGENCY_COB_ID} is {present:08X}h: no emergencies come, "
             "so warnings stay unseen and the cause of a fault is read from the drive"
         )
         return None
     return present & IDENTIFIER
 
 
-def _set_up_watch(server: SdoServer, axis: AxisDrive, drives: DrivesFile) -> bool:
+def _set_up_watch(server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile) -> bool:
     """Have the drive watch us; return whether it does so by guarding requests."""
-    watches = server.find(objects.CONSUMER_HEARTBEAT) is not None
-    beats = server.find(objects.PRODUCER_HEARTBEAT) is not None
+    watches = server.find(cia301.CONSUMER_HEARTBEAT) is not None
+    beats = server.find(cia301.PRODUCER_HEARTBEAT) is not None
     if not (watches and beats) and can_be_guarded(server):
         set_up_life_guarding(server, drives)
         return True
-    server.set(objects.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
+    server.set(cia301.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
     if watches or axis.allow_no_heartbeat is None:
         _watch_us(server, drives.master_node, round(1000 * drives.heartbeat_timeout))
     else:
         server.notes.append(
-            f"{server.label}: no object {objects.CONSUMER_HEARTBEAT}: if this process dies, the "
+            f"{server.label}: no object {cia301.CONSUMER_HEARTBEAT}: if this process dies, the "
             f"axis goes on to its target; allowed because: {axis.allow_no_heartbeat}"
         )
     return False
 
 
-def _watch_us(server: SdoServer, node: int, time: int) -> None:
+def _watch_us(server: RemoteDictionary, node: int, time: int) -> None:
     entry = _watching(server, node)
     try:
         server.set(entry, node << NODE_SHIFT | time)
@@ -156,16 +157,16 @@ def _watch_us(server: SdoServer, node: int, time: int) -> None:
         ) from error
 
 
-def _watching(server: SdoServer, node: int) -> Entry:
+def _watching(server: RemoteDictionary, node: int) -> Entry:
     """Return the entry of 1016 by which a drive watches us already; by default the first.
 
     A node may stand in one entry only.
     """
     for number in range(1, WATCHED_MAX + 1):
-        entry = replace(objects.CONSUMER_HEARTBEAT, subindex=number)
+        entry = replace(cia301.CONSUMER_HEARTBEAT, subindex=number)
         present = server.find(entry)
         if present is None:
             break
         if present >> NODE_SHIFT & 0xFF == node and present & TIME_MASK:
             return entry
-    return objects.CONSUMER_HEARTBEAT
+    return cia301.CONSUMER_HEARTBEAT

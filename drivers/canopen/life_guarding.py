@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import can
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.readback import LONGER_WATCH
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import DrivesFile
 
 ERROR_CONTROL = 0x700
@@ -33,13 +33,13 @@ def guarding_request(node: int) -> can.Message:
     )
 
 
-def can_be_guarded(server: SdoServer) -> bool:
+def can_be_guarded(server: RemoteDictionary) -> bool:
     """Whether a drive has the objects of life guarding."""
-    entries = (objects.GUARD_TIME, objects.LIFE_TIME_FACTOR)
+    entries = (cia301.GUARD_TIME, cia301.LIFE_TIME_FACTOR)
     return all(server.find(entry) is not None for entry in entries)
 
 
-def set_up_life_guarding(server: SdoServer, drives: DrivesFile) -> None:
+def set_up_life_guarding(server: RemoteDictionary, drives: DrivesFile) -> None:
     """Have a drive stop when our guarding requests stay away for `heartbeat_timeout`.
 
     Raises
@@ -47,14 +47,14 @@ def set_up_life_guarding(server: SdoServer, drives: DrivesFile) -> None:
     DriveRefused
         It keeps a life time that is none, too short for our requests, or much longer.
     """
-    if server.find(objects.PRODUCER_HEARTBEAT):
-        server.set(objects.PRODUCER_HEARTBEAT, 0)
+    if server.find(cia301.PRODUCER_HEARTBEAT):
+        server.set(cia301.PRODUCER_HEARTBEAT, 0)
     timeout, period = 1000 * drives.heartbeat_timeout, 1000 * drives.heartbeat_period
     factor = min(round(timeout / period), FACTOR_MAX)
     kept = 1
     for entry, value in (
-        (objects.GUARD_TIME, round(timeout / factor)),
-        (objects.LIFE_TIME_FACTOR, factor),
+        (cia301.GUARD_TIME, round(timeout / factor)),
+        (cia301.LIFE_TIME_FACTOR, factor),
     ):
         server.put(entry, value)
         server.kept[entry] = server.get(entry)

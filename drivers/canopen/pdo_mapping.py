@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.canopen import objects
-from drivers.canopen.sdo import Entry
+from drivers.cia402 import objects
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -24,12 +24,13 @@ from drivers.canopen.pdo_mapping import (
     received,
     transmitted,
 )
-from drivers.canopen.sdo import FIXED_CODES, RANGE_CODES, Aborted, Entry
+from drivers.canopen.sdo import FIXED_CODES, RANGE_CODES, Aborted
 from drivers.drive_bus import DriveRefused
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from drivers.canopen.pdo_mapping import Pdo
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
 
 OFF = 1 << 31
@@ -67,7 +68,7 @@ class _Unsuitable(DriveRefused):
 
 
 def set_up_pdos(
-    server: SdoServer, axis: AxisDrive
+    server: RemoteDictionary, axis: AxisDrive
 ) -> tuple[tuple[Pdo, ...], tuple[OtherTpdo, ...]]:
     """Map and switch on what we use, switch off the drive's other TPDOs.
 
@@ -90,7 +91,7 @@ def set_up_pdos(
     return sent, tuple(other for other in others if other is not None)
 
 
-def _set_up_sending(server: SdoServer, axis: AxisDrive) -> tuple[Pdo, ...]:
+def _set_up_sending(server: RemoteDictionary, axis: AxisDrive) -> tuple[Pdo, ...]:
     """Set up the first arrangement that the drive can serve; the first refusal counts."""
     first, *rest = arrangements(axis)
     try:
@@ -104,7 +105,7 @@ def _set_up_sending(server: SdoServer, axis: AxisDrive) -> tuple[Pdo, ...]:
     return tuple(_set_up(server, pdo) for pdo in rest[0])
 
 
-def _compare(server: SdoServer, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:
+def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:
     """Compare what the drive sends with what the drives file states, or note what to state."""
     expected, found = _shown(transmitted(axis)), _shown(sent)
     if found == expected:
@@ -125,7 +126,7 @@ def _shown(pdos: tuple[Pdo, ...]) -> str:
     return "[" + ", ".join(f"[{each}]" for each in words) + "]"
 
 
-def _set_up(server: SdoServer, pdo: Pdo) -> Pdo:
+def _set_up(server: RemoteDictionary, pdo: Pdo) -> Pdo:
     """Set up one PDO; return it with what it carries in the end."""
     cob = Entry(pdo.communication, 1, "u32", f"COB-ID of {pdo.name}")
     # Drives differ in whether bit 30 can be changed, so it stays as it is.
@@ -141,7 +142,7 @@ def _set_up(server: SdoServer, pdo: Pdo) -> Pdo:
     return pdo._replace(entries=carried)
 
 
-def _set_transmission(server: SdoServer, pdo: Pdo) -> None:
+def _set_transmission(server: RemoteDictionary, pdo: Pdo) -> None:
     kind = Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}")
     if server.set_unless_fixed(kind, pdo.transmission):
         return
@@ -149,7 +150,7 @@ def _set_transmission(server: SdoServer, pdo: Pdo) -> None:
         _refuse_fixed(server, kind, f"{server.get(kind)}", f"{pdo.transmission}")
 
 
-def _set_mapping(server: SdoServer, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]:
+def _set_mapping(server: RemoteDictionary, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]:
     """Write a mapping, or take a fixed one; return what it carries."""
     emptied = False
     try:
@@ -167,7 +168,7 @@ def _set_mapping(server: SdoServer, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]
     return pdo.entries
 
 
-def _taken(server: SdoServer, pdo: Pdo) -> tuple[Entry, ...]:
+def _taken(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
     """Return what a fixed mapping carries, if that is all that we need of it."""
     carried = _content(server, pdo)
     if pdo.sends:
@@ -188,17 +189,17 @@ def _taken(server: SdoServer, pdo: Pdo) -> tuple[Entry, ...]:
     return carried
 
 
-def _carries(server: SdoServer, pdo: Pdo) -> bool:
+def _carries(server: RemoteDictionary, pdo: Pdo) -> bool:
     """Whether a PDO carries what we need as it stands."""
     return server.find(_count(pdo)) is not None and set(pdo.entries) <= set(_content(server, pdo))
 
 
-def _content(server: SdoServer, pdo: Pdo) -> tuple[Entry, ...]:
+def _content(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
     words = [server.get(_slot(pdo, n)) for n in range(1, server.get(_count(pdo)) + 1)]
     return mapped(words, pdo.entries)
 
 
-def _switch_off(server: SdoServer, number: int) -> OtherTpdo | None:
+def _switch_off(server: RemoteDictionary, number: int) -> OtherTpdo | None:
     """Switch a TPDO off; return it if it cannot be."""
     name = f"TPDO {number + 1}"
     cob = Entry(0x1800 + number, 1, "u32", f"COB-ID of {name}")
@@ -217,7 +218,7 @@ def _switch_off(server: SdoServer, number: int) -> OtherTpdo | None:
     return OtherTpdo(name, present, server.find(kind))
 
 
-def _refuse_fixed(server: SdoServer, entry: Entry, present: str, wanted: str) -> NoReturn:
+def _refuse_fixed(server: RemoteDictionary, entry: Entry, present: str, wanted: str) -> NoReturn:
     raise _Unsuitable(
         f"{server.label}: object {entry} is fixed at {present}, {wanted} is needed; "
         "map it with the maker's commissioning tool or use another drive"

@@ -21,8 +21,8 @@ import can
 
 from drivers.can_bus.frame_block import FrameBlock, block_source, count_values, messages
 from drivers.canopen.network import SEND_ATTEMPTS
-from drivers.canopen.objects import POSITION, STATUSWORD
 from drivers.canopen.pdo_mapping import current_entry, received, transmitted
+from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from drivers.can_bus.frame_block import BlockSource
     from drivers.canopen.network import PumpedNetwork
     from drivers.canopen.pdo_mapping import Pdo
-    from drivers.canopen.sdo import Entry
-    from drivers.canopen.sync_clock import Pacing
+    from drivers.canopen.sync_clock import SyncClock
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
@@ -52,7 +52,7 @@ _NOTHING: Iterator[can.Message] = iter(())
 Data = bytes | bytearray
 
 
-class Exchange:
+class SyncProcessData:
     """Process data of all axes, latched at SYNC.
 
     Parameters
@@ -61,7 +61,7 @@ class Exchange:
         The bus.
     axes : sequence of AxisDrive
         In joint order.
-    pacing : Pacing
+    clock : SyncClock
         Where SYNC's time comes from.
 
     Attributes
@@ -77,10 +77,10 @@ class Exchange:
         The last SYNC's instant [s].
     """
 
-    def __init__(self, network: PumpedNetwork, axes: Sequence[AxisDrive], pacing: Pacing) -> None:
+    def __init__(self, network: PumpedNetwork, axes: Sequence[AxisDrive], clock: SyncClock) -> None:
         self._network = network
-        self._pacing = pacing
-        self._synchronous = pacing.synchronous
+        self._clock = clock
+        self._synchronous = clock.synchronous
         self._receive = network.channel.recv
         self._blocks = block_source(network.channel)
         self._commands = [received(drive).cob_id for drive in axes]
@@ -139,26 +139,26 @@ class Exchange:
         BusUnavailable
             The bus does not take or give frames any more.
         """
-        pacing = self._pacing
+        clock = self._clock
         if not self._synchronous:
-            self._network.pump(pacing.due())
+            self._network.pump(clock.due())
         try:
             self._network.channel.send(SYNC)
         except Exception as error:
             self._send_again(error)
-        instant = pacing.sent()
+        instant = clock.sent()
         try:
             values = self._take_block(self._blocks) if self._blocks else None
             if values is None:
-                values = self._unpack(b"".join(self._collected(pacing)))
+                values = self._unpack(b"".join(self._collected(clock)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
         if self.time - self._anchor[0] >= SPEED_TIME:
             self._before, self._anchor = self._anchor, (self.time, self.positions)
         self.time = instant
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
-        if self._found or self.irregular or pacing.passed_over:
-            self._publish(passed_over=bool(pacing.passed_over))
+        if self._found or self.irregular or clock.passed_over:
+            self._publish(passed_over=bool(clock.passed_over))
         return instant
 
     def _send_again(self, error: Exception) -> None:
@@ -168,12 +168,20 @@ class Exchange:
         for _ in range(1, self._network.attempts):
             if isinstance(error, DriveError):
                 raise error
-            self._pacing.miss()
+            self._clock.miss()
             try:
                 return self._network.channel.send(SYNC)
             except Exception as again:
                 error = again
         raise self._network.unavailable("SYNC cannot be sent", error)
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock.now()
+
+    def miss(self) -> None:
+        """Let a period pass in which the bus took no SYNC."""
+        self._clock.miss()
 
     def speeds(self) -> list[float]:
         """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
@@ -190,13 +198,13 @@ class Exchange:
     def hurry(self, hurried: bool) -> None:
         """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
         self._network.attempts = 1 if hurried else SEND_ATTEMPTS
-        self._pacing.hurry(hurried)
+        self._clock.hurry(hurried)
 
     def tick(self) -> None:
         """Let one period pass while the drives send no TPDOs yet."""
-        self._network.pump(self._pacing.due())
+        self._network.pump(self._clock.due())
         self._network.send_frame(SYNC)
-        self._pacing.sent()
+        self._clock.sent()
         self._network.pump(0.0)
 
     def _take_block(self, source: BlockSource) -> tuple[int, ...] | None:
@@ -214,18 +222,18 @@ class Exchange:
         self._last = block
         return values
 
-    def _collected(self, pacing: Pacing) -> list[Data]:
+    def _collected(self, clock: SyncClock) -> list[Data]:
         """Return what each frame brought, or brought last."""
-        frames, missing = self._collect(pacing)
+        frames, missing = self._collect(clock)
         if missing or self._owed:
             self._fill(frames)
         self._last = frames
         return frames
 
-    def _collect(self, pacing: Pacing) -> tuple[list[Data], int]:
+    def _collect(self, clock: SyncClock) -> tuple[list[Data], int]:
         receive, slots, sizes = self._receive, self._slots, self._sizes
         synchronous = self._synchronous
-        timeout = 0.0 if synchronous else pacing.window()
+        timeout = 0.0 if synchronous else clock.window()
         frames: list[Data] = [b""] * len(sizes)
         missing, spare = len(sizes), BABBLE
         unread, self._unread = self._unread, _NOTHING
@@ -248,7 +256,7 @@ class Exchange:
                 spare -= timeout == 0.0
                 if not ((missing or self._owed) and spare):
                     break
-                timeout = pacing.window()
+                timeout = clock.window()
         return frames, missing
 
     def _fill(self, frames: list[Data]) -> None:

@@ -19,13 +19,14 @@ from enum import Enum, auto
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
+from drivers.cia402 import objects
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from drivers.canopen.sdo import Entry
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
 
 ROUNDING = 0.01
 """Share of a value by which a drive may round it."""
@@ -63,7 +64,7 @@ class Allowance(NamedTuple):
 
 
 ALLOWANCES: Mapping[Entry, Allowance] = {
-    objects.CYCLE_PERIOD: Allowance(ROUNDING, ROUNDING),
+    cia301.CYCLE_PERIOD: Allowance(ROUNDING, ROUNDING),
     objects.FOLLOWING_ERROR_WINDOW: Allowance(ANY, ROUNDING, Quantity.ANGLE),
     objects.MAX_TORQUE: Allowance(ROUNDING, ROUNDING, Quantity.TORQUE),
     objects.MAX_CURRENT: Allowance(ROUNDING, ROUNDING),
@@ -109,9 +110,9 @@ class Readback:
         """Whether a drive serves that keeps `kept` after `written` was written to an object."""
         if entry in INWARDS:
             return (kept - written) * INWARDS[entry] >= -1
-        if entry == objects.PRODUCER_HEARTBEAT:
+        if entry == cia301.PRODUCER_HEARTBEAT:
             return 0 < kept <= self._timeout / 2
-        if entry.index == objects.CONSUMER_HEARTBEAT.index:
+        if entry.index == cia301.CONSUMER_HEARTBEAT.index:
             watched, time = kept >> 16, kept & 0xFFFF
             longest = LONGER_WATCH * self._timeout
             return watched == written >> 16 and 2 * self._period <= time <= longest

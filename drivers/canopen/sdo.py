@@ -1,15 +1,14 @@
 """Typed access to a drive's object dictionary, with errors that state the remedy.
 
-An `SdoServer` reads and writes numbers of one node. What goes wrong names node, object, abort code
-and remedy. `set` writes and reads back, since a drive may round a value, clip it or ignore it;
-what it keeps instead is accepted where `Judge` says so. Where the object is optional and missing,
-that is noted instead of refused.
+A `RemoteDictionary` reads and writes numbers of one node, as the client of its SDO server. What
+goes wrong names node, object, abort code and remedy. `set` writes and reads back, since a drive may
+round a value, clip it or ignore it; what it keeps instead is accepted where `Judge` says so. Where
+the object is optional and missing, that is noted instead of refused.
 """
 
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoError
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Container, Mapping
 
     from drivers.canopen.network import PumpedNetwork
+    from drivers.fieldbus import Entry
 
 SDO_TIMEOUT = 0.5
 """How long a drive may take to answer [s]."""
@@ -28,49 +28,9 @@ SDO_TIMEOUT = 0.5
 READ_ONLY = 0x06010002
 _MISSING = frozenset({0x06020000, 0x06090011})
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
-_PROFILES = 0x2000
-"""First index beyond the objects of communication."""
 RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
 FIXED_CODES = RANGE_CODES | {READ_ONLY}
 """A drive keeps its value: the object is read-only, or ours is outside its range."""
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One number of an object dictionary.
-
-    Attributes
-    ----------
-    index, subindex : int
-        Where it stands.
-    type : str
-        u8, u16, u32, i8, i16 or i32.
-    name : str
-        For messages.
-    """
-
-    index: int
-    subindex: int
-    type: str
-    name: str
-
-    def shown(self, value: int) -> str:
-        """Return a value in words: identifiers and mappings, below 2000h, in hexadecimal."""
-        hexadecimal = self.index < _PROFILES and value > 0xFFFF
-        return f"{value:08X}h" if hexadecimal else f"{value}"
-
-    @property
-    def size(self) -> int:
-        """Length [bytes]."""
-        return int(self.type[1:]) // 8
-
-    @property
-    def signed(self) -> bool:
-        """Whether negative numbers exist."""
-        return self.type.startswith("i")
-
-    def __str__(self) -> str:
-        return f"{self.index:04X}:{self.subindex:02X} ({self.name})"
 
 
 class Aborted(DriveRefused):
@@ -124,7 +84,7 @@ class SdoClient(Protocol):
         """Write an object."""
 
 
-class SdoServer:
+class RemoteDictionary:
     """The object dictionary of one drive.
 
     Parameters
@@ -170,7 +130,7 @@ class SdoServer:
         self._network = network
         self._client: SdoClient = PumpedSdoClient(network, node, timeout)
 
-    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> SdoServer:
+    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> RemoteDictionary:
         """Return this drive's dictionary as `layer` shows it, with notes of its own.
 
         Parameters

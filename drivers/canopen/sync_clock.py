@@ -40,7 +40,7 @@ WINDOW = 0.8
 """Share of the period in which the answers to a SYNC must arrive on the wall clock."""
 
 
-class Pacing(Protocol):
+class SyncClock(Protocol):
     """The source of SYNC's time."""
 
     skipped: int
@@ -279,13 +279,13 @@ def clock_of(bus: can.BusABC) -> Callable[[], float]:
 def sync_channel(
     bus: can.BusABC, requested: PacingName, period: float, answers: Collection[int]
 ) -> can.BusABC:
-    """Return the bus itself, or one on it where the kernel sends SYNC; `choose_pacing` knows it.
+    """Return the bus itself, or one on it where the kernel sends SYNC, for `choose_sync_clock`.
 
     Parameters
     ----------
     bus : can.BusABC
     requested : {"auto", "lock-step", "wall-clock"}
-        As for `choose_pacing`.
+        As for `choose_sync_clock`.
     period : float
         Time between two SYNCs [s].
     answers : collection of int
@@ -296,7 +296,7 @@ def sync_channel(
     return KernelSync(bus, period, answers, pause=PAUSE)
 
 
-def choose_pacing(bus: can.BusABC, requested: PacingName, period: float) -> Pacing:
+def choose_sync_clock(bus: can.BusABC, requested: PacingName, period: float) -> SyncClock:
     """Decide where SYNC's time comes from; the only place that does.
 
     Parameters

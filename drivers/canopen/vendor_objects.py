@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.canopen.sdo import Entry
+from drivers.fieldbus import Entry
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ Beside profile position, where each drive plans its own way, the master can plan
 axes and send the next set-point of each right after every SYNC. Drives change their mode while the
 axes rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
 that follows it at once stays where it is. When a stream has ended its last set-point is repeated,
-for many drives fault when their set-points stay out, until `Streams.leave` changes the mode back.
+for many drives fault when their set-points stay out, until `CyclicPosition.leave` changes the mode
+back.
 
 Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
 of `drivers.safety.trips` moves along with the stream.
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import Mode
 from drivers.drive_bus import DriveRefused, MoveFailed
@@ -28,9 +29,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.canopen.process_data import Exchange
-    from drivers.canopen.sdo import SdoServer
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Objects, ProcessData
     from drivers.safety.trips import Trips
 
 MODE_TIME = 3.0
@@ -41,14 +41,14 @@ GRACE = 2.0
 """Time that the axes may take to come to rest after the last set-point [s]."""
 
 
-class Streams:
+class CyclicPosition:
     """The stream under way, if any.
 
     Parameters
     ----------
-    exchange : Exchange
-        Process data.
-    servers : sequence of SdoServer
+    process_data : ProcessData
+        Of all axes.
+    servers : sequence of Objects
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
@@ -69,15 +69,15 @@ class Streams:
 
     def __init__(
         self,
-        exchange: Exchange,
-        servers: Sequence[SdoServer],
+        process_data: ProcessData,
+        servers: Sequence[Objects],
         axes: Sequence[AxisDrive],
         trips: Trips,
         period: float,
         cycle: Callable[[], object],
     ) -> None:
         self.cyclic = self.moving = False
-        self._exchange = exchange
+        self._process_data = process_data
         self._servers = servers
         self._axes = axes
         self._scales = [AxisScale.of(axis) for axis in axes]
@@ -142,8 +142,8 @@ class Streams:
             A drive does not change its mode.
         """
         self.abandon()
-        for axis, position in enumerate(self._exchange.positions):
-            self._exchange.command(axis, position, ENABLED)
+        for axis, position in enumerate(self._process_data.positions):
+            self._process_data.command(axis, position, ENABLED)
         self._change(Mode.PROFILE_POSITION)
         self.cyclic = False
 
@@ -158,11 +158,11 @@ class Streams:
                 )
             self._set_interpolation(server)
         for axis, point in enumerate(points):
-            self._exchange.command(axis, point, ENABLED)
+            self._process_data.command(axis, point, ENABLED)
         self._change(Mode.CYCLIC_POSITION)
         self.cyclic = True
 
-    def _set_interpolation(self, server: SdoServer) -> None:
+    def _set_interpolation(self, server: Objects) -> None:
         microseconds = round(1e6 * self._period)
         power = -6
         while microseconds % 10 == 0 or microseconds > 255:
@@ -189,16 +189,16 @@ class Streams:
         number = self._next
         self._next = number + 1
         for axis, target in enumerate(self._points[number]):
-            self._exchange.command(axis, target, ENABLED)
+            self._process_data.command(axis, target, ENABLED)
         self._trips.follow(self._lows[number], self._highs[number])
 
     def _repeat(self) -> None:
         if self._points:
             for axis, target in enumerate(self._points[-1]):
-                self._exchange.command(axis, target, ENABLED)
+                self._process_data.command(axis, target, ENABLED)
 
     def _settle(self) -> MoveFailed | None:
-        positions, targets = self._exchange.positions, self._points[-1]
+        positions, targets = self._process_data.positions, self._points[-1]
         resting = [r.update(p) for r, p in zip(self._rests, positions, strict=True)]
         off = [
             axis

@@ -10,18 +10,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveError
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import SdoServer
+    from drivers.fieldbus import Objects
 
 INTERLOCK = 1 << 3
 SAFE_TORQUE_OFF = 0x5441
 """Error code (603F) of an emergency stop contact or safe torque off."""
 
 
-def safe_torque_off(server: SdoServer) -> str | None:
+def safe_torque_off(server: Objects) -> str | None:
     """Return that safe torque off is active and what says so; None where nothing does.
 
     Never raises a `DriveError`: it is asked when something else has failed already.

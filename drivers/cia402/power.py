@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.cia402.interlocks import safe_torque_off
 from drivers.cia402.states import Command, State, decode_state, next_command
 from drivers.cia402.stop import NOT_ENERGISED
@@ -18,9 +18,8 @@ from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from drivers.canopen.process_data import Exchange
-    from drivers.canopen.sdo import SdoServer
     from drivers.cia402.supervision import Supervision
+    from drivers.fieldbus import Objects, ProcessData
 
 STEP_TIME = 3.0
 """How long a drive may take from one state to another [s]; brakes and DC links are slow."""
@@ -35,38 +34,34 @@ class Power:
 
     Parameters
     ----------
-    exchange : Exchange
-        Process data.
-    servers : sequence of SdoServer
+    process_data : ProcessData
+        Of all axes.
+    servers : sequence of Objects
         The drives in joint order.
     supervision : Supervision
         Puts faults into words.
-    now : callable
-        Time [s].
     """
 
     def __init__(
         self,
-        exchange: Exchange,
-        servers: Sequence[SdoServer],
+        process_data: ProcessData,
+        servers: Sequence[Objects],
         supervision: Supervision,
-        now: Callable[[], float],
     ) -> None:
-        self._exchange = exchange
+        self._process_data = process_data
         self._servers = servers
         self._supervision = supervision
-        self._now = now
 
     def wait(self, holds: Callable[[], bool], timeout: float) -> bool:
         """Let time pass until a condition holds; return whether it did within `timeout` [s]."""
-        ends = self._now() + timeout
+        ends = self._process_data.now() + timeout
         while not holds():
-            if self._now() > ends:
+            if self._process_data.now() > ends:
                 return False
-            self._exchange.tick()
+            self._process_data.tick()
         return True
 
-    def make_safe(self, server: SdoServer, *, reset_fault: bool) -> None:
+    def make_safe(self, server: Objects, *, reset_fault: bool) -> None:
         """Bring a drive in whatever state to SWITCH ON DISABLED.
 
         Raises
@@ -90,18 +85,18 @@ class Power:
         DriveFault, DriveRefused
             A drive faults, or does not get there in time.
         """
-        ends = self._now() + STEP_TIME
+        ends = self._process_data.now() + STEP_TIME
         while True:
             cycle()
-            words = self._exchange.words
+            words = self._process_data.words
             states = [decode_state(word) for word in words]
             if all(state is goal for state in states):
                 return
-            late = self._now() > ends
+            late = self._process_data.now() > ends
             for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
                 self._step(axis, server, state, goal, late=late)
 
-    def switch_off(self, server: SdoServer) -> None:
+    def switch_off(self, server: Objects) -> None:
         """Switch one drive off by SDO, and see that it shows it.
 
         Raises
@@ -124,10 +119,10 @@ class Power:
                 "press the emergency stop"
             )
 
-    def _state(self, server: SdoServer) -> State | None:
+    def _state(self, server: Objects) -> State | None:
         return decode_state(server.get(objects.STATUSWORD))
 
-    def _reset(self, server: SdoServer, *, permitted: bool) -> None:
+    def _reset(self, server: Objects, *, permitted: bool) -> None:
         reason = self._supervision.reason(server)
         if not permitted:
             raise DriveFault(
@@ -142,10 +137,10 @@ class Power:
             )
 
     def _step(
-        self, axis: int, server: SdoServer, state: State | None, goal: State, *, late: bool
+        self, axis: int, server: Objects, state: State | None, goal: State, *, late: bool
     ) -> None:
         if state in _FAULTS:
-            raise self._supervision.diagnose(server, self._exchange.words[axis])
+            raise self._supervision.diagnose(server, self._process_data.words[axis])
         if late and state is not goal:
             locked = safe_torque_off(server)
             if locked is not None:
@@ -158,13 +153,13 @@ class Power:
                 f"{server.label}: stays in {shown}, {goal.value} was commanded; check supply "
                 "voltage, enable input and safe torque off"
             )
-        if self._exchange.flags[axis] & SampleFlag.MISSING or state is None:
+        if self._process_data.flags[axis] & SampleFlag.MISSING or state is None:
             return
         command = next_command(state, goal)
         if command is not None:
             self._command(axis, command)
 
     def _command(self, axis: int, command: Command) -> None:
-        position = self._exchange.positions[axis]
+        position = self._process_data.positions[axis]
         for word in command.value:
-            self._exchange.command(axis, position, word)
+            self._process_data.command(axis, position, word)

@@ -14,17 +14,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
+from drivers.cia402.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
 from drivers.cia402.set_point import ENABLED, HALTED, Phase, SetPoint, Standstill, Stopping
 from drivers.drive_bus import MoveFailed, SampleFlag
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.process_data import Exchange
-    from drivers.canopen.sdo import SdoServer
     from drivers.drive_bus import Move
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Objects, ProcessData
 
 ACKNOWLEDGE_CYCLES = 25
 """How many SYNCs the handshake may take at least: four statuswords must come and go."""
@@ -51,21 +50,19 @@ class _Motion:
     following: Move | None = None
 
 
-class Motions:
+class ProfilePosition:
     """Set-points under way.
 
     Parameters
     ----------
-    exchange : Exchange
-        Process data.
-    servers : sequence of SdoServer
+    process_data : ProcessData
+        Of all axes.
+    servers : sequence of Objects
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
     period : float
         Time between two SYNCs [s].
-    now : callable
-        Time [s].
 
     Attributes
     ----------
@@ -75,14 +72,13 @@ class Motions:
 
     def __init__(
         self,
-        exchange: Exchange,
-        servers: Sequence[SdoServer],
+        process_data: ProcessData,
+        servers: Sequence[Objects],
         axes: Sequence[AxisDrive],
         period: float,
-        now: Callable[[], float],
     ) -> None:
         self.active: dict[int, _Motion] = {}
-        self._exchange = exchange
+        self._process_data = process_data
         self._servers = servers
         self._axes = axes
         self._scales = [AxisScale.of(axis) for axis in axes]
@@ -90,7 +86,6 @@ class Motions:
         shortest = ACKNOWLEDGE_CYCLES * period
         self._patience = [max(axis.acknowledge_timeout, shortest) for axis in axes]
         self._holds = [axis.acknowledge == "reached" for axis in axes]
-        self._now = now
         self._profiles = [(0.0, 0.0)] * len(axes)
 
     def start(self, moves: Mapping[int, Move]) -> None:
@@ -103,7 +98,7 @@ class Motions:
     def halt(self) -> None:
         """Bring all axes to rest with the deceleration of their last profile."""
         for axis, drive in enumerate(self._axes):
-            self._exchange.command(axis, self._position(axis), HALTED)
+            self._process_data.command(axis, self._position(axis), HALTED)
             duration = drive.limits.velocity / self.deceleration(axis)
             command = Stopping(self._standstill(axis))
             self.active[axis] = _Motion(command, self._deadline(duration), duration)
@@ -116,16 +111,16 @@ class Motions:
         """Return the deceleration of an axis's last profile [rad/s^2 or m/s^2]."""
         return self._profiles[axis][1] or self._axes[axis].limits.acceleration
 
-    def advance(self, time: float, exchange: Exchange) -> MoveFailed | None:
+    def advance(self, time: float, process_data: ProcessData) -> MoveFailed | None:
         """Take what the SYNC at `time` [s] brought; return what failed, if anything.
 
         Axes whose TPDO is missing wait for the next.
         """
         for axis, motion in tuple(self.active.items()):
-            if exchange.flags[axis] & _MISSING:
+            if process_data.flags[axis] & _MISSING:
                 continue
-            position = exchange.positions[axis]
-            self._step(axis, motion, exchange.words[axis], position)
+            position = process_data.positions[axis]
+            self._step(axis, motion, process_data.words[axis], position)
             if time > motion.deadline and axis in self.active:
                 return self._failure(axis, motion, position)
         return None
@@ -144,12 +139,12 @@ class Motions:
 
     def _offer(self, axis: int, move: Move) -> None:
         scale, drive = self._scales[axis], self._axes[axis]
-        target, word = scale.position_to_counts(move.target), self._exchange.words[axis]
+        target, word = scale.position_to_counts(move.target), self._process_data.words[axis]
         window = drive.position_window / abs(scale.position)
         distance = abs(target - self._position(axis)) * abs(scale.position)
         duration = distance / move.velocity + 2 * move.velocity / move.acceleration
         command = SetPoint(target, window, self._standstill(axis))
-        ends = self._now() + self._patience[axis]
+        ends = self._process_data.now() + self._patience[axis]
         motion = _Motion(command, ends, duration, self._position(axis))
         earlier = self.active.get(axis)
         if self._holds[axis] and earlier is not None and isinstance(earlier.command, SetPoint):
@@ -158,7 +153,7 @@ class Motions:
         self.active[axis] = motion
         if earlier is not None and earlier.command.phase is Phase.OFFERED:
             # The drive must see bit 4 low before it can take another set-point.
-            self._exchange.command(axis, self._position(axis), ENABLED)
+            self._process_data.command(axis, self._position(axis), ENABLED)
         else:
             self._step(axis, motion, word, self._position(axis))
 
@@ -171,7 +166,7 @@ class Motions:
         if command.phase is phase:
             return
         if controlword is not None and isinstance(command, SetPoint):
-            self._exchange.command(axis, command.target, controlword)
+            self._process_data.command(axis, command.target, controlword)
         if command.phase is Phase.TRAVELLING:
             motion.deadline = self._deadline(motion.duration)
         elif command.phase is Phase.REACHED:
@@ -190,7 +185,7 @@ class Motions:
             motion.deadline = self._deadline(motion.duration)
 
     def _deadline(self, duration: float) -> float:
-        return self._now() + 1.5 * duration + GRACE
+        return self._process_data.now() + 1.5 * duration + GRACE
 
     def _failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
         place, q = self._servers[axis].label, self._scales[axis].position_from_counts(position)
@@ -204,7 +199,7 @@ class Motions:
         )
 
     def _position(self, axis: int) -> int:
-        return self._exchange.positions[axis]
+        return self._process_data.positions[axis]
 
     def _standstill(self, axis: int) -> Standstill:
         drive = self._axes[axis]

@@ -17,15 +17,15 @@ from drivers.drive_bus import Sample, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.canopen.process_data import Exchange
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import ProcessData
 
 _LIMIT = Status.INTERNAL_LIMIT.value
 _new_tuple = tuple.__new__  # half the time of Sample(...), at every SYNC
 
 
-class Readout:
-    """Turns the values of an exchange into samples.
+class SampleReader:
+    """Turns the values of process data into samples.
 
     Parameters
     ----------
@@ -45,24 +45,24 @@ class Readout:
         """Take which axes are at their internal limit from new statuswords."""
         self._limits = tuple(SampleFlag.LIMIT.value if word & _LIMIT else 0 for word in words)
 
-    def sample(self, time: float, exchange: Exchange, reached: bool) -> Sample:
+    def sample(self, time: float, process_data: ProcessData, reached: bool) -> Sample:
         """Return the sample of the last SYNC.
 
         Parameters
         ----------
         time : float
             The SYNC's instant [s].
-        exchange : Exchange
+        process_data : ProcessData
             What it brought.
         reached : bool
             See `Sample`.
         """
-        positions = exchange.positions
+        positions = process_data.positions
         increments = map(sub, positions, self._zeros) if self._shifted else positions
         q = tuple(map(mul, self._per_increment, increments))
-        tau = tuple(map(mul, self._per_current, exchange.currents))
+        tau = tuple(map(mul, self._per_current, process_data.currents))
         sample = _new_tuple(Sample, (time, q, tau, self._limits, reached))
-        return _with_gaps(sample, exchange.flags) if exchange.irregular else sample
+        return _with_gaps(sample, process_data.flags) if process_data.irregular else sample
 
 
 def _with_gaps(sample: Sample, gaps: Sequence[int]) -> Sample:

@@ -24,12 +24,9 @@ from drivers.drive_bus import DriveError, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from drivers.canopen.heartbeat import Heartbeats
-    from drivers.canopen.process_data import Exchange
-    from drivers.canopen.sdo import SdoServer
-    from drivers.canopen.sync_clock import Pacing
     from drivers.cia402.states import Command
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import LifeSign, Objects, ProcessData
 
 SETTLING_TIME = 0.04
 """For how long an axis must keep still to count as resting [s], and for `SETTLED` samples."""
@@ -56,13 +53,11 @@ class Shutdown:
 
     Parameters
     ----------
-    exchange : Exchange
-        Process data.
-    pacing : Pacing
-        Where SYNC's time comes from.
-    heartbeats : Heartbeats
-        Kept going until it must cease.
-    servers : sequence of SdoServer
+    process_data : ProcessData
+        Of all axes.
+    life_sign : LifeSign
+        Our heartbeat, kept going until it must cease.
+    servers : sequence of Objects
         The drives in joint order.
     axes : sequence of AxisDrive
         What the drives file states of them.
@@ -79,20 +74,18 @@ class Shutdown:
 
     def __init__(
         self,
-        exchange: Exchange,
-        pacing: Pacing,
-        heartbeats: Heartbeats,
-        servers: Sequence[SdoServer],
+        process_data: ProcessData,
+        life_sign: LifeSign,
+        servers: Sequence[Objects],
         axes: Sequence[AxisDrive],
         period: float,
         heartbeat_timeout: float,
-        switch_off: Callable[[SdoServer], None],
+        switch_off: Callable[[Objects], None],
     ) -> None:
         self.problems: list[str] = []
         self._switch_off_by_sdo = switch_off
-        self._exchange = exchange
-        self._pacing = pacing
-        self._heartbeats = heartbeats
+        self._process_data = process_data
+        self._life_sign = life_sign
         self._servers = servers
         self._axes = axes
         self._per_count = [abs(AxisScale.of(axis).position) for axis in axes]
@@ -124,9 +117,9 @@ class Shutdown:
         """
         if self.begun:
             return
-        self._exchange.hurry(True)
+        self._process_data.hurry(True)
         self._gives_up = monotonic() + LONGEST + max(axis.brake_delay for axis in self._axes)
-        now, time = self._pacing.now(), self._exchange.time
+        now, time = self._process_data.now(), self._process_data.time
         self._stops = tuple(
             AxisStop(
                 now,
@@ -141,7 +134,7 @@ class Shutdown:
             )
             for axis, position, speed, deceleration, per_count in zip(
                 self._axes,
-                self._exchange.positions,
+                self._process_data.positions,
                 speeds,
                 decelerations,
                 self._per_count,
@@ -159,17 +152,17 @@ class Shutdown:
         """Switch off all axes; those that do not show it are left to their watchdogs."""
         self.await_rest()
         while any(
-            stop.phase is Phase.RESTING and stop.rested(self._pacing.now()) < axis.brake_delay
+            stop.phase is Phase.RESTING and stop.rested(self._process_data.now()) < axis.brake_delay
             for stop, axis in zip(self._stops, self._axes, strict=True)
         ):
             self._cycle()
         for stop in self._stops:
             if stop.phase is Phase.RESTING:
-                stop.disable(self._pacing.now())
+                stop.disable(self._process_data.now())
         while not all(stop.ended for stop in self._stops):
             self._cycle()
         if not all(self.off):
-            self._heartbeats.cease()
+            self._life_sign.cease()
             self._ask_unseen()
 
     def conclude(self) -> list[str]:
@@ -182,7 +175,7 @@ class Shutdown:
         """
         sagged = self._watch_rest()
         if not all(self.off):
-            self._heartbeats.cease()
+            self._life_sign.cease()
             self._await_reactions()
         self.problems[:0] = self._left_on()
         return sagged
@@ -196,7 +189,7 @@ class Shutdown:
         self._stops = ()
         self.problems = []
         self._refused.clear()
-        self._exchange.hurry(False)
+        self._process_data.hurry(False)
 
     def _cycle(self) -> None:
         synced = False
@@ -205,39 +198,41 @@ class Shutdown:
             if command is not None:
                 self._command(axis, stop, command)
         try:
-            self._exchange.sync()
+            self._process_data.sync()
             synced = True
         except Exception:  # whatever a bus raises, the axes must stop
-            self._pacing.miss()
+            self._process_data.miss()
         with suppress(DriveError):
-            self._heartbeats.beat()
+            self._life_sign.beat()
         self._step(synced=synced)
         if monotonic() > self._gives_up:
             for stop in self._stops:
                 stop.hang()
 
     def _step(self, *, synced: bool) -> None:
-        exchange, time = self._exchange, self._pacing.now()
+        process_data, time = self._process_data, self._process_data.now()
         for axis, stop in enumerate(self._stops):
-            fresh = synced and not exchange.flags[axis] & _UNCERTAIN
+            fresh = synced and not process_data.flags[axis] & _UNCERTAIN
             overrun = stop.overrun
-            command = stop.step(time, exchange.words[axis], exchange.positions[axis], fresh=fresh)
+            command = stop.step(
+                time, process_data.words[axis], process_data.positions[axis], fresh=fresh
+            )
             if stop.overrun is not overrun:
                 self.problems.append(self._overran(axis, stop))
             if stop.phase is Phase.LOST:
-                self._heartbeats.cease()
+                self._life_sign.cease()
             if command is not None:
                 self._command(axis, stop, command)
 
     def _command(self, axis: int, stop: AxisStop, command: Command) -> None:
         try:
             for word in command.value:
-                self._exchange.command(axis, self._exchange.positions[axis], word)
+                self._process_data.command(axis, self._process_data.positions[axis], word)
         except Exception as error:
             self._refused[axis] = str(error)
         else:
             self._refused.pop(axis, None)
-            stop.sent(self._pacing.now())
+            stop.sent(self._process_data.now())
 
     def _ask_unseen(self) -> None:
         """Ask drives by SDO whose TPDOs stay away, and switch them off that way."""
@@ -257,16 +252,16 @@ class Shutdown:
             for axis, per_count in zip(self._axes, self._per_count, strict=True)
         ]
         resting = [False] * len(rests)
-        ends = self._pacing.now() + max(SAG_TIME, 2 * self._settling)
+        ends = self._process_data.now() + max(SAG_TIME, 2 * self._settling)
         gives_up = monotonic() + self._reaction_time
-        while self._pacing.now() < ends and monotonic() < gives_up:
+        while self._process_data.now() < ends and monotonic() < gives_up:
             self._cycle()
-            positions = self._exchange.positions
+            positions = self._process_data.positions
             resting = [rest.update(p) for rest, p in zip(rests, positions, strict=True)]
         sagged: list[str] = []
         for axis, stop in enumerate(self._stops):
             if stop.phase is Phase.OFF and stop.left_at is not None:
-                way = abs(self._exchange.positions[axis] - stop.left_at) * self._per_count[axis]
+                way = abs(self._process_data.positions[axis] - stop.left_at) * self._per_count[axis]
                 sagged += self._judged(axis, stop, way, resting=resting[axis])
         return sagged
 
@@ -284,10 +279,13 @@ class Shutdown:
             )
 
     def _await_reactions(self) -> None:
-        ends, gives_up = self._pacing.now() + self._reaction_time, monotonic() + self._reaction_time
+        ends, gives_up = (
+            self._process_data.now() + self._reaction_time,
+            monotonic() + self._reaction_time,
+        )
         lost = [stop for stop in self._stops if stop.phase is not Phase.OFF]
         while any(stop.phase is not Phase.OFF for stop in lost):
-            if self._pacing.now() > ends or monotonic() > gives_up:
+            if self._process_data.now() > ends or monotonic() > gives_up:
                 break  # in lock-step with a plant that is gone a period takes long
             self._cycle()
         self.problems += [

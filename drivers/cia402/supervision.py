@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.cia402.error_codes import Emergency, decode_emergency, error_text
 from drivers.cia402.states import State, decode_state
 from drivers.drive_bus import DriveError, DriveFault
@@ -17,8 +17,7 @@ from drivers.drive_bus import DriveError, DriveFault
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sdo import SdoServer
+    from drivers.fieldbus import Objects
 
 CODE_SIZE = 2
 """What an EMCY must hold at least: its error code [bytes]."""
@@ -26,13 +25,11 @@ _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 class Supervision:
-    """Listens for emergencies and judges statuswords.
+    """Takes emergencies and judges statuswords.
 
     Parameters
     ----------
-    network : PumpedNetwork
-        Where emergencies are heard.
-    servers : sequence of SdoServer
+    servers : sequence of Objects
         The drives in joint order.
 
     Attributes
@@ -41,28 +38,13 @@ class Supervision:
         An emergency has come of which it is not yet told whether it was a warning.
     """
 
-    def __init__(self, network: PumpedNetwork, servers: Sequence[SdoServer]) -> None:
+    def __init__(self, servers: Sequence[Objects]) -> None:
         self.emergency = False
         self._servers = servers
         self._emergencies: dict[int, Emergency] = {}
         self._fresh: list[tuple[int, Emergency]] = []
         self._settling: list[tuple[int, Emergency]] = []
         self._told: set[tuple[int, int]] = set()
-        self._network = network
-        self._senders: dict[int, int] = {}
-        self.listen([0x80 + server.node for server in servers])
-
-    def listen(self, identifiers: Sequence[int | None]) -> None:
-        """Listen for the emergencies of each drive under its identifier (1014), None where off."""
-        for identifier in self._senders:
-            self._network.unsubscribe(identifier, self._on_emergency)
-        self._senders = {
-            identifier: server.node
-            for identifier, server in zip(identifiers, self._servers, strict=True)
-            if identifier is not None
-        }
-        for identifier in self._senders:
-            self._network.subscribe(identifier, self._on_emergency)
 
     def forget(self) -> None:
         """Forget emergencies of the time before the drives were switched on."""
@@ -94,7 +76,7 @@ class Supervision:
                 found.append(f"{labels[node]}: warning {emergency}; see the drive's manual")
         return found
 
-    def diagnose(self, server: SdoServer, statusword: int) -> DriveError:
+    def diagnose(self, server: Objects, statusword: int) -> DriveError:
         """Put into words why a drive is not in OPERATION ENABLED."""
         state = decode_state(statusword)
         if state in _FAULTS:
@@ -110,7 +92,7 @@ class Supervision:
             "torque off and the drive's enable input"
         )
 
-    def reason(self, server: SdoServer) -> str:
+    def reason(self, server: Objects) -> str:
         """Return a fault's reason: the last emergency, else what 603F or 1003 says."""
         emergency = self._emergencies.get(server.node)
         if emergency is not None:
@@ -123,11 +105,11 @@ class Supervision:
             code = None
         return "the drive does not say why" if code is None else error_text(code & 0xFFFF)
 
-    def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        del timestamp
+    def take_emergency(self, node: int, data: bytes) -> None:
+        """Take an emergency of a drive, or that its error is gone."""
         if len(data) < CODE_SIZE:
-            return  # neither tells of an error nor of its end
-        emergency, node = decode_emergency(data), self._senders[can_id]
+            return  # neither says that there is an error nor that it is gone
+        emergency = decode_emergency(data)
         if emergency.code & 0xFF00:
             self._emergencies[node] = emergency
             self._fresh.append((node, emergency))

@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from drivers.canopen import objects
 from drivers.canopen.communication import Communication
 from drivers.canopen.pdo_mapping import arrangements, mapping_count
 from drivers.canopen.pdo_set_up import set_up_pdos
-from drivers.canopen.sdo import Entry
+from drivers.cia402 import objects
 from drivers.commissioning.configure import check_identity, commission
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import DriveRefused
+from drivers.fieldbus import Entry
 from drivers.found_settings.reading import before
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from drivers.canopen.sdo import SdoClient, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary, SdoClient
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
 
@@ -94,7 +94,7 @@ class Announcement:
 
 
 def announce(
-    server: SdoServer,
+    server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
     period: float,
@@ -105,7 +105,7 @@ def announce(
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         The drive's object dictionary.
     axis, drives : AxisDrive, DrivesFile
         What the drives file states.
@@ -142,7 +142,7 @@ def announce(
 class _Rehearsal:
     """What is written to a drive behind a layer, and what the drive holds of it."""
 
-    def __init__(self, server: SdoServer, layer: Callable[[SdoClient], _Layer]) -> None:
+    def __init__(self, server: RemoteDictionary, layer: Callable[[SdoClient], _Layer]) -> None:
         self.found: dict[Entry, int] = {}
         self._entries: dict[Place, Entry] = {}
 

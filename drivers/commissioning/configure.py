@@ -12,11 +12,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.communication_set_up import set_up_communication
 from drivers.canopen.pdo_mapping import current_entry
 from drivers.canopen.readback import Readback
 from drivers.canopen.sdo import Aborted
+from drivers.cia402 import objects
 from drivers.cia402.states import Mode
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.software_limits import write_range
@@ -26,9 +27,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from drivers.canopen.communication import Communication
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, AxisLimits, DrivesFile
+    from drivers.fieldbus import Entry
 
 DRIVE_PROFILE = 402
 SLOW_DOWN_RAMP = 1
@@ -42,7 +44,7 @@ MODE_TIME = 3.0
 
 
 def commission(
-    server: SdoServer,
+    server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
     period: float,
@@ -54,7 +56,7 @@ def commission(
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         Its object dictionary.
     axis, drives : AxisDrive, DrivesFile
         What the drives file states.
@@ -89,16 +91,16 @@ def commission(
     return identity
 
 
-def check_identity(server: SdoServer, axis: AxisDrive) -> str:
+def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
     """Return the drive's identity (1018); refuse a drive that is another than the file states."""
-    profile = server.get(objects.DEVICE_TYPE) & 0xFFFF
+    profile = server.get(cia301.DEVICE_TYPE) & 0xFFFF
     if profile != DRIVE_PROFILE:
         raise DriveRefused(
             f"{server.label}: device profile {profile} is no CiA 402 drive; check the node number"
         )
     expected = axis.identity
     wanted = (expected.vendor, expected.product, expected.revision, expected.serial)
-    entries = (objects.VENDOR, objects.PRODUCT, objects.REVISION, objects.SERIAL)
+    entries = (cia301.VENDOR, cia301.PRODUCT, cia301.REVISION, cia301.SERIAL)
     found = [server.find(entry) for entry in entries]
     for entry, present, value in zip(entries, found, wanted, strict=True):
         if value is not None and present != value:
@@ -115,7 +117,7 @@ def check_identity(server: SdoServer, axis: AxisDrive) -> str:
 
 
 def _take_profile_position(
-    server: SdoServer, wait: Callable[[Callable[[], bool], float], bool]
+    server: RemoteDictionary, wait: Callable[[Callable[[], bool], float], bool]
 ) -> None:
     supported = server.find(objects.SUPPORTED_MODES)
     if supported is not None and not supported & Mode.PROFILE_POSITION.supported_bit:
@@ -132,7 +134,7 @@ def _take_profile_position(
         )
 
 
-def _require_current(server: SdoServer, axis: AxisDrive) -> None:
+def _require_current(server: RemoteDictionary, axis: AxisDrive) -> None:
     try:
         server.get(current_entry(axis))
     except Aborted as error:
@@ -142,7 +144,7 @@ def _require_current(server: SdoServer, axis: AxisDrive) -> None:
         ) from error
 
 
-def _lower_profile(server: SdoServer, axis: AxisDrive, limits: AxisLimits) -> None:
+def _lower_profile(server: RemoteDictionary, axis: AxisDrive, limits: AxisLimits) -> None:
     """Lower what is above our limits first: some drives refuse a limit below their profile."""
     scale = AxisScale.of(axis)
     acceleration = scale.acceleration_to_counts(limits.acceleration)
@@ -157,7 +159,7 @@ def _lower_profile(server: SdoServer, axis: AxisDrive, limits: AxisLimits) -> No
                 server.put(entry, value)
 
 
-def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) -> None:
+def _write_limits(server: RemoteDictionary, axis: AxisDrive, holding: EffectiveLimits) -> None:
     scale, limits, values = AxisScale.of(axis), holding.limits, holding.values
     server.notes += holding.notes
     write_range(server, axis, values)
@@ -205,7 +207,7 @@ def _write_limits(server: SdoServer, axis: AxisDrive, holding: EffectiveLimits) 
     server.set(objects.PROFILE_ACCELERATION, acceleration)
 
 
-def _refuse_zero(server: SdoServer, entry: Entry, value: int, key: str) -> None:
+def _refuse_zero(server: RemoteDictionary, entry: Entry, value: int, key: str) -> None:
     """Refuse a limit below one count of an object: to many drives 0 means that there is none."""
     if not value and server.find(entry) is not None:
         raise DriveRefused(
@@ -214,7 +216,7 @@ def _refuse_zero(server: SdoServer, entry: Entry, value: int, key: str) -> None:
         )
 
 
-def _write_limit(server: SdoServer, values: Mapping[Entry, int]) -> None:
+def _write_limit(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
     """Write a limit that one or several objects keep; leave alone what is there already."""
     present = {entry: server.find(entry) for entry in values}
     if not any(present[entry] == value for entry, value in values.items()):
@@ -233,7 +235,7 @@ _OWN_WINDOW = "the drive's own window decides on target reached"
 _ANY = range(1 << 32)
 
 
-def _write_reactions(server: SdoServer, drives: DrivesFile) -> None:
+def _write_reactions(server: RemoteDictionary, drives: DrivesFile) -> None:
     option, reaction = objects.QUICK_STOP_OPTION, objects.ABORT_CONNECTION_OPTION
     own = "the drive's own quick stop is used"
     server.set_if_present(option, drives.quick_stop_option, own, STOPPING_OPTIONS)

@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.commissioning.comparison import Agreement, compared, unsettled
 from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
 from drivers.commissioning.ratings import compare_ratings
@@ -22,9 +22,10 @@ from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_uni
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
     from drivers.rate_units import RateUnit
 
 POSITION = "position unit (6064)"
@@ -38,7 +39,7 @@ _SPINDLE = Fraction(1, 1000)
 """So too where the gear ratio of a prismatic axis [rad/m] turns lengths into revolutions."""
 
 
-def compare_statements(server: SdoServer, axis: AxisDrive) -> None:
+def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
     """Refuse a drive that contradicts the drives file, and note what stays on trust.
 
     Raises
@@ -57,7 +58,7 @@ def compare_statements(server: SdoServer, axis: AxisDrive) -> None:
     _note_positions(server)
 
 
-def _note_positions(server: SdoServer) -> None:
+def _note_positions(server: RemoteDictionary) -> None:
     """Note what shifts positions or makes them wrap around; `zero` and the limits allow for it."""
     if offset := _said(server, objects.HOME_OFFSET):
         server.notes.append(
@@ -72,7 +73,7 @@ def _note_positions(server: SdoServer) -> None:
         )
 
 
-def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
+def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Comparison]:
     """Compare ratings (6075, 6076), position unit (608F to 60A8), velocity and acceleration units.
 
     Raises
@@ -100,7 +101,7 @@ def comparisons(server: SdoServer, axis: AxisDrive) -> Iterator[Comparison]:
         yield from _factor(server, factor, divisor, stated)
 
 
-def _said(server: SdoServer, entry: Entry) -> int | None:
+def _said(server: RemoteDictionary, entry: Entry) -> int | None:
     """Read an object that is only compared; one of another type than the standard's is noted."""
     try:
         return server.find(entry)
@@ -168,7 +169,9 @@ def _compare_rate(
     )
 
 
-def _factor(server: SdoServer, over: Entry, under: Entry, stated: _Rate) -> Iterator[Comparison]:
+def _factor(
+    server: RemoteDictionary, over: Entry, under: Entry, stated: _Rate
+) -> Iterator[Comparison]:
     """Leave a factor of the profile's older edition to the file: makers scale by it differently."""
     numerator, divisor = _said(server, over), _said(server, under)
     if numerator and divisor and numerator != divisor:

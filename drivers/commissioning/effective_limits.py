@@ -15,15 +15,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import AxisLimits, Basis
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from drivers.canopen.sdo import Entry
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 SLOWEST_STOP = 0.25
 """Share of an axis's acceleration limit: a slower ramp of its own (6085) is not waited for."""

@@ -23,13 +23,13 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.commissioning import unit_codes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from drivers.canopen.sdo import Entry
+    from drivers.fieldbus import Entry
 
 RATIOS = {
     "encoder": (objects.ENCODER_INCREMENTS, objects.ENCODER_REVOLUTIONS),
@@ -84,7 +84,7 @@ class PositionFactors:
 
     @classmethod
     def read(cls, read: Callable[[Entry], int | None]) -> PositionFactors:
-        """Ask a live drive (`SdoServer.find`) or a dictionary (`Dictionary.value`)."""
+        """Ask a live drive (`RemoteDictionary.find`) or a dictionary (`Dictionary.value`)."""
         assumed: dict[str, Entry] = {}
 
         def ratio(name: str) -> Fraction | None:

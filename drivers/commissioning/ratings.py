@@ -12,18 +12,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
 from drivers.canopen.vendor_objects import MAKERS
+from drivers.cia402 import objects
 from drivers.commissioning.comparison import compared, unsettled
 from drivers.drives_file import Basis, TorqueUnit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.canopen.sdo import Entry
     from drivers.canopen.vendor_objects import Quantity
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 NEWTON_METRE = {TorqueUnit.MILLI: 1e-3, TorqueUnit.MICRO: 1e-6}
 """One unit of 6076 [N m]."""

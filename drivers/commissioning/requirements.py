@@ -10,10 +10,11 @@ from __future__ import annotations
 from enum import Flag, auto
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
+from drivers.cia402 import objects
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import Entry
+    from drivers.fieldbus import Entry
 
 
 class Use(Flag):
@@ -60,7 +61,7 @@ class Need(NamedTuple):
     served: str = ""
 
 
-GUARDING = (objects.GUARD_TIME, objects.LIFE_TIME_FACTOR)
+GUARDING = (cia301.GUARD_TIME, cia301.LIFE_TIME_FACTOR)
 _GUARDED = "it watches our guarding requests (100C, 100D) instead and answers them"
 
 
@@ -78,7 +79,7 @@ FIXED_RANGE = "it keeps its own range; what of the axis's range it does not keep
 OURS_ALONE = "this limit is kept by our driver alone, not by the drive"
 
 NEEDS = (
-    _required(objects.DEVICE_TYPE, READ, "it does not say that it is a CiA 402 drive"),
+    _required(cia301.DEVICE_TYPE, READ, "it does not say that it is a CiA 402 drive"),
     _required(objects.STATUSWORD, READ | Use.SEND, "its state cannot be followed"),
     _required(objects.CONTROLWORD, WRITE | Use.RECEIVE, "it cannot be commanded"),
     _required(objects.MODE, WRITE, "profile position mode cannot be chosen"),
@@ -90,7 +91,7 @@ NEEDS = (
     Need(objects.SOFTWARE_LIMIT_MIN, WRITE, NO_RANGE, required=True, fixed=FIXED_RANGE),
     Need(objects.SOFTWARE_LIMIT_MAX, WRITE, NO_RANGE, required=True, fixed=FIXED_RANGE),
     Need(
-        objects.CONSUMER_HEARTBEAT,
+        cia301.CONSUMER_HEARTBEAT,
         READ | WRITE,
         "the axis goes on when our process dies; something else must stop it",
         required=False,
@@ -98,7 +99,7 @@ NEEDS = (
         served=_GUARDED,
     ),
     Need(
-        objects.PRODUCER_HEARTBEAT,
+        cia301.PRODUCER_HEARTBEAT,
         WRITE,
         "we would not notice that the drive is gone",
         required=True,
@@ -142,7 +143,7 @@ NEEDS = (
     _optional(
         objects.PROFILE_TYPE, READ | WRITE, "that profiles are trapezoids is taken on trust", 0
     ),
-    _optional(objects.CYCLE_PERIOD, READ | WRITE, "it does not know the period of SYNC"),
+    _optional(cia301.CYCLE_PERIOD, READ | WRITE, "it does not know the period of SYNC"),
     _optional(
         objects.RATED_CURRENT, READ, "rated_current of the drives file cannot be compared with it"
     ),
@@ -160,7 +161,7 @@ NEEDS = (
 )
 """What we use, the required first."""
 
-IDENTITY = (objects.VENDOR, objects.PRODUCT, objects.REVISION, objects.SERIAL)
+IDENTITY = (cia301.VENDOR, cia301.PRODUCT, cia301.REVISION, cia301.SERIAL)
 
 UNITS = (objects.POSITION_UNIT, objects.VELOCITY_UNIT, objects.ACCELERATION_UNIT)
 """In what positions, velocities and accelerations are, where a drive says so."""

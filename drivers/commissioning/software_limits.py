@@ -11,22 +11,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 
-def write_range(server: SdoServer, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
+def write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
     """Write the software limits; where they are fixed, take and note them.
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         The drive.
     axis : AxisDrive
         What the drives file states.

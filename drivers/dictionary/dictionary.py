@@ -15,7 +15,7 @@ from checked_files.yaml_file import FileError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from drivers.canopen.sdo import Entry
+    from drivers.fieldbus import Entry
 
 Key = tuple[int, int]
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
-from drivers.canopen.sdo import Entry
+from drivers.canopen import objects as cia301
+from drivers.cia402 import objects
 from drivers.dictionary.dictionary import Declared, Key
 from drivers.dictionary.eds_numbers import NoNumber, number
 from drivers.dictionary.eds_sections import Section
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 _LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 _STANDARD = {
     (entry.index, entry.subindex): entry
-    for entry in vars(objects).values()
+    for standard in (cia301, objects)
+    for entry in vars(standard).values()
     if isinstance(entry, Entry)
 }
 _NOTHING = Section("", 0)

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.network import PumpedSdoClient
 from drivers.canopen.pdo_mapping import mapping_count, mapping_slot
-from drivers.canopen.sdo import Entry
 from drivers.canopen.vendor_objects import MAKERS
 from drivers.commissioning.requirements import DRIVE_TRAIN, GUARDING, IDENTITY, NEEDS, UNITS
 from drivers.dictionary import probed_objects as probed
 from drivers.dictionary.dictionary import Declared, Dictionary, Key
 from drivers.dictionary.mapping_review import mapped_objects
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,9 +46,9 @@ _CURRENTS = (
 
 def asked() -> Iterator[Entry]:
     """Yield the objects that a drive is asked for, the decisive ones first."""
-    yield objects.DEVICE_TYPE
+    yield cia301.DEVICE_TYPE
     yield from IDENTITY
-    yield from (need.entry for need in NEEDS if need.entry != objects.DEVICE_TYPE)
+    yield from (need.entry for need in NEEDS if need.entry != cia301.DEVICE_TYPE)
     yield from GUARDING
     yield from _CURRENTS
     yield from DRIVE_TRAIN
@@ -74,7 +74,7 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
     reading = _Reading(_BriefClient(network, node, timeout))
     for entry in asked():
         reading.ask(entry)
-    maker = MAKERS.get(reading.value(objects.VENDOR) or 0)
+    maker = MAKERS.get(reading.value(cia301.VENDOR) or 0)
     for entry in maker.entries if maker else ():
         reading.ask(entry)
     for mapping in (0x1600, 0x1A00, 0x1A01):

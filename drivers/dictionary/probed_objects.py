@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.canopen.sdo import Entry
+from drivers.fieldbus import Entry
 
 SHUTDOWN_OPTION = Entry(0x605B, 0, "i16", "shutdown option code")
 DISABLE_OPTION = Entry(0x605C, 0, "i16", "disable operation option code")

@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
+from drivers.cia402 import objects
 from drivers.cia402.states import Mode
 from drivers.commissioning.requirements import NEEDS, NO_RANGE, Need, Use
 from drivers.dictionary.current_candidates import current_candidates
@@ -133,7 +134,7 @@ def review(dictionary: Dictionary) -> Review:
 
 
 def _profile(dictionary: Dictionary) -> int | None:
-    declared = dictionary.entry(objects.DEVICE_TYPE)
+    declared = dictionary.entry(cia301.DEVICE_TYPE)
     if declared is None:
         return None
     # 0 as a default says that the maker's tool left it open.
@@ -186,10 +187,10 @@ def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
 
 def _counted(dictionary: Dictionary) -> Iterator[Finding]:
     """A counter in SYNC that cannot be switched off."""
-    counter = _fixed_at(dictionary.entry(objects.SYNC_COUNTER))
+    counter = _fixed_at(dictionary.entry(cia301.SYNC_COUNTER))
     if counter:
         so = "it does not act on our SYNC, which has no counter"
-        yield Finding(str(objects.SYNC_COUNTER), f"is fixed at {counter}", so, fatal=True)
+        yield Finding(str(cia301.SYNC_COUNTER), f"is fixed at {counter}", so, fatal=True)
 
 
 def _fixed_at(declared: Declared | None) -> int | None:

@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
 
 
 class SettingsKeeper:
@@ -108,7 +109,7 @@ class SettingsKeeper:
             self._settings = self._settings.with_drives(earlier.unrestored)
         self._earlier = frozenset(drive.node for drive in self._settings.drives)
 
-    def found(self, server: SdoServer, entry: Entry) -> int | None:
+    def found(self, server: RemoteDictionary, entry: Entry) -> int | None:
         """Return what an object held before any of our writes; None where it is missing."""
         kept = self._drive(server.node)
         for each in kept.objects if kept else ():
@@ -119,7 +120,7 @@ class SettingsKeeper:
 
     def take(
         self,
-        server: SdoServer,
+        server: RemoteDictionary,
         axis: AxisDrive,
         found: Mapping[Entry, int],
         planned: Mapping[Entry, int],
@@ -148,7 +149,7 @@ class SettingsKeeper:
         self._settings = self.settings.with_drives([kept])
         server.saved = {each.place for each in self.drive(server).objects}
 
-    def announced(self, servers: Iterable[SdoServer]) -> None:
+    def announced(self, servers: Iterable[RemoteDictionary]) -> None:
         """Put on the disk what was taken; from here on a further object is kept when it comes.
 
         Raises
@@ -161,7 +162,7 @@ class SettingsKeeper:
         for server in servers:
             self.guard(server)
 
-    def configured(self, servers: Iterable[SdoServer]) -> None:
+    def configured(self, servers: Iterable[RemoteDictionary]) -> None:
         """Note what drives hold once start-up has written to them, and put that on the disk.
 
         Raises
@@ -178,11 +179,11 @@ class SettingsKeeper:
             self._settings = self.settings.with_drives([changed])
         self.save()
 
-    def guard(self, server: SdoServer) -> None:
+    def guard(self, server: RemoteDictionary) -> None:
         """Keep what `server` holds before each first write to it."""
         server.first_write = lambda entry: self._keep(server, entry)
 
-    def drive(self, server: SdoServer) -> FoundDrive:
+    def drive(self, server: RemoteDictionary) -> FoundDrive:
         """Return what is kept of a drive.
 
         Raises
@@ -195,7 +196,7 @@ class SettingsKeeper:
             raise LookupError(f"{server.label}: nothing was kept")
         return kept
 
-    def restore(self, server: SdoServer) -> None:
+    def restore(self, server: RemoteDictionary) -> None:
         """Put back what a drive held that is shown off, and note it; `close` brings that to disk.
 
         Raises
@@ -206,14 +207,16 @@ class SettingsKeeper:
         restore_drive(server, self.drive(server))
         self._note_restored(server)
 
-    def close(self, servers: Iterable[SdoServer], written: Collection[SdoServer]) -> list[str]:
+    def close(
+        self, servers: Iterable[RemoteDictionary], written: Collection[RemoteDictionary]
+    ) -> list[str]:
         """End a session; return for the operator which drives could not be put back.
 
         Parameters
         ----------
-        servers : iterable of SdoServer
+        servers : iterable of RemoteDictionary
             The drives of the session.
-        written : collection of SdoServer
+        written : collection of RemoteDictionary
             Those that something may have been written to.
 
         Raises
@@ -248,13 +251,13 @@ class SettingsKeeper:
         if self.path is not None and self._write is not None:
             self._write(self.path, dump_found_settings(self.settings).encode())
 
-    def _note_restored(self, server: SdoServer) -> None:
+    def _note_restored(self, server: RemoteDictionary) -> None:
         self._settings = self.settings.with_drives([self.drive(server).done()])
 
     def _drive(self, node: int) -> FoundDrive | None:
         return next((drive for drive in self.settings.drives if drive.node == node), None)
 
-    def _keep(self, server: SdoServer, entry: Entry) -> None:
+    def _keep(self, server: RemoteDictionary, entry: Entry) -> None:
         found = before(server, entry)
         if found:
             self._settings = self.settings.with_drives([extended(self.drive(server), found)])

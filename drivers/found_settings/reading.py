@@ -15,14 +15,15 @@ from drivers.found_settings.settings_file import COMMANDS, WRITTEN_ONCE, FoundDr
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.fieldbus import Entry
 
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 ENTRIES_MAX = 64
 """Most objects in a PDO (CiA 301)."""
 
 
-def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
+def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
     """Read what must be kept before `entry` is written, beside what `server` has kept already.
 
     Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
@@ -43,7 +44,7 @@ def before(server: SdoServer, entry: Entry) -> dict[Entry, int]:
     return {each: value for each, value in values.items() if value is not None}
 
 
-def standing(server: SdoServer, earlier: FoundDrive) -> FoundDrive:
+def standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
     """Take what an earlier session found, but the drive's value where it has been set up anew."""
     objects = []
     for each in earlier.objects:
@@ -68,20 +69,20 @@ def with_planned(drive: FoundDrive, planned: Mapping[Entry, int]) -> FoundDrive:
     return drive.model_copy(update={"objects": objects})
 
 
-def with_written(server: SdoServer, each: FoundObject) -> FoundObject:
+def with_written(server: RemoteDictionary, each: FoundObject) -> FoundObject:
     """Add what a drive holds once start-up has written to it, if that is to stay."""
     if each.index not in WRITTEN_ONCE:
         return each
     return each.model_copy(update={"written": _read(server, each.entry)})
 
 
-def _mapped(server: SdoServer, index: int) -> list[Entry]:
+def _mapped(server: RemoteDictionary, index: int) -> list[Entry]:
     count = mapping_count(index)
     present = min(_read(server, count) or 0, ENTRIES_MAX)
     return [count, *(mapping_slot(index, n) for n in range(1, present + 1))]
 
 
-def _read(server: SdoServer, entry: Entry) -> int | None:
+def _read(server: RemoteDictionary, entry: Entry) -> int | None:
     try:
         return server.get(entry)
     except Aborted:  # missing or write-only: the write itself will say what is wrong with it

@@ -13,9 +13,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.pdo_set_up import OFF
-from drivers.canopen.sdo import Aborted, Entry
+from drivers.canopen.sdo import Aborted
+from drivers.cia402 import objects
 from drivers.cia402.states import decode_state
 from drivers.cia402.stop import NOT_ENERGISED
 from drivers.drive_bus import DriveRefused
@@ -23,12 +24,13 @@ from drivers.drive_bus import DriveRefused
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundDrive
 
 WATCHDOGS = frozenset({0x100C, 0x100D, 0x1016})
 """Life guarding and consumer heartbeat."""
-_SYNC = frozenset({objects.SYNC_COB_ID.index})
+_SYNC = frozenset({cia301.SYNC_COB_ID.index})
 """May make the drive produce SYNC, which it must not do with our period."""
 _MODE = frozenset({objects.MODE.index})
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
@@ -54,7 +56,7 @@ class NotTakenBack(DriveRefused):
         self.places = frozenset((each.index, each.subindex) for each in problems)
 
 
-def restore_drive(server: SdoServer, found: FoundDrive) -> None:
+def restore_drive(server: RemoteDictionary, found: FoundDrive) -> None:
     """Put back what a drive held that is shown off, and read it back.
 
     Raises
@@ -88,7 +90,7 @@ def _late(index: int) -> frozenset[int]:
     return next((late for late in (_SYNC, _MODE, WATCHDOGS) if index in late), frozenset())
 
 
-def refuse_energised(server: SdoServer) -> None:
+def refuse_energised(server: RemoteDictionary) -> None:
     """Refuse a drive that is not shown off.
 
     Raises
@@ -106,14 +108,14 @@ def refuse_energised(server: SdoServer) -> None:
         )
 
 
-def _free_sync_counter(server: SdoServer, values: Mapping[Entry, int]) -> None:
+def _free_sync_counter(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
     """Put back the counter in SYNC first, which can be changed without a period only (1006)."""
-    counters = [v for e, v in values.items() if e.index == objects.SYNC_COUNTER.index]
+    counters = [v for e, v in values.items() if e.index == cia301.SYNC_COUNTER.index]
     for counter in counters:  # by index: a file may name its objects otherwise
-        if not _differs(server, objects.SYNC_COUNTER, counter):
+        if not _differs(server, cia301.SYNC_COUNTER, counter):
             return
-        _try(server, objects.CYCLE_PERIOD, 0)
-        _try(server, objects.SYNC_COUNTER, counter)
+        _try(server, cia301.CYCLE_PERIOD, 0)
+        _try(server, cia301.SYNC_COUNTER, counter)
 
 
 def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
@@ -124,7 +126,7 @@ def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
             yield {e: v for e, v in values.items() if e.index in {index, index + _MAPPING}}
 
 
-def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, str]:
+def _restore_pdo(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
     """Off, identifier, count 0, entries, count, transmission type and the like, COB-ID."""
     if not any(_differs(server, entry, value) for entry, value in values.items()):
         return {}
@@ -140,7 +142,7 @@ def _restore_pdo(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, 
     return problems | _restore(server, rest) | _restore(server, cob)
 
 
-def _switch_off(server: SdoServer, cob: Entry, value: int) -> None:
+def _switch_off(server: RemoteDictionary, cob: Entry, value: int) -> None:
     """Switch a PDO off, then give it the identifier that it had."""
     with suppress(Aborted):  # a read-only COB-ID need not be off
         for word in (server.get(cob) | OFF, value | OFF):
@@ -149,7 +151,7 @@ def _switch_off(server: SdoServer, cob: Entry, value: int) -> None:
 
 
 def _restore_mapping(
-    server: SdoServer, mapping: Mapping[Entry, int], count: Mapping[Entry, int]
+    server: RemoteDictionary, mapping: Mapping[Entry, int], count: Mapping[Entry, int]
 ) -> dict[Entry, str]:
     for entry in count:
         _try(server, entry, 0)
@@ -165,7 +167,7 @@ def _is_mapping(index: int) -> bool:
     return 0x1600 <= index < 0x1800 or 0x1A00 <= index < _PDO_SPAN
 
 
-def _restore(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, str]:
+def _restore(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
     """Put values back; return why not, by object."""
     refused: dict[Entry, str] = {}
     pending: Sequence[Entry] = list(values)
@@ -182,7 +184,7 @@ def _restore(server: SdoServer, values: Mapping[Entry, int]) -> dict[Entry, str]
     return refused
 
 
-def _put_back(server: SdoServer, entry: Entry, value: int) -> None:
+def _put_back(server: RemoteDictionary, entry: Entry, value: int) -> None:
     if not _differs(server, entry, value):
         return
     server.put(entry, value)
@@ -194,13 +196,13 @@ def _put_back(server: SdoServer, entry: Entry, value: int) -> None:
         )
 
 
-def _differs(server: SdoServer, entry: Entry, value: int) -> bool:
+def _differs(server: RemoteDictionary, entry: Entry, value: int) -> bool:
     try:
         return server.get(entry) != value
     except Aborted:
         return True
 
 
-def _try(server: SdoServer, entry: Entry, value: int) -> None:
+def _try(server: RemoteDictionary, entry: Entry, value: int) -> None:
     with suppress(Aborted):
         server.put(entry, value)

@@ -17,14 +17,14 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from checked_files.yaml_file import FileModel, load_yaml
 from drivers.canopen.objects import PRODUCT, REVISION, SERIAL, VENDOR
-from drivers.canopen.sdo import Entry
 from drivers.drives_file import U32
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
 
 NAME = "found-settings.yaml"
 """How the file is called in the folder of a run."""
@@ -276,7 +276,7 @@ def dump_found_settings(settings: FoundSettings) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_identity(server: SdoServer) -> FoundIdentity:
+def read_identity(server: RemoteDictionary) -> FoundIdentity:
     """Ask a drive for its identity.
 
     Raises

@@ -3,7 +3,7 @@
 It goes from harmless to less so. First the drives are asked by SDO, unpowered, and nothing is
 written. If that refuses any, it ends there. Then, with the operator's consent, all are configured
 and powered as for a run and hold their position; then each axis in turn goes a few degrees there
-and back, slowly and watched (`powered_check`). At the end all are switched off and must stay where
+and back, slowly and watched (`check_powered`). At the end all are switched off and must stay where
 they are, which is what brakes are for. Verdicts come as they are found.
 """
 
@@ -13,9 +13,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
 from drivers.canopen.sdo import SDO_TIMEOUT
+from drivers.cia402 import objects
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import check_identity
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
@@ -28,7 +28,7 @@ from drivers.operator_tools.check_powered import REST_TIME, check_powered, shown
 from drivers.operator_tools.check_reactions import check_reactions
 from drivers.operator_tools.check_scaling import check_scaling
 from drivers.operator_tools.operator import StoppedByOperator
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     import can
 
     from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.canopen.sync_clock import PacingName
     from drivers.dictionary.dictionary import Dictionary
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
     from drivers.operator_tools.check_gravity import Gravity
     from drivers.operator_tools.check_powered import SmallMoves
     from drivers.operator_tools.operator import Operator
@@ -67,7 +68,7 @@ def check(
     operator : Operator
         Who agrees to motion, can stop it, and is asked which way it went.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
     keeper : SettingsKeeper, optional
         See `drivers.canopen_bus.CanopenDriveBus`.
     gravity : callable, optional
@@ -81,7 +82,7 @@ def check(
     stop = False
     keeper = keeper or SettingsKeeper()
     keeper.open(drives)
-    for verdict in _unpowered(StandingDrives(bus, drives, pacing), drives, keeper):
+    for verdict in _unpowered(UnpoweredDrives(bus, drives, pacing), drives, keeper):
         stop |= verdict.grade is Grade.REFUSED
         yield verdict
     if stop:
@@ -96,15 +97,15 @@ def check(
     if not operator.agrees(_intent(drives, moves)):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
     yield from check_powered(bus, drives, moves, operator, pacing, keeper, gravity)
-    yield from _brakes(StandingDrives(bus, drives, pacing), drives.axes)
+    yield from _brakes(UnpoweredDrives(bus, drives, pacing), drives.axes)
 
 
 def _unpowered(
-    standing: StandingDrives, drives: DrivesFile, keeper: SettingsKeeper
+    unpowered: UnpoweredDrives, drives: DrivesFile, keeper: SettingsKeeper
 ) -> Iterator[Verdict]:
-    for server, axis in zip(standing.servers, drives.axes, strict=True):
+    for server, axis in zip(unpowered.servers, drives.axes, strict=True):
         serves = True
-        for verdict in _ask(standing.network, server, axis):
+        for verdict in _ask(unpowered.network, server, axis):
             serves &= verdict.grade is not Grade.REFUSED
             yield verdict
         if serves:
@@ -113,7 +114,10 @@ def _unpowered(
 
 
 def _written(
-    server: SdoServer, axis: AxisDrive, drives: DrivesFile, find: Callable[[Entry], int | None]
+    server: RemoteDictionary,
+    axis: AxisDrive,
+    drives: DrivesFile,
+    find: Callable[[Entry], int | None],
 ) -> Iterator[Verdict]:
     """State what powering on will write to the drive, with the values there; write nothing."""
     try:
@@ -130,7 +134,7 @@ def _written(
         yield Verdict(Grade.OK, server.label, f"set: {entry}", found, bound)
 
 
-def _ask(network: PumpedNetwork, server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+def _ask(network: PumpedNetwork, server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     """What can be asked without power; the first error ends it, for it would only repeat."""
     try:
         yield Verdict(Grade.OK, server.label, "identity (1018)", check_identity(server, axis))
@@ -155,15 +159,15 @@ def _offer(dictionary: Dictionary, place: str, axis: AxisDrive) -> Iterator[Verd
         yield Verdict(Grade.OK, place, check, "all there")
 
 
-def _brakes(standing: StandingDrives, axes: Sequence[AxisDrive]) -> Iterator[Verdict]:
+def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[Verdict]:
     try:
-        before = [server.get(objects.POSITION) for server in standing.servers]
-        standing.wait(REST_TIME)
-        after = [server.get(objects.POSITION) for server in standing.servers]
+        before = [server.get(objects.POSITION) for server in unpowered.servers]
+        unpowered.wait(REST_TIME)
+        after = [server.get(objects.POSITION) for server in unpowered.servers]
     except DriveError as error:
         yield refused("all axes", "brakes", error)
         return
-    for server, axis, *ends in zip(standing.servers, axes, before, after, strict=True):
+    for server, axis, *ends in zip(unpowered.servers, axes, before, after, strict=True):
         sagged = abs(ends[1] - ends[0]) * abs(AxisScale.of(axis).position)
         unit = "rad" if axis.joint == "revolute" else "m"
         yield graded(

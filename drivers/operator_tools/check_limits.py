@@ -12,15 +12,16 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.drives_file import Basis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 SLACK = 1e-3
 """A drive's limit may be narrower by this share: counts are rounded."""
@@ -40,12 +41,12 @@ class _Limit(NamedTuple):
     own_holds: bool
 
 
-def check_limits(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     """Compare position, velocity, torque and following error limits with the file.
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         The drive's object dictionary; only read.
     axis : AxisDrive
         What the drives file states.
@@ -62,7 +63,7 @@ def check_limits(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
             yield _judge(server.label, limit, found)
 
 
-def _range(server: SdoServer, axis: AxisDrive) -> Verdict:
+def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     check, limits = "software limits (607D)", axis.limits
     ends = [server.find(e) for e in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)]
     stated = f"file: [{limits.q_min:.4g}, {limits.q_max:.4g}]"

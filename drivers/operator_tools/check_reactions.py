@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
 from drivers.canopen.vendor_objects import MAKERS
+from drivers.cia402 import objects
 from drivers.cia402.interlocks import safe_torque_off
 from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.dictionary import probed_objects as probed
@@ -20,7 +20,7 @@ from drivers.dictionary import probed_objects as probed
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
 
 COASTS, GOES_ON = "takes the torque away", "does nothing"
@@ -38,12 +38,12 @@ _SET = "set it with the maker's tool"
 _WRITTEN = "hil run writes another option over it, every other master meets this one"
 
 
-def check_reactions(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     """State how one drive stops by itself.
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         Its object dictionary; only read.
     axis : AxisDrive
         What the drives file states.
@@ -77,7 +77,7 @@ def _option(place: str, check: str, found: str, meaning: str, remedy: str) -> Ve
     return Verdict(Grade.WARNING, place, check, found, remedy=remedy.format(consequence))
 
 
-def _brake(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+def _brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     """Compare the time that a brake takes, where the maker has an object for it."""
     maker = MAKERS.get(axis.identity.vendor)
     counts = server.find(maker.brake_delay.entry) if maker else None
@@ -95,7 +95,7 @@ def _brake(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
         )
 
 
-def _interlock(server: SdoServer) -> Iterator[Verdict]:
+def _interlock(server: RemoteDictionary) -> Iterator[Verdict]:
     active = safe_torque_off(server)
     if active:
         remedy = "release it before you agree to motion: while it is active nothing powers on"

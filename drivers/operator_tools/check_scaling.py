@@ -23,7 +23,7 @@ from drivers.drives_file import Basis
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
 
@@ -33,12 +33,12 @@ CONSISTENT = 0.1
 """Rated torque may differ from torque constant times rated current by this share."""
 
 
-def check_scaling(server: SdoServer, axis: AxisDrive) -> Iterator[Verdict]:
+def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     """Compare ratings, encoder, gear and units of one drive with the file.
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         Its object dictionary; only read.
     axis : AxisDrive
         What the drives file states.
@@ -94,7 +94,7 @@ def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
     )
 
 
-def _gear(server: SdoServer, axis: AxisDrive) -> Verdict:
+def _gear(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     """Compare the gear; one that stands without a feed may be the drive's electronic gear."""
     factors = PositionFactors.read(server.find)
     check, stated, gear = "gear (6091)", axis.gear_ratio, factors.gear
@@ -114,7 +114,7 @@ def _gear(server: SdoServer, axis: AxisDrive) -> Verdict:
     )
 
 
-def _polarity(server: SdoServer) -> Verdict:
+def _polarity(server: RemoteDictionary) -> Verdict:
     present = server.find(probed.POLARITY)
     return graded(
         not present,
@@ -127,7 +127,7 @@ def _polarity(server: SdoServer) -> Verdict:
     )
 
 
-def _current(server: SdoServer, axis: AxisDrive) -> Verdict:
+def _current(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     entry = current_entry(axis)
     return Verdict(
         Grade.OK,

@@ -19,7 +19,7 @@ from drivers.drive_bus import DriveRefused
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
 
 POLLED = 0.05
@@ -31,13 +31,13 @@ class CurrentReadings:
 
     Parameters
     ----------
-    server : SdoServer
+    server : RemoteDictionary
         The drive.
     axis : AxisDrive
         What the drives file states.
     """
 
-    def __init__(self, server: SdoServer, axis: AxisDrive) -> None:
+    def __init__(self, server: RemoteDictionary, axis: AxisDrive) -> None:
         self._server = server
         self._entries = (probed.TORQUE, current_entry(axis))
         alone = axis.current.index == probed.TORQUE.index

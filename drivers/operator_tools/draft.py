@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import UNSTATED
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.vendor_objects import MAKERS
 from drivers.commissioning.requirements import GUARDING
 from drivers.dictionary.mapping_review import other_tpdos
@@ -236,8 +236,8 @@ def _watch(dictionary: Dictionary) -> Iterator[str]:
     """Ask for a reason where the drive cannot watch our heartbeat, and cannot be guarded."""
     if all(map(dictionary.entry, GUARDING)):
         return
-    declared = dictionary.entry(objects.CONSUMER_HEARTBEAT)
-    place = (objects.CONSUMER_HEARTBEAT.index, objects.CONSUMER_HEARTBEAT.subindex)
+    declared = dictionary.entry(cia301.CONSUMER_HEARTBEAT)
+    place = (cia301.CONSUMER_HEARTBEAT.index, cia301.CONSUMER_HEARTBEAT.subindex)
     if declared is None and place not in dictionary.unanswered:
         hint = "what else stops the axis when our process dies, in words: the drive has no 1016"
         yield _line("allow_no_heartbeat", None, "", hint)

@@ -10,7 +10,7 @@ import re
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.commissioning import unit_codes
 from drivers.commissioning.position_units import PositionFactors, position_readings, shown
 from drivers.drives_file import Basis
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from fractions import Fraction
 
-    from drivers.canopen.sdo import Entry
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Declared, Dictionary
+    from drivers.fieldbus import Entry
 
 _NAMES = {
     "rated_current": re.compile(r"(rated|nominal|nenn).*(current|strom)", re.I),

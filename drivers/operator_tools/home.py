@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
 from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
 from drivers.cia402.states import Control, Mode, Status
 from drivers.commissioning.effective_limits import effective_limits
@@ -21,14 +21,14 @@ from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.operator_tools.jog import SLOW, shown
 from drivers.operator_tools.operator import STOP_KEYS, StoppedByOperator
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import can
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.canopen.sync_clock import PacingName
     from drivers.drives_file import AxisDrive, DrivesFile, Homing
     from drivers.operator_tools.operator import Operator
@@ -77,7 +77,7 @@ def home(
     patience : float
         How long it may take [s].
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
     keeper : SettingsKeeper, optional
         See `drivers.canopen_bus.CanopenDriveBus`.
 
@@ -93,7 +93,7 @@ def home(
         The axis is stopped and off.
     """
     alone = drives.model_copy(update={"axes": (axis,)})
-    (server,) = StandingDrives(bus, alone, pacing).servers
+    (server,) = UnpoweredDrives(bus, alone, pacing).servers
     _refuse(server, effective_limits(server.find, axis, server.label).of(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
@@ -112,7 +112,7 @@ def home(
         return axes.follow().q[0]
 
 
-def _refuse(server: SdoServer, axis: AxisDrive, homing: Homing) -> None:
+def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
     supported = server.find(objects.SUPPORTED_MODES)
     if supported is not None and not supported & Mode.HOMING.supported_bit:
         raise DriveRefused(
@@ -129,7 +129,7 @@ def _refuse(server: SdoServer, axis: AxisDrive, homing: Homing) -> None:
             )
 
 
-def _configure(server: SdoServer, axis: AxisDrive, homing: Homing) -> None:
+def _configure(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
     scale = AxisScale.of(axis)
     server.set(probed.HOMING_METHOD, homing.method)
     server.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))

@@ -11,14 +11,14 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
 from drivers.canopen_bus import CanopenDriveBus
+from drivers.cia402 import objects
 from drivers.cia402.set_point_limits import check_move
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import LimitExceeded
 from drivers.operator_tools.operator import StoppedByOperator
 from drivers.operator_tools.small_move import small_move, travel
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     import can
@@ -58,7 +58,7 @@ def jog(
     operator : Operator
         Who agrees to it and may stop it.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
     keeper : SettingsKeeper, optional
         See `drivers.canopen_bus.CanopenDriveBus`.
 
@@ -70,7 +70,7 @@ def jog(
         The axis is stopped and off.
     """
     alone = drives.model_copy(update={"axes": (axis,)})
-    (server,) = StandingDrives(bus, alone, pacing).servers
+    (server,) = UnpoweredDrives(bus, alone, pacing).servers
     limits = effective_limits(server.find, axis, server.label)
     held = limits.of(axis)
     scale, fastest = AxisScale.of(axis), SLOW * held.limits.velocity

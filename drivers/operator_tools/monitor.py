@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING
 import can
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
 from drivers.canopen.pdo_mapping import current_entry, transmitted
+from drivers.cia402 import objects
 from drivers.cia402.error_codes import Emergency, decode_emergency
 from drivers.cia402.interlocks import interlock
 from drivers.cia402.states import State, decode_state
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import Entry
     from drivers.drives_file import DrivesFile
+    from drivers.fieldbus import Entry
 
 NMT_STATES = {0x00: "booting", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
 _SYNC, _SDO_ANSWER, _SDO_REQUEST = 0x80, 0x580, 0x600

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.sdo import Entry, SdoServer
-from drivers.canopen.sync_clock import choose_pacing
+from drivers.canopen.sdo import RemoteDictionary
+from drivers.canopen.sync_clock import choose_sync_clock
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 from drivers.found_settings.restoring import NotTakenBack, refuse_energised, restore_drive
 from drivers.found_settings.settings_file import difference, read_identity
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import can
 
     from drivers.canopen.sync_clock import PacingName
+    from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundDrive, FoundSettings
 
 PERIOD = 0.004
@@ -66,7 +67,7 @@ def put_back(
     settings : FoundSettings
         What they held.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
 
     Yields
     ------
@@ -78,10 +79,10 @@ def put_back(
     NodeSilent, DriveRefused
         A drive is missing, another one, or energised, a line each; nothing was written.
     """
-    synchronous = choose_pacing(bus, pacing, PERIOD).synchronous
+    synchronous = choose_sync_clock(bus, pacing, PERIOD).synchronous
     network = PumpedNetwork(bus, synchronous=synchronous)
     pairs = [
-        (SdoServer(network, drive.node, drive.name, settings.sdo_timeout), drive)
+        (RemoteDictionary(network, drive.node, drive.name, settings.sdo_timeout), drive)
         for drive in settings.unrestored
     ]
     _refuse(pairs)
@@ -89,7 +90,7 @@ def put_back(
         yield _returned(server, drive)
 
 
-def _refuse(pairs: Sequence[tuple[SdoServer, FoundDrive]]) -> None:
+def _refuse(pairs: Sequence[tuple[RemoteDictionary, FoundDrive]]) -> None:
     problems: list[DriveError] = []
     for server, drive in pairs:
         try:
@@ -103,7 +104,7 @@ def _refuse(pairs: Sequence[tuple[SdoServer, FoundDrive]]) -> None:
         raise kind("\n".join(["nothing was written", *map(str, problems)]))
 
 
-def _refuse_other(server: SdoServer, drive: FoundDrive) -> None:
+def _refuse_other(server: RemoteDictionary, drive: FoundDrive) -> None:
     differs = difference(drive.identity, read_identity(server))
     if differs:
         raise DriveRefused(
@@ -112,7 +113,7 @@ def _refuse_other(server: SdoServer, drive: FoundDrive) -> None:
         )
 
 
-def _returned(server: SdoServer, drive: FoundDrive) -> Returned:
+def _returned(server: RemoteDictionary, drive: FoundDrive) -> Returned:
     written: tuple[tuple[Entry, int | None, int], ...] = ()
     left: tuple[str, ...] = ()
     try:

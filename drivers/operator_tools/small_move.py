@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.canopen.sdo import SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.canopen_bus import CanopenDriveBus
     from drivers.drives_file import AxisDrive
     from drivers.operator_tools.operator import Operator
@@ -180,7 +180,7 @@ class _Watch:
 class _FollowingError:
     """Reads object 60F4 every now and then."""
 
-    def __init__(self, server: SdoServer, drive: AxisDrive) -> None:
+    def __init__(self, server: RemoteDictionary, drive: AxisDrive) -> None:
         self.largest = math.nan
         self._server = server
         self._per_count = abs(AxisScale.of(drive).position)

@@ -1,7 +1,7 @@
 """Drives that are not powered: their dictionaries, and time passing meanwhile.
 
 Before anything is switched on the drives are asked what they are, and after they were switched off
-it is watched whether their brakes hold. Neither needs process data or heartbeats: `StandingDrives`
+it is watched whether their brakes hold. Neither needs process data or heartbeats: `UnpoweredDrives`
 has an SDO client for each drive, and lets time pass by SYNC where SYNC is the plant's clock.
 """
 
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.process_data import SYNC
-from drivers.canopen.sdo import SdoServer
-from drivers.canopen.sync_clock import choose_pacing
+from drivers.canopen.sdo import RemoteDictionary
+from drivers.canopen.sync_clock import choose_sync_clock
 
 if TYPE_CHECKING:
     import can
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
 
 
-class StandingDrives:
+class UnpoweredDrives:
     """The drives of a file, as they are before or after a session of `CanopenDriveBus`.
 
     Parameters
@@ -31,29 +31,29 @@ class StandingDrives:
     drives : DrivesFile
         The axes in joint order.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_pacing`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
 
     Attributes
     ----------
     network : PumpedNetwork
         The bus.
-    servers : tuple of SdoServer
+    servers : tuple of RemoteDictionary
         The drives' object dictionaries in joint order.
     """
 
     def __init__(self, bus: can.BusABC, drives: DrivesFile, pacing: PacingName = "auto") -> None:
-        self._pacing = choose_pacing(bus, pacing, drives.sync_period)
-        self.network = PumpedNetwork(bus, synchronous=self._pacing.synchronous)
+        self._clock = choose_sync_clock(bus, pacing, drives.sync_period)
+        self.network = PumpedNetwork(bus, synchronous=self._clock.synchronous)
         self.servers = tuple(
-            SdoServer(self.network, axis.node, axis.name, drives.sdo_timeout)
+            RemoteDictionary(self.network, axis.node, axis.name, drives.sdo_timeout)
             for axis in drives.axes
         )
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]."""
-        ends = self._pacing.now() + duration
-        while self._pacing.now() < ends:
-            self.network.pump(self._pacing.due())
+        ends = self._clock.now() + duration
+        while self._clock.now() < ends:
+            self.network.pump(self._clock.due())
             self.network.send_frame(SYNC)
-            self._pacing.sent()
+            self._clock.sent()
             self.network.pump(0.0)

@@ -15,8 +15,8 @@ from drivers.axis import AxisScale
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from drivers.canopen.process_data import Exchange
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import ProcessData
 
 SYNCS = 10
 """Samples that are averaged."""
@@ -26,14 +26,14 @@ OFFSET = 0.02
 
 
 def offsets(
-    exchange: Exchange, axes: Sequence[AxisDrive], cycle: Callable[[], object], when: str
+    process_data: ProcessData, axes: Sequence[AxisDrive], cycle: Callable[[], object], when: str
 ) -> list[str]:
     """Let some SYNCs pass with all power stages off; return which sensors do not read zero.
 
     Parameters
     ----------
-    exchange : Exchange
-        Process data.
+    process_data : ProcessData
+        Of all axes.
     axes : sequence of AxisDrive
         In joint order.
     cycle : callable
@@ -44,7 +44,7 @@ def offsets(
     rows = []
     for _ in range(SYNCS):
         cycle()
-        rows.append(exchange.currents)
+        rows.append(process_data.currents)
     found = []
     for axis, current in zip(axes, np.mean(rows, axis=0), strict=True):
         torque = abs(float(current) * AxisScale.of(axis).torque)

@@ -1,8 +1,8 @@
 """Axes whose process data stay away: one sample is a gap in a recording, ten are no control.
 
-In lock-step nothing arrives unless something is sent. So after a gap our heartbeat goes out early:
-a TPDO that was merely late comes with it, is flagged as late and dropped, and is not taken for the
-answer to the next SYNC.
+In lock-step nothing arrives unless something is sent. So after a gap our heartbeat goes out early
+(`collect_late`): a TPDO that was merely late comes with it, is flagged as late and dropped, and is
+not taken for the answer to the next SYNC.
 """
 
 from __future__ import annotations
@@ -12,27 +12,23 @@ from typing import TYPE_CHECKING
 from drivers.drive_bus import NodeSilent, SampleFlag
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    from drivers.canopen.heartbeat import Heartbeats
-    from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sdo import SdoServer
+    from drivers.fieldbus import Objects
 
 BLIND = 10
 """SYNCs in a row without an axis's TPDO after which all axes are stopped."""
 
 
-class Gaps:
+class MissingTelegrams:
     """Counts the SYNCs that an axis left unanswered.
 
     Parameters
     ----------
-    network : PumpedNetwork
-        The bus.
-    servers : sequence of SdoServer
+    servers : sequence of Objects
         The drives in joint order.
-    heartbeats : Heartbeats
-        Ours is sent early after a gap.
+    collect_late : callable
+        Takes telegrams off the bus that are merely late; called after a gap.
 
     Attributes
     ----------
@@ -40,13 +36,10 @@ class Gaps:
         The last sample had a gap.
     """
 
-    def __init__(
-        self, network: PumpedNetwork, servers: Sequence[SdoServer], heartbeats: Heartbeats
-    ) -> None:
+    def __init__(self, servers: Sequence[Objects], collect_late: Callable[[], None]) -> None:
         self.open = False
-        self._network = network
         self._servers = servers
-        self._heartbeats = heartbeats
+        self._collect_late = collect_late
         self._counts = [0] * len(servers)
 
     def look(self, flags: Sequence[int]) -> NodeSilent | None:
@@ -56,8 +49,7 @@ class Gaps:
         self._counts = [count + 1 if gone else 0 for count, gone in pairs]
         self.open = any(missing)
         if self.open:
-            self._heartbeats.hurry()
-            self._network.pump(0.0)
+            self._collect_late()
         blind = [
             server.label
             for server, count in zip(self._servers, self._counts, strict=True)

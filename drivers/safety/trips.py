@@ -27,8 +27,8 @@ from drivers.drive_bus import Tripped
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.canopen.process_data import Exchange
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import ProcessData
 
 TORQUE_SHARE = 0.95
 """Share of its torque limit that an axis may not need for long, unless stated."""
@@ -43,7 +43,7 @@ _TURNS = 8
 
 
 class Trips:
-    """Looks at each exchange and tells why the axes must stop, if they must.
+    """Looks at the process data of each SYNC and finds why the axes must stop, if they must.
 
     Parameters
     ----------
@@ -96,20 +96,20 @@ class Trips:
         """Let all axes be between `lows` and `highs` [increments] until told otherwise."""
         self._lows, self._highs = list(lows), list(highs)
 
-    def look(self, time: float, exchange: Exchange) -> Tripped | None:
+    def look(self, time: float, process_data: ProcessData) -> Tripped | None:
         """Return why the axes must stop now, None if they need not.
 
         Parameters
         ----------
         time : float
             The SYNC's instant [s].
-        exchange : Exchange
+        process_data : ProcessData
             What it brought.
         """
         self._turn = turn = (self._turn + 1) % _TURNS
-        positions = exchange.positions
+        positions = process_data.positions
         if turn & 1:
-            if exchange.irregular:  # the SYNC before must do, with a longer time in between
+            if process_data.irregular:  # the SYNC before must do, with a longer time in between
                 return None
             last, then = self._last, self._last_time
             self._last, self._last_time = positions, time
@@ -118,7 +118,7 @@ class Trips:
             return None
         if True in map(gt, positions, self._highs) or True in map(lt, positions, self._lows):
             return self._outside(positions)
-        return None if turn else self._judge_torque(time, exchange.currents)
+        return None if turn else self._judge_torque(time, process_data.currents)
 
     def _outside(self, positions: Sequence[int]) -> Tripped:
         bounds = zip(positions, self._lows, self._highs, strict=True)

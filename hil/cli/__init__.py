@@ -2,8 +2,8 @@
 
 Commands are thin: each one reads its files, calls one function of a module below and prints. What
 is wrong with files, drives or the bus ends in one message on standard error and a non-zero status,
-never in a traceback. The modules of commands are imported when one of theirs is chosen, so that
-``hil --help`` loads no numerics.
+never in a traceback. The modules of commands are imported when one of theirs is chosen, and what
+they work with when it is called, so that help and completion load no numerics.
 """
 
 from __future__ import annotations
@@ -26,50 +26,69 @@ class _Command(NamedTuple):
     help: str
 
 
-COMMANDS = {
-    "robot": _Command(
-        "planning", "Show base parameters, their groups, and where they occur in M and g."
-    ),
-    "dry-run": _Command("planning", "State what a plan takes and what it gives; nothing moves."),
-    "run": _Command("measuring", "Measure a plan into a folder; the robot moves."),
-    "identify": _Command(
-        "results", "Estimate base parameters from a run; writes model.yaml into its folder."
-    ),
-    "report": _Command("results", "Write a run's report, one HTML file."),
-    "compare": _Command("results", "Set an estimate against the truth of the virtual plant."),
-    "plan": _Command("planning", "Choose configurations and motions from g(q) and M(q)."),
-    "scan": _Command(
-        "first_steps", "Find the nodes on a bus and what they lack for measuring; only reads."
-    ),
-    "drives": _Command("first_steps", "Write drives files, put found settings back."),
-    "check": _Command(
-        "commissioning",
-        "Check every drive against the drives file, at last by a small move of each axis.",
-    ),
-    "jog": _Command(
-        "commissioning", "Move one axis by a small relative way, slowly; no other axis is powered."
-    ),
-    "home": _Command(
-        "commissioning",
-        "Let one drive find its reference by its own homing mode; no other axis is powered.",
-    ),
-    "monitor": _Command(
-        "monitoring",
-        "Show states, positions, torques and emergencies live; sends nothing unless asked to.",
-    ),
-    "payload": _Command(
-        "results",
-        "Find a load from two runs, without and with it; writes payload.yaml into the second.",
-    ),
-    "diagnose": _Command(
-        "results",
-        "Test what the robot file leaves out and what it states; writes diagnosis.yaml.",
-    ),
-    "friction": _Command("friction", "Friction, and how it changes in time."),
-    "trajectory": _Command("trajectory", "Conventional identification with periodic trajectories."),
-    "study": _Command("study", "Methods against one another on plants whose truth is known."),
+PANELS = {
+    "Robot and plan": {
+        "robot": _Command(
+            "planning", "Show base parameters, their groups, and where they occur in M and g."
+        ),
+        "plan": _Command("planning", "Choose configurations and motions from g(q) and M(q)."),
+        "dry-run": _Command(
+            "planning", "State what a plan takes and what it gives; nothing moves."
+        ),
+    },
+    "Run": {
+        "run": _Command("measuring", "Measure a plan into a folder; the robot moves."),
+    },
+    "Results": {
+        "identify": _Command(
+            "results", "Estimate base parameters from a run; writes model.yaml into its folder."
+        ),
+        "report": _Command("results", "Write a run's report, one HTML file."),
+        "diagnose": _Command(
+            "results",
+            "Test what the robot file leaves out and what it states; writes diagnosis.yaml.",
+        ),
+        "payload": _Command(
+            "results",
+            "Find a load from two runs, without and with it; writes payload.yaml into the second.",
+        ),
+    },
+    "Drives and commissioning": {
+        "scan": _Command(
+            "drives", "Find the nodes on a bus and what they lack for measuring; only reads."
+        ),
+        "drives": _Command("drives", "Write drives files, put found settings back."),
+        "check": _Command(
+            "commissioning",
+            "Check every drive against the drives file, at last by a small move of each axis.",
+        ),
+        "jog": _Command(
+            "commissioning",
+            "Move one axis by a small relative way, slowly; no other axis is powered.",
+        ),
+        "home": _Command(
+            "commissioning",
+            "Let one drive find its reference by its own homing mode; no other axis is powered.",
+        ),
+        "monitor": _Command(
+            "monitoring",
+            "Show states, positions, torques and emergencies live; sends nothing unless asked to.",
+        ),
+    },
+    "Research": {
+        "compare": _Command("results", "Set an estimate against the truth of the virtual plant."),
+        "friction": _Command("friction", "Friction, and how it changes in time."),
+        "trajectory": _Command(
+            "trajectory", "Conventional identification with periodic trajectories."
+        ),
+        "study": _Command("study", "Methods against one another on plants whose truth is known."),
+    },
 }
-"""The help repeats the commands' own docstrings; a test compares them."""
+"""Panels of the help, and the commands of each as a user meets them.
+
+The help repeats the commands' own docstrings; a test compares them.
+"""
+COMMANDS = {name: command for panel in PANELS.values() for name, command in panel.items()}
 
 
 class _ImportedLate(TyperGroup):
@@ -91,11 +110,11 @@ app = typer.Typer(
     cls=_ImportedLate,
     help="Identify a robot's dynamics on the machine itself, over CANopen.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
-for _name, _stated in COMMANDS.items():
-    app.command(_name, help=_stated.help)(lambda: None)
+for _panel, _commands in PANELS.items():
+    for _name, _stated in _commands.items():
+        app.command(_name, help=_stated.help, rich_help_panel=_panel)(lambda: None)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -114,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _explained(error: Exception) -> bool:
     """Whether an error's own message is all that the operator needs."""
-    from checked_files.yaml_file import FileError  # noqa: PLC0415 - only once something went wrong
-    from drivers.drive_bus import DriveError  # noqa: PLC0415 - only once something went wrong
+    from checked_files.yaml_file import FileError
+    from drivers.drive_bus import DriveError
 
     return isinstance(error, FileError | DriveError)

@@ -1,4 +1,8 @@
-"""Arguments that several commands take, and what is refused about them in the same words."""
+"""Arguments that several commands take, and what is refused about them in the same words.
+
+The modules of commands import these and little else: help and completion of a command load no
+numerics, no bus and no files; a command imports what it works with when it is called.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from checked_files.yaml_file import FileError
-from hil.runs.journal import SIMULATED
+from hil.runs import SIMULATED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,14 +20,59 @@ PLANT = "manutec-r15"
 """Channel of the virtual plant where neither a robot nor drives name one."""
 
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
-RobotName = Annotated[str, typer.Argument(help="Name, or path of a robot file.")]
+RobotName = Annotated[
+    str, typer.Argument(help="Name of a robot that comes along, or path of a robot file.")
+]
+PlanFile = Annotated[Path, typer.Argument(help="Plan as a YAML file.")]
 NewPlan = Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")]
+RobotOption = Annotated[
+    str | None,
+    typer.Option("--robot", help="Robot file of the plan, where its robot does not come along."),
+]
+WorkspaceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--workspace",
+        help="File of joint ranges and forbidden boxes, in place of those of the plan.",
+    ),
+]
+PlanWorkspace = Annotated[
+    Path | None,
+    typer.Option(
+        "--workspace", help="File of joint ranges and forbidden boxes that the plan keeps to."
+    ),
+]
+NoiseFrom = Annotated[
+    Path | None,
+    typer.Option(
+        help="Run that shows this robot's noise; without it the robot file states the noise."
+    ),
+]
+Drives = Annotated[
+    str, typer.Argument(help="Drives file, or name of a robot whose drives file comes along.")
+]
+RobotsDrives = Annotated[
+    Path | None,
+    typer.Option("--drives", help="Drives file; by default the one that comes with the robot."),
+]
+AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
+Interface = Annotated[str, typer.Option(help="Name of a python-can interface.")]
+DrivesChannel = Annotated[
+    str | None,
+    typer.Option(
+        help="Channel of the interface; by default that of the virtual plant with these drives."
+    ),
+]
 BusOptions = Annotated[
     list[str] | None,
-    typer.Option("--bus-option", help="key=value for python-can, may be repeated."),
+    typer.Option(
+        "--bus-option", help="Further argument of the interface as key=value; may be repeated."
+    ),
 ]
+Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; nothing is asked.")]
 RealTime = Annotated[
-    bool, typer.Option("--realtime", help="Use what this system grants of real time.")
+    bool,
+    typer.Option("--realtime", help="Run with as much real-time priority as this system grants."),
 ]
 
 
@@ -36,6 +84,8 @@ def refuse_existing(output: Path) -> None:
     FileError
         It is there.
     """
+    from checked_files.yaml_file import FileError
+
     if output.exists():
         raise FileError(f"{output}: is there already; remove it or choose another name with -o")
 

@@ -1,16 +1,17 @@
-"""What commands about drives share: their arguments, an open bus, an operator at the terminal."""
+"""What commands about drives share: a drives file, an open bus, an operator at the terminal."""
 
 from __future__ import annotations
 
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from checked_files.yaml_file import FileError
 from drivers.can_bus.opening import open_can_bus
-from drivers.drives_file import AxisDrive, DrivesFile, load_drives
+from drivers.drives_file import load_drives
+from drivers.realtime import real_time
 from hil.cli.arguments import bus_options, refuse_no_channel
 from hil.model.robot import ROBOTS
 from hil.terminal.console import out
@@ -23,17 +24,9 @@ if TYPE_CHECKING:
 
     import can
 
-SUFFIX = ".drives.yaml"
+    from drivers.drives_file import AxisDrive, DrivesFile
 
-Drives = Annotated[
-    str, typer.Argument(help="Drives file, or name of a robot whose drives file comes along.")
-]
-AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
-Interface = Annotated[str, typer.Option(help="python-can's interface.")]
-Channel = Annotated[
-    str | None, typer.Option(help="Its channel; by default the plant with these drives.")
-]
-Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; ask nothing.")]
+SUFFIX = ".drives.yaml"
 
 
 def selected(name: str, axes: list[str] | None) -> DrivesFile:
@@ -116,8 +109,6 @@ def opened(
 @contextmanager
 def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
     """Run in real time where that is wanted and SYNC has deadlines; yields what was granted."""
-    from drivers.realtime import real_time  # noqa: PLC0415 - only where a bus is used
-
     if not wanted:
         yield ()
     elif lock_step:

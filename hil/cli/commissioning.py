@@ -14,22 +14,26 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from checked_files.yaml_file import FileError
-from drivers.drives_file import load_drives
-from hil.cli import bus_access as shared
 from hil.cli import check_view, jitter_view
-from hil.cli.arguments import BusOptions, RealTime
-from hil.cli.drive_settings import keeper_of_bus
-from hil.runs.journal import SIMULATED
+from hil.cli.arguments import (
+    AxisName,
+    BusOptions,
+    Drives,
+    DrivesChannel,
+    Interface,
+    RealTime,
+    Yes,
+)
+from hil.runs import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import can
+    import numpy as np
     from numpy.typing import NDArray
 
     from drivers.commissioning.verdict import Verdict
@@ -42,41 +46,47 @@ commands = typer.Typer()
 
 @commands.command()
 def check(
-    drives_file: shared.Drives,
-    interface: shared.Interface = SIMULATED,
-    channel: shared.Channel = None,
+    drives_file: Drives,
+    interface: Interface = SIMULATED,
+    channel: DrivesChannel = None,
     bus_option: BusOptions = None,
     axis: Annotated[
-        list[str] | None, typer.Option(help="Check this one alone, may be repeated.")
+        list[str] | None, typer.Option(help="Axis to check instead of all; may be repeated.")
     ] = None,
     angle: Annotated[
-        float, typer.Option(min=0.5, max=20, help="Of the small moves \\[deg].")
+        float, typer.Option(min=0.5, max=20, help="Angle of the small moves \\[deg].")
     ] = 3.0,
     speed: Annotated[
-        float, typer.Option(min=0.1, max=20, help="Of the small moves \\[deg/s].")
+        float, typer.Option(min=0.1, max=20, help="Speed of the small moves \\[deg/s].")
     ] = 5,
     model: Annotated[
         Path | None,
-        typer.Option(help="Run folder whose identified model predicts gravity, for the direction."),
+        typer.Option(
+            help="Folder of an identified run, whose gravity shows the direction of each joint."
+        ),
     ] = None,
     realtime: RealTime = False,
     jitter_time: Annotated[
         float,
-        typer.Option(min=0, max=600, help="How long to measure this computer's wake-ups \\[s]."),
+        typer.Option(
+            min=0, max=600, help="Duration for which this computer's wake-ups are measured \\[s]."
+        ),
     ] = 10.0,
-    yes: shared.Yes = False,
+    yes: Yes = False,
 ) -> None:
     """Check every drive against the drives file, at last by a small move of each axis."""
-    from drivers.operator_tools.check import check as check_drives  # noqa: PLC0415 - slow to import
-    from drivers.operator_tools.check_powered import SmallMoves  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.check import check as check_drives
+    from drivers.operator_tools.check_powered import SmallMoves
+    from hil.cli import bus_access
+    from hil.cli.drive_settings import keeper_of_bus
 
-    drives = shared.selected(drives_file, axis)
+    drives = bus_access.selected(drives_file, axis)
     gravity = None if model is None else _gravity(model, drives)
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
-        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
-        shared.operator_at_terminal(agreed=yes) as operator,
-        shared.real_time_if(realtime, lock_step=getattr(bus, "lock_step", False)) as granted,
+        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        bus_access.operator_at_terminal(agreed=yes) as operator,
+        bus_access.real_time_if(realtime, lock_step=getattr(bus, "lock_step", False)) as granted,
         keeper_of_bus(interface, channel) as keeper,
         closing(
             check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
@@ -92,25 +102,28 @@ def check(
 
 @commands.command()
 def jog(
-    drives_file: shared.Drives,
-    axis: shared.AxisName,
-    by: Annotated[float, typer.Option(help="How far \\[deg; mm if prismatic], signed.")],
+    drives_file: Drives,
+    axis: AxisName,
+    by: Annotated[float, typer.Option(help="Signed way of the axis \\[deg; mm if prismatic].")],
     speed: Annotated[
-        float, typer.Option(min=0.01, help="How fast \\[deg/s; mm/s if prismatic].")
+        float, typer.Option(min=0.01, help="Speed of the axis \\[deg/s; mm/s if prismatic].")
     ] = 5,
-    interface: shared.Interface = SIMULATED,
-    channel: shared.Channel = None,
+    interface: Interface = SIMULATED,
+    channel: DrivesChannel = None,
     bus_option: BusOptions = None,
-    yes: shared.Yes = False,
+    yes: Yes = False,
 ) -> None:
     """Move one axis by a small relative way, slowly; no other axis is powered."""
-    from drivers.operator_tools import jog as jogging  # noqa: PLC0415 - slow to import
+    from drivers.drives_file import load_drives
+    from drivers.operator_tools import jog as jogging
+    from hil.cli import bus_access
+    from hil.cli.drive_settings import keeper_of_bus
 
-    drives = load_drives(shared.drives_path(drives_file))
-    drive = shared.find_axis(drives, axis)
+    drives = load_drives(bus_access.drives_path(drives_file))
+    drive = bus_access.find_axis(drives, axis)
     with (
-        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
-        shared.operator_at_terminal(agreed=yes) as operator,
+        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        bus_access.operator_at_terminal(agreed=yes) as operator,
         keeper_of_bus(interface, channel) as keeper,
     ):
         way, velocity = _si(drive, by), _si(drive, speed)
@@ -127,30 +140,39 @@ def jog(
 
 @commands.command()
 def home(
-    drives_file: shared.Drives,
-    axis: shared.AxisName,
+    drives_file: Drives,
+    axis: AxisName,
     method: Annotated[
-        int | None, typer.Option(min=-128, max=37, help="Method (6098) instead of the file's.")
+        int | None,
+        typer.Option(
+            min=-128, max=37, help="Homing method (6098) in place of that of the drives file."
+        ),
     ] = None,
-    patience: Annotated[float, typer.Option(min=1, help="How long it may take \\[s].")] = 60,
-    interface: shared.Interface = SIMULATED,
-    channel: shared.Channel = None,
+    patience: Annotated[
+        float, typer.Option(min=1, help="Longest duration of the homing \\[s].")
+    ] = 60,
+    interface: Interface = SIMULATED,
+    channel: DrivesChannel = None,
     bus_option: BusOptions = None,
-    yes: shared.Yes = False,
+    yes: Yes = False,
 ) -> None:
     """Let one drive find its reference by its own homing mode; no other axis is powered."""
-    from drivers.operator_tools import home as homing  # noqa: PLC0415 - slow to import
-    from drivers.operator_tools.jog import shown  # noqa: PLC0415 - slow to import
+    from checked_files.yaml_file import FileError
+    from drivers.drives_file import load_drives
+    from drivers.operator_tools import home as homing
+    from drivers.operator_tools.jog import shown
+    from hil.cli import bus_access
+    from hil.cli.drive_settings import keeper_of_bus
 
-    path = shared.drives_path(drives_file)
+    path = bus_access.drives_path(drives_file)
     drives = load_drives(path)
-    drive = shared.find_axis(drives, axis)
+    drive = bus_access.find_axis(drives, axis)
     if drive.homing is None:
         raise FileError(f"{path}: {drive.name}: homing is missing; state method, position, speeds")
     how = drive.homing if method is None else drive.homing.model_copy(update={"method": method})
     with (
-        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
-        shared.operator_at_terminal(agreed=yes) as operator,
+        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        bus_access.operator_at_terminal(agreed=yes) as operator,
         keeper_of_bus(interface, channel) as keeper,
     ):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
@@ -163,9 +185,9 @@ def home(
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
     """Return the torques that hold the robot of an identified run at rest."""
-    from hil.model.dynamics import gravity_torque  # noqa: PLC0415 - slow to import
-    from hil.results.model_file import load_model  # noqa: PLC0415 - slow to import
-    from hil.runs.run_folder import RunFolder  # noqa: PLC0415 - slow to import
+    from hil.model.dynamics import gravity_torque
+    from hil.results.model_file import load_model
+    from hil.runs.run_folder import RunFolder
 
     robot, p = RunFolder.open(run).robot, load_model(run).p
     if robot.n_joints != len(drives.axes):
@@ -178,8 +200,10 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
 
 def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
     """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
-    from drivers.can_bus.kernel_sync import can_send_sync  # noqa: PLC0415 - slow to import
-    from drivers.operator_tools import wake_ups  # noqa: PLC0415 - slow to import
+    import numpy as np
+
+    from drivers.can_bus.kernel_sync import can_send_sync
+    from drivers.operator_tools import wake_ups
 
     found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
     if found is None:

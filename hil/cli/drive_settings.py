@@ -1,4 +1,4 @@
-"""What drives held before they were written to: where it is kept, shown, and put back.
+"""What drives held before they were written to: where it is kept, and what a session would write.
 
 `hil run` keeps it in its run's folder. Other commands that power drives have no folder; theirs is
 in the user's state directory (`bus_state`), one file a bus, and goes once everything has been put
@@ -8,34 +8,30 @@ by each command, nothing is kept there and nothing is locked.
 
 from __future__ import annotations
 
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from checked_files.yaml_file import FileError
+from drivers.commissioning.announcement import announce
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
-from drivers.found_settings.settings_file import NAME, dump_found_settings, load_found_settings
-from hil.cli import bus_access as shared
+from drivers.found_settings.settings_file import NAME, load_found_settings
+from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil.cli import bus_state, changes_view
-from hil.cli.arguments import PLANT, BusOptions, refuse_no_channel
+from hil.runs import SIMULATED
 from hil.runs.atomic_file import operator_told, write_file
-from hil.runs.journal import SIMULATED
-from hil.runs.lock import locked
 from hil.terminal.console import out
-from hil.terminal.interruption import interruptible
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import can
 
-    from drivers.canopen.sdo import Entry
     from drivers.drives_file import DrivesFile
-    from drivers.found_settings.settings_file import FoundSettings
+    from drivers.fieldbus import Entry
 
 REPLAY = "replay"
 
@@ -117,104 +113,6 @@ def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
             )
 
 
-def restore(
-    file: Annotated[Path, typer.Argument(help=f"File of found settings, such as RUN/{NAME}.")],
-    interface: Annotated[
-        str | None, typer.Option(help="python-can's interface; by default that of the file.")
-    ] = None,
-    channel: Annotated[
-        str | None, typer.Option(help="Its channel; by default that of the file.")
-    ] = None,
-    bus_option: BusOptions = None,
-    other_bus: Annotated[
-        bool, typer.Option("--other-bus", help="Take another bus than that of the file.")
-    ] = False,
-) -> None:
-    """Put back what drives held before a session that was killed; they must be off."""
-    settings = load_found_settings(file)
-    if not settings.unrestored:
-        _say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
-        return
-    bus_name = _bus_of(file, settings, interface, channel, other_bus=other_bus)
-    with ExitStack() as stack:
-        stack.enter_context(locked(file.parent))
-        if bus_name[0] != SIMULATED:
-            stack.enter_context(bus_state.bus_locked(*bus_name))
-        bus = stack.enter_context(shared.opened(*bus_name, settings.bitrate, bus_option))
-        ended = "stopped; run the same command again to go on"
-        stack.enter_context(interruptible(lambda: ended))
-        settings, failed = _put_back(bus, settings, file)
-        if settings.restored:
-            bus_state.forget_run(*_kept_bus(settings, bus_name), file)
-    if settings.restored:
-        _say(f"{file}: {_conclusion(settings)}")
-    if failed:
-        raise typer.Exit(1)
-
-
-def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
-    """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
-    from drivers.operator_tools.put_back import put_back  # noqa: PLC0415 - slow to import
-
-    failed = False
-    for drive in settings.unrestored:
-        if drive.doubt:
-            _say(drive.doubt, style="yellow")
-    for each in put_back(bus, settings):
-        rows = [_row(entry, present, value) for entry, present, value in each.written]
-        changes_view.render(each.label, rows, out, "put back")
-        settings = settings.with_drives([each.drive])
-        write_file(file, dump_found_settings(settings).encode())
-        for line in each.left:
-            _say(line, style="yellow")
-        if each.problem:
-            typer.echo(each.problem, err=True)
-            failed = True
-    return settings, failed
-
-
-def _kept_bus(settings: FoundSettings, otherwise: tuple[str, str]) -> tuple[str, str]:
-    interface, channel = otherwise
-    return settings.interface or interface, settings.channel or channel
-
-
-def _bus_of(
-    file: Path,
-    settings: FoundSettings,
-    interface: str | None,
-    channel: str | None,
-    *,
-    other_bus: bool,
-) -> tuple[str, str]:
-    """Return interface and channel: what is stated, else those of the file, else the plant."""
-    kept = settings.interface, settings.channel
-    interface = interface or settings.interface or SIMULATED
-    if channel is None and interface == settings.interface:
-        channel = settings.channel
-    refuse_no_channel(interface, channel)
-    bus = interface, channel or PLANT
-    if None not in kept and bus != kept and not other_bus:
-        raise FileError(
-            f"{file}: is about drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; leave"
-            " --interface and --channel out, or add --other-bus if these drives are there by now"
-        )
-    return bus
-
-
-def _conclusion(settings: FoundSettings) -> str:
-    refused = [f"{drive.name} {each}" for drive in settings.drives for each in drive.refused]
-    if not refused:
-        return "all drives hold again what they held"
-    return (
-        "all drives hold again what they held, but what they do not take back:"
-        f" {', '.join(refused)}; set it with the maker's commissioning tool"
-    )
-
-
-def _say(text: str, style: str | None = None) -> None:
-    out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
-
-
 def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) -> None:
     """List what a session would write to each drive; nothing is written.
 
@@ -223,12 +121,9 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
     DriveError
         Drives that cannot serve, a line each, after the others' tables.
     """
-    from drivers.commissioning.announcement import announce  # noqa: PLC0415 - slow to import
-    from drivers.operator_tools.unpowered import StandingDrives  # noqa: PLC0415 - slow to import
-
     keeper.open(drives)
     problems: list[DriveError] = []
-    for server, axis in zip(StandingDrives(bus, drives).servers, drives.axes, strict=True):
+    for server, axis in zip(UnpoweredDrives(bus, drives).servers, drives.axes, strict=True):
         try:
             found = announce(
                 server, axis, drives, drives.sync_period, partial(keeper.found, server)
@@ -236,7 +131,7 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
         except DriveError as error:
             problems.append(error)
             continue
-        rows = [_row(each.entry, each.present, each.value) for each in found.changes]
+        rows = [changed_row(each.entry, each.present, each.value) for each in found.changes]
         changes_view.render(server.label, rows, out, "to be written")
         for note in found.limits.notes:
             out.print(note, style="yellow", highlight=False, soft_wrap=True)
@@ -244,7 +139,8 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
         raise DriveRefused("\n".join(map(str, problems)))
 
 
-def _row(entry: Entry, present: int | None, value: int) -> changes_view.Row:
+def changed_row(entry: Entry, present: int | None, value: int) -> changes_view.Row:
+    """Return the row of an object: what the drive holds, and what is written in its place."""
     place = f"{entry.index:04X}:{entry.subindex:02X}"
     held = "-" if present is None else entry.shown(present)
     return changes_view.Row(place, entry.name, held, entry.shown(value))

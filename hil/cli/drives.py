@@ -12,15 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from checked_files.yaml_file import UNSTATED
-from drivers.canopen.objects import STATUSWORD
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
-from hil.cli import bus_access, drive_settings, scan_view
-from hil.cli.arguments import PLANT, BusOptions, refuse_existing, refuse_no_channel
-from hil.planning.dry_run import BITRATE
-from hil.runs.atomic_file import write_file
-from hil.runs.journal import SIMULATED
+from hil.cli import restoring, scan_view
+from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_existing, refuse_no_channel
+from hil.planning import BITRATE
+from hil.runs import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -34,22 +31,23 @@ drives_commands = typer.Typer(
     help="Write drives files, put found settings back.", no_args_is_help=True
 )
 commands.add_typer(drives_commands, name="drives")
-drives_commands.command()(drive_settings.restore)
+drives_commands.command()(restoring.restore)
 HIGHEST_NODE = 127
 MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
 """Modes as drives' manuals abbreviate them."""
 
-Channel = Annotated[str | None, typer.Option(help="Its channel, such as can0.")]
-Bitrate = Annotated[int, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")]
-Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
+Channel = Annotated[str | None, typer.Option(help="Channel of the interface, such as can0.")]
+Nodes = Annotated[str | None, typer.Option(help="Numbers of the nodes, such as 1-6 or 1,2,11-16.")]
 
 
 @commands.command()
 def scan(
-    interface: Annotated[str, typer.Option(help="python-can's interface.")] = SIMULATED,
+    interface: Interface = SIMULATED,
     channel: Channel = None,
     bus_option: BusOptions = None,
-    bitrate: Bitrate = BITRATE,
+    bitrate: Annotated[
+        int, typer.Option(min=10_000, max=1_000_000, help="Bit rate of the bus \\[bit/s].")
+    ] = BITRATE,
     nodes: Nodes = None,
 ) -> None:
     """Find the nodes on a bus and what they lack for measuring; only reads."""
@@ -67,20 +65,28 @@ def scan(
 def new(
     output: Annotated[Path, typer.Option("-o", "--output", help="Drives file to write.")],
     eds: Annotated[
-        list[Path] | None, typer.Option(help="EDS or DCF of a drive, may be repeated.")
+        list[Path] | None, typer.Option(help="EDS or DCF file of a drive; may be repeated.")
     ] = None,
     nodes: Nodes = None,
     interface: Annotated[
-        str | None, typer.Option(help="python-can's interface, to ask the drives instead.")
+        str | None,
+        typer.Option(help="Name of a python-can interface, to read from the drives instead."),
     ] = None,
     channel: Channel = None,
     bus_option: BusOptions = None,
     bitrate: Annotated[
-        int | None, typer.Option(min=10_000, max=1_000_000, help="bit/s of the bus.")
+        int | None,
+        typer.Option(
+            min=10_000,
+            max=1_000_000,
+            help=f"Bit rate of the bus \\[bit/s]; {BITRATE} where drives are read.",
+        ),
     ] = None,
 ) -> None:
     """Write a first drives file from data sheets, and list what is to be stated in it."""
-    from drivers.operator_tools.draft import draft_drives  # noqa: PLC0415 - slow to import
+    from checked_files.yaml_file import UNSTATED
+    from drivers.operator_tools.draft import draft_drives
+    from hil.runs.atomic_file import write_file
 
     if (eds is None) == (interface is None):
         raise typer.BadParameter("give data sheets with --eds, or a bus with --interface")
@@ -105,9 +111,9 @@ def new(
 
 def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
     """Read data sheets: one for all nodes, or as many as there are nodes."""
-    from drivers.dictionary.eds_file import read_eds  # noqa: PLC0415 - slow to import
-    from drivers.dictionary.review import review  # noqa: PLC0415 - slow to import
-    from drivers.operator_tools.draft import DraftedAxis  # noqa: PLC0415 - slow to import
+    from drivers.dictionary.eds_file import read_eds
+    from drivers.dictionary.review import review
+    from drivers.operator_tools.draft import DraftedAxis
 
     if nodes and len(files) == 1:
         files = [*files] * len(nodes)
@@ -131,7 +137,7 @@ def _from_bus(
     nodes: tuple[int, ...],
 ) -> list[DraftedAxis]:
     """Ask the drives; without node numbers all drives that are found."""
-    from drivers.operator_tools.draft import DraftedAxis  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.draft import DraftedAxis
 
     found = _scanned(interface, channel, pairs, bitrate, nodes).nodes
     silent = [node for node in nodes or found if node not in found or not found[node].dictionary]
@@ -157,7 +163,8 @@ def _scanned(
     bitrate: int,
     nodes: tuple[int, ...],
 ) -> Scan:
-    from drivers.operator_tools.scan import NODES, scan_bus  # noqa: PLC0415 - slow to import
+    from drivers.operator_tools.scan import NODES, scan_bus
+    from hil.cli import bus_access
 
     refuse_no_channel(interface, channel)
     channel = channel or PLANT
@@ -207,6 +214,8 @@ def _row(found: FoundNode) -> scan_view.NodeRow:
 
 
 def _state(found: FoundNode) -> str:
+    from drivers.cia402.objects import STATUSWORD
+
     word = found.dictionary.value(STATUSWORD) if found.dictionary else None
     state = None if word is None else decode_state(word)
     return "" if state is None else state.value.lower()

@@ -8,14 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from checked_files.yaml_file import FileError
-from hil.cli.arguments import NewPlan, RobotName, RunPath, refuse_existing
+from hil.cli.arguments import NewPlan, PlanWorkspace, RobotName, RunPath, refuse_existing
 from hil.cli.measuring import run
-from hil.cli.run_session import show_remarks
-from hil.model.robot import load_robot
-from hil.planning.plan import dump_plan
-from hil.planning.workspace import load_workspace
-from hil.runs.atomic_file import write_file
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -44,29 +38,32 @@ def plan(
     experiment: Annotated[
         Experiment,
         typer.Option(
-            help="All speeds once; motion with stops; all speeds after times of operation."
+            help="Experiment: all speeds once (sweep), motion with stops (stops), or all speeds"
+            " after times of operation (operation)."
         ),
     ] = Experiment.SWEEP,
     axis: Annotated[
         list[int] | None,
-        typer.Option(help="Axis from 1; a sweep takes several, and all if none is given."),
+        typer.Option(
+            help="Number of an axis from 1; a sweep takes several, and all if none is given."
+        ),
     ] = None,
-    workspace: Annotated[
-        Path | None, typer.Option("--workspace", help="Joint ranges and forbidden boxes.")
-    ] = None,
+    workspace: PlanWorkspace = None,
 ) -> None:
     """Plan constant-velocity sweeps, or an experiment on friction's variance in time."""
+    from checked_files.yaml_file import FileError
+    from hil.cli.plan_files import load_guard, write_plan
+    from hil.model.robot import load_robot
+
     robot = load_robot(name)
     refuse_existing(output)
-    guard = None if workspace is None else load_workspace(workspace, robot)
-    show_remarks(guard, robot, out)
+    guard = load_guard(workspace, robot)
     axes = [_index(number, robot) for number in axis or ()]
     try:
         planned = _planned(experiment, robot, axes, guard)
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
-    write_file(output, dump_plan(planned).encode())
-    out.print(f"{len(planned.measurements)} measurements in {output}", highlight=False)
+    write_plan(output, planned)
 
 
 @friction.command()
@@ -74,17 +71,19 @@ def fit(
     folder: RunPath,
     model: Annotated[
         Path | None,
-        typer.Option(help="Folder of an identified run, to compensate gravity by its model."),
+        typer.Option(help="Folder of an identified run, whose model compensates gravity."),
     ] = None,
     asymmetry: Annotated[
         float | None,
-        typer.Option(min=0, help="Accepted asymmetry, as share of the friction level."),
+        typer.Option(
+            min=0, help="Greatest asymmetry that is accepted, as share of the friction level."
+        ),
     ] = None,
 ) -> None:
     """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""
-    from hil.cli import friction_view  # noqa: PLC0415 - slow to import
-    from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415 - slow to import
-    from hil.results import friction_file  # noqa: PLC0415 - slow to import
+    from hil.cli import friction_view
+    from hil.estimation.friction.symmetry import BOUND
+    from hil.results import friction_file
 
     found = friction_file.fit(folder, model, BOUND if asymmetry is None else asymmetry)
     friction_view.render(found, out)
@@ -94,7 +93,7 @@ def fit(
 def _planned(
     experiment: Experiment, robot: Robot, axes: list[int], workspace: Workspace | None
 ) -> Plan:
-    from hil.planning.design import friction  # noqa: PLC0415 - slow to import
+    from hil.planning.design import friction
 
     if experiment is Experiment.SWEEP:
         return friction.sweep(robot, axes, workspace=workspace)

@@ -12,25 +12,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from checked_files.yaml_file import FileError
-from drivers.canopen_bus import open_drive_bus
-from drivers.drives_file import load_drives
-from hil.cli import bus_access, drive_settings
-from hil.cli.arguments import BusOptions, RealTime, bus_options, refuse_no_channel
-from hil.cli.planning import PlanFile, RobotOption, WorkspaceOption, load, refuse_problems
-from hil.cli.robot_match import StatedAxis, refuse_contradictions
-from hil.cli.run_session import carry_out, prepare_folder
-from hil.measuring.rehearsal import SPEED
-from hil.model.robot import ROBOTS
-from hil.planning.dry_run import dry_run
-from hil.runs.atomic_file import operator_told
-from hil.runs.journal import SIMULATED
+from hil.cli.arguments import (
+    BusOptions,
+    Interface,
+    PlanFile,
+    RealTime,
+    RobotOption,
+    RobotsDrives,
+    WorkspaceOption,
+    bus_options,
+    refuse_no_channel,
+)
+from hil.measuring import REHEARSAL_SPEED
+from hil.runs import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
-    from drivers.drives_file import DrivesFile
     from hil.model.robot import Robot
-    from hil.planning.workspace import Workspace
 
 commands = typer.Typer()
 
@@ -47,48 +45,63 @@ class Pacing(StrEnum):
 def run(
     plan_file: PlanFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
-    interface: Annotated[str, typer.Option(help="python-can's interface.")] = SIMULATED,
+    interface: Interface = SIMULATED,
     channel: Annotated[
-        str | None, typer.Option(help="Its channel; on sim_plant by default the robot's name.")
+        str | None,
+        typer.Option(help="Channel of the interface; that of sim_plant is the robot's by default."),
     ] = None,
-    drives_file: Annotated[
-        Path | None, typer.Option("--drives", help="Drives file; by default that of the robot.")
-    ] = None,
+    drives_file: RobotsDrives = None,
     bus_option: BusOptions = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Measure what is missing.")] = False,
-    pacing: Annotated[Pacing, typer.Option(help="Where SYNC's time comes from.")] = Pacing.AUTO,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Measure what a run that was stopped is missing.")
+    ] = False,
+    pacing: Annotated[
+        Pacing, typer.Option(help="Source of the time of SYNC: the computer's clock or the plant.")
+    ] = Pacing.AUTO,
     frame_log: Annotated[
-        Path | None, typer.Option(help="Log all frames too: .asc, .log, .blf or the like.")
+        Path | None,
+        typer.Option(help="File that all CAN frames are logged to, such as *.asc, *.log or *.blf."),
     ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
     rehearse: Annotated[
-        bool, typer.Option("--rehearse", help="Pass all ways slowly first, recording nothing.")
+        bool,
+        typer.Option("--rehearse", help="Pass all ways of the plan slowly; nothing is recorded."),
     ] = False,
     speed: Annotated[
-        float, typer.Option(min=0.01, max=1, help="Of a rehearsal, as share of the limits.")
-    ] = SPEED,
+        float,
+        typer.Option(
+            min=0.01, max=1, help="Speed of the rehearsal as a share of the velocity limits."
+        ),
+    ] = REHEARSAL_SPEED,
     symmetric: Annotated[
         Path | None,
-        typer.Option(help="Run whose friction must have been found symmetric, or nothing moves."),
+        typer.Option(help="Run whose friction must be symmetric; otherwise nothing moves."),
     ] = None,
     what_changes: Annotated[
         bool,
         typer.Option(
-            "--what-changes", help="List what would be written to the drives; write nothing."
+            "--what-changes", help="List what a run would write to the drives; nothing is written."
         ),
     ] = False,
     realtime: RealTime = False,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
+    from drivers.canopen_bus import open_drive_bus
+    from hil.cli import bus_access, drive_settings
+    from hil.cli.plan_files import load, refuse_problems
+    from hil.cli.robot_drives import load_robots_drives, narrowed, packaged_drives
+    from hil.cli.run_session import carry_out, prepare_folder
+    from hil.planning.dry_run import dry_run
+
     the_plan, the_robot = load(plan_file, robot_file, workspace)
     if symmetric is not None:
         _gate(symmetric, the_robot)
     refuse_no_channel(interface, channel)
     channel = channel or the_robot.name
-    drives_file = drives_file or _packaged_drives(the_robot)
-    drives, text = _load_drives(drives_file, the_robot)
-    drives = _narrowed(drives, the_plan.workspace)
+    drives_file = drives_file or packaged_drives(the_robot)
+    drives, text = load_robots_drives(drives_file, the_robot)
+    drives = narrowed(drives, the_plan.workspace)
     refuse_problems(dry_run(the_plan, the_robot, drives.bitrate), plan_file)
     options = bus_options(bus_option)
     if what_changes:
@@ -112,7 +125,7 @@ def run(
 
 
 def _gate(folder: Path, the_robot: Robot) -> None:
-    from hil.results.friction_gate import refuse_asymmetric  # noqa: PLC0415 - slow to import
+    from hil.results.friction_gate import refuse_asymmetric
 
     for line in refuse_asymmetric(folder, the_robot):
         out.print(line, style="yellow", highlight=False, soft_wrap=True)
@@ -120,42 +133,3 @@ def _gate(folder: Path, the_robot: Robot) -> None:
 
 def _in_lock_step(interface: str, pacing: Pacing) -> bool:
     return pacing is Pacing.LOCK_STEP or (pacing is Pacing.AUTO and interface == SIMULATED)
-
-
-def _packaged_drives(the_robot: Robot) -> Path:
-    path = ROBOTS / f"{the_robot.name}.drives.yaml"
-    if not path.exists():
-        raise FileError(f"{the_robot.name}: no drives file comes along; give one with --drives")
-    return path
-
-
-def _load_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
-    """Read a drives file and refuse one that contradicts the robot's."""
-    drives = load_drives(path)
-    with operator_told(path, "read"):
-        text = path.read_text(encoding="utf-8")
-    axes = [
-        StatedAxis(
-            axis.name,
-            axis.gear_ratio,
-            axis.torque_constant,
-            axis.limits.q_min,
-            axis.limits.q_max,
-            axis.limits.velocity,
-            axis.limits.acceleration,
-            axis.limits.torque,
-        )
-        for axis in drives.axes
-    ]
-    refuse_contradictions(axes, the_robot, text, str(path))
-    return drives, text
-
-
-def _narrowed(drives: DrivesFile, workspace: Workspace | None) -> DrivesFile:
-    """Give driver and drives the joint ranges of the workspace too."""
-    axes = list(drives.axes)
-    for joint, (low, high) in (workspace.ranges if workspace else {}).items():
-        axis = axes[joint - 1]
-        limits = axis.limits.model_copy(update={"q_min": low, "q_max": high})
-        axes[joint - 1] = axis.model_copy(update={"limits": limits})
-    return drives.model_copy(update={"axes": tuple(axes)})

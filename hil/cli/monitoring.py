@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drivers.drives_file import load_drives
-from hil.cli import bus_access as shared
 from hil.cli import monitor_view
-from hil.cli.arguments import BusOptions
-from hil.runs.journal import SIMULATED
+from hil.cli.arguments import BusOptions, Drives, DrivesChannel, Interface
+from hil.runs import SIMULATED
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
@@ -30,28 +28,33 @@ commands = typer.Typer()
 
 @commands.command()
 def monitor(
-    drives_file: shared.Drives,
-    interface: shared.Interface = SIMULATED,
-    channel: shared.Channel = None,
+    drives_file: Drives,
+    interface: Interface = SIMULATED,
+    channel: DrivesChannel = None,
     bus_option: BusOptions = None,
     duration: Annotated[
-        float | None, typer.Option("--for", min=0.1, help="End by itself after so long \\[s].")
+        float | None,
+        typer.Option(
+            "--for", min=0.1, help="Duration after which the command ends by itself \\[s]."
+        ),
     ] = None,
     inputs: Annotated[
         bool,
         typer.Option(
-            help="Ask the drives for their inputs (60FD), which show safe torque off;"
-            " only where no other master is on the bus."
+            help="Read the inputs (60FD) too, which show safe torque off, where no other master is"
+            " on the bus."
         ),
     ] = False,
 ) -> None:
     """Show states, positions, torques and emergencies live; sends nothing unless asked to."""
-    from drivers.operator_tools.monitor import BusPicture, questions  # noqa: PLC0415 - slow to import
+    from drivers.drives_file import load_drives
+    from drivers.operator_tools.monitor import BusPicture, questions
+    from hil.cli import bus_access
 
-    drives = load_drives(shared.drives_path(drives_file))
+    drives = load_drives(bus_access.drives_path(drives_file))
     picture, asked = BusPicture(drives), questions(drives) if inputs else ()
     with (
-        shared.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
         interruptible(lambda: "stopped watching"),
         Keys() as keys,
     ):

@@ -10,8 +10,6 @@ from typing import Annotated
 import typer
 
 from hil.cli.arguments import RunPath
-from hil.model.robot import load_robot
-from hil.runs.run_folder import RunFolder
 from hil.terminal.console import out
 
 commands = typer.Typer()
@@ -30,13 +28,16 @@ def identify(
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
     others: Annotated[
         list[Path] | None,
-        typer.Option("--with", help="Further run to identify it with, may be repeated."),
+        typer.Option(
+            "--with", help="Further run that is identified together with it; may be repeated."
+        ),
     ] = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil.cli import estimate_view, friction_view  # noqa: PLC0415 - slow to import
-    from hil.estimation.friction.symmetry import of_local_values  # noqa: PLC0415 - slow to import
-    from hil.results import model_file  # noqa: PLC0415 - slow to import, used here only
+    from hil.cli import estimate_view, friction_view
+    from hil.estimation.friction.symmetry import of_local_values
+    from hil.model.robot import load_robot
+    from hil.results import model_file
 
     begun = perf_counter()
     found = model_file.identify(folder, method.value, others or ())
@@ -52,11 +53,11 @@ def identify(
 def report(
     folder: RunPath,
     figures: Annotated[
-        Path | None, typer.Option(help="Folder for the plots as PNG files too.")
+        Path | None, typer.Option(help="Folder that the plots are written to as PNG files too.")
     ] = None,
 ) -> None:
     """Write a run's report, one HTML file."""
-    from hil.report import page as module  # noqa: PLC0415 - slow to import, used here only
+    from hil.report import page as module
 
     begun = perf_counter()
     path = module.report(folder, figures)
@@ -67,11 +68,14 @@ def report(
 @commands.command()
 def compare(
     folder: RunPath,
-    truth: Annotated[str, typer.Option(help="Plant file of the virtual plant, or its name.")],
+    truth: Annotated[
+        str,
+        typer.Option(help="Plant file of the virtual plant, or name of a plant that comes along."),
+    ],
     method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
-    from hil.study import comparison as module  # noqa: PLC0415 - slow to import, used here only
+    from hil.study import comparison as module
 
     module.compare(folder, truth, out, method.value)
 
@@ -79,15 +83,18 @@ def compare(
 @commands.command()
 def payload(
     without: Annotated[Path, typer.Argument(help="Folder of the run without the load.")],
-    loaded: Annotated[Path, typer.Argument(help="Folder of the run with it.")],
+    loaded: Annotated[Path, typer.Argument(help="Folder of the run with the load.")],
     mass: Annotated[
         float | None,
-        typer.Option(min=1e-3, help="Of the load, if known: corrects the drives [kg]."),
+        typer.Option(
+            min=1e-3,
+            help="Mass of the load, from which the torque constants are estimated too \\[kg].",
+        ),
     ] = None,
 ) -> None:
     """Find a load from two runs, without and with it; writes payload.yaml into the second."""
-    from hil.cli import payload_view  # noqa: PLC0415 - slow to import, used here only
-    from hil.results import payload, payload_file  # noqa: PLC0415 - slow to import, used here only
+    from hil.cli import payload_view
+    from hil.results import payload, payload_file
 
     found = payload.find_load(without, loaded, mass)
     payload_view.render(found, out)
@@ -97,11 +104,11 @@ def payload(
 @commands.command()
 def diagnose(folder: RunPath) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
-    from hil.cli import diagnosis_view  # noqa: PLC0415 - slow to import, used here only
-    from hil.report.plots.diagnosis import (  # noqa: PLC0415 - slow to import, used here only
+    from hil.cli import diagnosis_view
+    from hil.report.plots.diagnosis import (
         write_diagnosis_plots,
     )
-    from hil.results import diagnosis, diagnosis_file  # noqa: PLC0415 - slow to import
+    from hil.results import diagnosis, diagnosis_file
 
     found = diagnosis.diagnose(folder)
     diagnosis_view.render(found, out)
@@ -111,6 +118,8 @@ def diagnose(folder: RunPath) -> None:
 
 
 def _show_shortfall(folder: Path) -> None:
+    from hil.runs.run_folder import RunFolder
+
     shortfall = RunFolder.open(folder).shortfall
     if shortfall:
         out.print(f"[yellow]{shortfall}[/]", soft_wrap=True)

@@ -14,7 +14,7 @@ from hil.measuring.events import Finished
 from hil.planning.workspace import load_workspace
 from hil.planning.workspace_check import remarks
 from hil.results.rounding import clock
-from hil.runs.journal import SIMULATED
+from hil.runs import SIMULATED
 from hil.runs.lock import locked
 from hil.runs.run_folder import RunFolder
 from hil.terminal.interruption import interruptible, say

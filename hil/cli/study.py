@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from checked_files.yaml_file import FileError
+from hil.cli.arguments import PLANT, RobotsDrives
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 
@@ -20,36 +20,52 @@ commands.add_typer(study, name="study")
 @study.command()
 def drift(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the study.")],
-    robot: Annotated[str, typer.Option(help="Name, or path of a robot file.")] = "manutec-r15",
+    robot: Annotated[
+        str, typer.Option(help="Name of a robot that comes along, or path of a robot file.")
+    ] = PLANT,
     plant: Annotated[
-        str | None, typer.Option(help="Plant file of it, or name; by default the robot's name.")
+        str | None,
+        typer.Option(help="Plant file, or name of a plant; by default the robot's name."),
     ] = None,
-    drives_file: Annotated[
-        Path | None, typer.Option("--drives", help="Drives file; by default that of the robot.")
-    ] = None,
-    seeds: Annotated[int, typer.Option(min=2, help="Plants of each scenario.")] = 20,
-    first_seed: Annotated[int, typer.Option(min=0, help="Their seeds count from here.")] = 101,
+    drives_file: RobotsDrives = None,
+    seeds: Annotated[int, typer.Option(min=2, help="Number of plants in each scenario.")] = 20,
+    first_seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the first plant; the others count on from it.")
+    ] = 101,
     scenario: Annotated[
-        list[str] | None, typer.Option(help="off, on, strong, asymmetric, load; all if none.")
+        list[str] | None,
+        typer.Option(
+            help="Scenario off, on, strong, asymmetric or load; all by default, may be repeated."
+        ),
     ] = None,
     kind: Annotated[
         list[str] | None,
-        typer.Option(help="two-step, trajectory, compensated, warmed; the first three if none."),
+        typer.Option(
+            help="Campaign two-step, trajectory, compensated or warmed; the first three by default,"
+            " may be repeated."
+        ),
     ] = None,
     share: Annotated[
-        float, typer.Option(min=0.05, max=4, help="Of the designed plan's measurements.")
+        float,
+        typer.Option(
+            min=0.05, max=4, help="Number of measurements as a share of the designed plan's."
+        ),
     ] = 1.0,
-    workers: Annotated[int | None, typer.Option(min=1, help="Campaigns at once.")] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of campaigns at once; by default one a processor."),
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
 ) -> None:
     """Set the two-step method against conventional ones, friction drifting or not."""
-    from hil.cli import study_view  # noqa: PLC0415
-    from hil.study import drift as campaigns  # noqa: PLC0415 - slow to import, used here only
-    from hil.study import execution, summary  # noqa: PLC0415
-    from hil.study.campaigns import KINDS  # noqa: PLC0415
-    from hil.study.scenarios import SCENARIOS  # noqa: PLC0415
+    from checked_files.yaml_file import FileError
+    from hil.cli import study_view
+    from hil.study import drift as campaigns
+    from hil.study import execution, summary
+    from hil.study.campaigns import KINDS
+    from hil.study.scenarios import SCENARIOS
 
     scenarios = _known(scenario, tuple(SCENARIOS), "--scenario") or tuple(SCENARIOS)
     kinds = _known(kind, KINDS, "--kind") or KINDS[:3]

@@ -10,13 +10,7 @@ from typing import Annotated
 
 import typer
 
-from checked_files.yaml_file import FileError
 from hil.cli.arguments import NewPlan, RobotName, RunPath, refuse_existing
-from hil.estimation.signals import NotEnoughData
-from hil.model.robot import load_robot
-from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan
-from hil.runs.atomic_file import write_file
-from hil.runs.run_folder import RunFolder
 from hil.terminal.console import out
 
 trajectory = typer.Typer(
@@ -38,19 +32,28 @@ class Criterion(StrEnum):
 def plan(
     name: RobotName,
     output: NewPlan,
-    minutes: Annotated[float, typer.Option(min=0.1, help="Time of all periods.")] = 5.0,
-    period: Annotated[float, typer.Option(min=1.0, help="Of the trajectory \\[s].")] = 10.0,
+    minutes: Annotated[
+        float, typer.Option(min=0.1, help="Duration of all periods together \\[min].")
+    ] = 5.0,
+    period: Annotated[float, typer.Option(min=1.0, help="Period of the trajectory \\[s].")] = 10.0,
     criterion: Annotated[
-        Criterion, typer.Option(help="Condition number, smallest singular value or log det.")
+        Criterion,
+        typer.Option(
+            help="Criterion of the optimum: condition number, smallest singular value or log det."
+        ),
     ] = Criterion.CONDITION,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same trajectory.")] = 0,
-    warm_up: Annotated[float, typer.Option(min=0, help="Motion beforehand \\[s].")] = 0.0,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the search; the same seed gives the same trajectory.")
+    ] = 0,
+    warm_up: Annotated[
+        float, typer.Option(min=0, help="Duration of motion before measuring \\[s].")
+    ] = 0.0,
 ) -> None:
     """Optimise a trajectory within the limits."""
-    from hil.planning.design.trajectories import (  # noqa: PLC0415 - slow to import, used here only
-        condition,
-        design_trajectory,
-    )
+    from hil.model.robot import load_robot
+    from hil.planning.design.trajectories import condition, design_trajectory
+    from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan
+    from hil.runs.atomic_file import write_file
 
     robot = load_robot(name)
     refuse_existing(output)
@@ -73,14 +76,17 @@ def plan(
 @trajectory.command()
 def identify(
     folder: RunPath,
-    variant: Annotated[str, typer.Option(help="Method, by name; all are listed if unknown.")] = (
+    variant: Annotated[str, typer.Option(help="Name of the method; an unknown one lists all.")] = (
         "strongest"
     ),
 ) -> None:
     """Estimate base parameters from the trajectories of a run, friction jointly."""
-    from hil.cli.conventional_view import render  # noqa: PLC0415 - used here only
-    from hil.estimation.conventional import variants  # noqa: PLC0415 - slow to import
-    from hil.results.model_file import recorded  # noqa: PLC0415 - slow to import
+    from checked_files.yaml_file import FileError
+    from hil.cli.conventional_view import render
+    from hil.estimation.conventional import variants
+    from hil.estimation.signals import NotEnoughData
+    from hil.results.model_file import recorded
+    from hil.runs.run_folder import RunFolder
 
     if variant not in variants.VARIANTS:
         known = "; ".join(variants.VARIANTS)

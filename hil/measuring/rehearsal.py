@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hil.measuring import REHEARSAL_SPEED
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
 from hil.measuring.sequencer import hold, never, refuse_other_bus
 from hil.measuring.streaming import pace, pass_slowly
@@ -31,15 +32,12 @@ if TYPE_CHECKING:
     from hil.planning.strokes import Strokes
     from hil.planning.trapezoid import Trapezoid
 
-SPEED = 0.2
-"""Share of the velocity limits that is not exceeded, unless asked for."""
-
 
 def rehearse(
     plan: Plan,
     robot: Robot,
     bus: DriveBus,
-    speed: float = SPEED,
+    speed: float = REHEARSAL_SPEED,
     pause: Callable[[], bool] = never,
 ) -> Iterator[Event]:
     """Pass all ways of `plan`.

@@ -16,17 +16,21 @@ same way but weighs the wrenches of a link with given values before the product.
 
 Samples go through in blocks of `LANES`, component by component, so that the compiler can use the
 processor's vector units; component k of lane i stands at ``k * LANES + i``.
+
+Compiled code is kept on disk. Numba compiles it anew when its file has changed and does not look at
+others: all that is compiled into it stands here.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
-
-from hil.model.compiled import compiled
+from numba import njit
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -36,6 +40,17 @@ LANES = 16
 """Samples a block; 16 is faster than 32 or 64: its intermediate values stay in the first cache."""
 
 L2, L3, L4, L5, L6, L7, L8 = (k * LANES for k in range(2, 9))
+
+F = TypeVar("F", bound="Callable[..., object]")
+
+
+def compiled(function: F) -> F:
+    """Compile `function` at its first call, without fast-math.
+
+    So the same expression gives the same bits wherever it stands, and models built on one recursion
+    agree to rounding.
+    """
+    return cast("F", njit(cache=True, error_model="numpy")(function))
 
 
 @compiled

@@ -1,13 +1,14 @@
 """Whether an arm that moves keeps clear of boxes: links as capsules, all configurations between.
 
 A sweep is a set of configurations: all angles that a stroke passes, all instants of a travel. It is
-cut into cells. A cell spans a small box of joint angles; the arm is placed in its middle, and no
-point of a link is farther from there, anywhere in the cell, than the sum of the joints' half spans
-times their reach (`hil.model.capsules`). So a cell is clear for certain where the distance of a
-link's segment from a box exceeds radius, margin and that bound; otherwise it is halved. Cells that
-are down to `RESOLUTION` and still not clear count as hits: what passes is safe, what fails may miss
-by a centimetre. Cells that cannot beat the deepest hit found so far are left out, and where only
-the answer counts (`are_clear`) so are all cells of a sweep that has one.
+cut into cells. A cell spans a small box of joint angles; the arm is placed in the middle of the
+cell's parameters, which is a configuration of the sweep, and no point of a link is farther from
+there, anywhere in the cell, than the sum of the joints' ways to its ends times their reach
+(`hil.model.capsules`). So a cell is clear for certain where the distance of a link's segment from a
+box exceeds radius, margin and that bound; otherwise it is halved. Cells that are down to
+`RESOLUTION` and still not clear count as hits: what passes is safe, what fails may miss by a
+centimetre. Cells that cannot beat the deepest hit found so far are left out, and where only the
+answer counts (`are_clear`) so are all cells of a sweep that has one.
 """
 
 from __future__ import annotations
@@ -145,10 +146,12 @@ def _judge(
 ) -> NDArray[np.bool_]:
     """Note hits in `best` and `found`; tell which cells must be halved."""
     owner, low, high = cells
-    middle, half = _spans(sweep.at(owner, low - sweep.slack), sweep.at(owner, high + sweep.slack))
+    middle = sweep.at(owner, (low + high) / 2)
+    half = _farthest(middle, sweep.at(owner, low), sweep.at(owner, high))
+    slack = sweep.at(owner, low - sweep.slack), sweep.at(owner, high + sweep.slack)
     reach = capsules(robot).reach
-    bound = half @ reach.T
-    small = (_spans(sweep.at(owner, low), sweep.at(owner, high))[1] @ reach.T).max(1) < RESOLUTION
+    bound = _farthest(middle, *slack) @ reach.T
+    small = (half @ reach.T).max(axis=1) < RESOLUTION
     depth = intrusions(robot, workspace, middle)
     sure = depth + np.where(small[:, None], bound, 0.0)[..., None]
     flat = sure.reshape(len(owner), -1)
@@ -164,8 +167,8 @@ def _judge(
     return undecided
 
 
-def _spans(first: Array, last: Array) -> tuple[Array, Array]:
-    return (first + last) / 2, np.abs(last - first) / 2
+def _farthest(middle: Array, first: Array, last: Array) -> Array:
+    return np.maximum(np.abs(first - middle), np.abs(last - middle))
 
 
 def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:

@@ -13,6 +13,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.planning import BITRATE
 from hil.planning.measurement import element_measurements
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.strokes import Strokes
 
-BITRATE = 1_000_000
-"""Bit rate that is assumed where nothing else is known [bit/s]."""
 MAX_LOAD = 0.7
 """Share of the bus that SYNC and samples may take."""
 

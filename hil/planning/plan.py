@@ -15,6 +15,7 @@ import yaml
 from pydantic import AfterValidator, Field, field_validator
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
+from hil.planning import LONGEST
 from hil.planning.measurement import KEYS, Measurement
 from hil.planning.plan_values import Fraction, rounded
 from hil.planning.workspace import Workspace, refuse_unfit
@@ -30,10 +31,6 @@ class PlannedRobot(FileModel):
 
     name: str
     digest: str
-
-
-LONGEST = 86400.0
-"""Duration of a warm-up, or of a plan that is asked for by its time [s]."""
 
 
 class WarmUp(FileModel):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
+from hil.runs import SIMULATED
 from hil.runs.atomic_file import write_file
 from hil.runs.sync_timing import SyncTiming
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import AxisInfo
 
-SIMULATED = "sim_plant"
-"""python-can's interface of the virtual plant, whose channels are named like their robots."""
 PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h5py")
 
 

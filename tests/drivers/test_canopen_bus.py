@@ -141,7 +141,22 @@ def test_the_pdos_are_mapped_as_needed(can_bus: Any, drive_bus: CanopenDriveBus)
         assert [drive.value(0x1600, sub) for sub in range(3)] == [2, 0x607A0020, 0x60400010]
         assert drive.value(0x1800, 1) == 0x183
         assert drive.value(0x1800, 2) == 1
-        assert drive.value(0x1801, 1) >> 31
+
+
+def test_a_tpdo_that_is_not_needed_is_switched_off() -> None:
+    can_bus, drive_bus = build({2: {(0x1801, 1): ("u32", 0x282)}})
+    seen: list[int] = []
+
+    def outgoing(frame: can.Message) -> list[can.Message]:
+        seen.append(frame.arbitration_id)
+        return [frame]
+
+    with can_bus, drive_bus:
+        assert can_bus.drives[2].value(0x1801, 1) == 1 << 31 | 0x282
+        can_bus.outgoing = outgoing
+        drive_bus.sample()
+        assert 0x182 in seen
+        assert 0x282 not in seen
 
 
 def test_a_current_of_32_bits_goes_into_a_second_pdo_of_the_same_sync() -> None:

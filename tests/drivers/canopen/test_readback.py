@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 from local_bench import build, drives_file, never_energised
 
-from drivers.canopen import objects
+from drivers.canopen import objects as cia301
 from drivers.canopen.readback import Readback
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused
 
 TIMEOUT = 127 << 16 | 500
@@ -35,12 +36,12 @@ def readback() -> Readback:
         (objects.SOFTWARE_LIMIT_MIN, -5000, -4000),
         (objects.SOFTWARE_LIMIT_MIN, -5000, -5001),
         (objects.SOFTWARE_LIMIT_MAX, 5000, 4992),
-        (objects.PRODUCER_HEARTBEAT, 100, 128),
-        (objects.PRODUCER_HEARTBEAT, 100, 250),
-        (objects.PRODUCER_HEARTBEAT, 100, 64),
-        (objects.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 512),
-        (objects.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 750),
-        (objects.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 200),
+        (cia301.PRODUCER_HEARTBEAT, 100, 128),
+        (cia301.PRODUCER_HEARTBEAT, 100, 250),
+        (cia301.PRODUCER_HEARTBEAT, 100, 64),
+        (cia301.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 512),
+        (cia301.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 750),
+        (cia301.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 200),
     ],
 )
 def test_what_is_rounded_or_lies_on_the_safe_side_is_accepted(
@@ -64,12 +65,12 @@ def test_what_is_rounded_or_lies_on_the_safe_side_is_accepted(
         (objects.MAX_TORQUE, 3000, 3100),
         (objects.SOFTWARE_LIMIT_MIN, -5000, -5002),
         (objects.SOFTWARE_LIMIT_MAX, 5000, 5008),
-        (objects.PRODUCER_HEARTBEAT, 100, 251),
-        (objects.PRODUCER_HEARTBEAT, 100, 0),
-        (objects.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16),
-        (objects.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 751),
-        (objects.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 199),
-        (objects.CONSUMER_HEARTBEAT, TIMEOUT, 1 << 16 | 500),
+        (cia301.PRODUCER_HEARTBEAT, 100, 251),
+        (cia301.PRODUCER_HEARTBEAT, 100, 0),
+        (cia301.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16),
+        (cia301.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 751),
+        (cia301.CONSUMER_HEARTBEAT, TIMEOUT, 127 << 16 | 199),
+        (cia301.CONSUMER_HEARTBEAT, TIMEOUT, 1 << 16 | 500),
         (objects.QUICK_STOP_OPTION, 2, 1),
     ],
 )

@@ -16,7 +16,7 @@ from drivers.canopen.sync_clock import (
     WINDOW,
     LockStep,
     WallClock,
-    choose_pacing,
+    choose_sync_clock,
 )
 
 PERIOD = 0.01
@@ -47,7 +47,7 @@ def virtual() -> can.BusABC:
 
 def test_a_bus_that_offers_lock_step_is_taken_at_its_word() -> None:
     bus = SteppedBus()
-    pacing = choose_pacing(bus, "auto", PERIOD)
+    pacing = choose_sync_clock(bus, "auto", PERIOD)
     bus.shutdown()
     assert isinstance(pacing, LockStep)
     assert pacing.synchronous
@@ -55,21 +55,21 @@ def test_a_bus_that_offers_lock_step_is_taken_at_its_word() -> None:
 
 def test_every_other_bus_keeps_the_wall_clock(virtual: can.BusABC) -> None:
     with virtual:
-        assert isinstance(choose_pacing(virtual, "auto", PERIOD), WallClock)
+        assert isinstance(choose_sync_clock(virtual, "auto", PERIOD), WallClock)
 
 
 def test_lock_step_on_request_waits_patiently_for_a_plant_in_another_thread(
     virtual: can.BusABC,
 ) -> None:
     with virtual:
-        pacing = choose_pacing(virtual, "lock-step", PERIOD)
+        pacing = choose_sync_clock(virtual, "lock-step", PERIOD)
     assert isinstance(pacing, LockStep)
     assert not pacing.synchronous
 
 
 def test_the_wall_clock_on_request_is_kept_even_on_a_stepped_bus() -> None:
     bus = SteppedBus()
-    assert isinstance(choose_pacing(bus, "wall-clock", PERIOD), WallClock)
+    assert isinstance(choose_sync_clock(bus, "wall-clock", PERIOD), WallClock)
     bus.shutdown()
 
 

@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from local_bench import drives_file
 
+from drivers.axis import AxisScale
 from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
+from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.drive_bus import DriveRefused, LimitExceeded, Move, StreamingBus, Tripped
 from drivers.drives_file import load_drives
+from drivers.safety.trips import Trips
 from hil.measuring.checks.recording_checks import check
 from hil.measuring.streaming import pass_slowly, stream
 from hil.model.robot import ROBOTS
@@ -185,9 +189,33 @@ def test_an_axis_that_leaves_its_path_trips(bus: CanopenDriveBus) -> None:
     reach(bus, *TRAJECTORY.start)
     bus.stream(TRAJECTORY.path(PERIOD).tolist())
     samples(bus, 150)
-    bus._streams._lows = bus._streams._highs = [[10**7] * 6] * 5000
+    bus._cyclic_position._lows = bus._cyclic_position._highs = [[10**7] * 6] * 5000
     with pytest.raises(Tripped, match="outside"):
         samples(bus, 10)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(("behind", "trips"), [(5, False), (6, True)])
+def test_an_axis_may_be_five_periods_and_its_window_behind_its_set_points(
+    axis: int, behind: int, trips: bool
+) -> None:
+    axes = drives_file().axes
+    corridor = Trips(axes, PERIOD)
+    silent: Any = SimpleNamespace(command=lambda *_: None)
+    streams = CyclicPosition(silent, (), axes, corridor, PERIOD, lambda: None)
+    streams.cyclic = True
+    path = np.full((100, 3), 0.4 * PERIOD) * np.arange(100)[:, None]
+    q = path[50].copy()
+    q[axis] = path[50 - behind, axis] - 0.999 * axes[axis].following_error_window
+    scales = [AxisScale.of(each) for each in axes]
+    counts = [scale.position_to_counts(each) for scale, each in zip(scales, q, strict=True)]
+    corridor.arm(0.0, counts)
+    streams.begin(path)
+    for _ in range(50):
+        streams.advance()
+    brought: Any = SimpleNamespace(positions=counts, irregular=False, currents=[0] * 3)
+    looks = [corridor.look(number * PERIOD, brought) for number in range(2)]  # by turns
+    assert any(looks) is trips
 
 
 def test_a_stream_can_be_halted(bus: CanopenDriveBus) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stated_axis import axis, drives
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.commissioning.comparison import Agreement
 from drivers.commissioning.consistency import compare_positions
 from drivers.commissioning.position_units import PositionFactors, position_readings
@@ -20,8 +20,8 @@ from drivers.commissioning.unit_codes import acceleration_of, position_of, veloc
 from drivers.rate_units import acceleration_unit, velocity_unit
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import Entry
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 TENTH_DEGREE, MILLI_DEGREE, INCREMENTS = 0xFF410000, 0xFD410000, 0x00B50000
 Says = dict[tuple[int, int], int]

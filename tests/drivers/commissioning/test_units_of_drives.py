@@ -23,7 +23,7 @@ from drivers.drive_bus import DriveRefused
 from drivers.drives_file import DrivesFile
 from drivers.operator_tools.check_scaling import check_scaling
 from drivers.operator_tools.draft import DraftedAxis, draft_drives
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 
 NAMES = tuple(HABITS)
 KEYS = (
@@ -46,7 +46,7 @@ def drives(habit: Habit, **changes: Any) -> DrivesFile:
 def checked(habit: Habit, **changes: Any) -> list[Verdict]:
     stated = drives(habit, **changes)
     with local_drives.LocalBus(1, {1: habit.objects}) as bus:
-        (server,) = StandingDrives(bus, stated).servers
+        (server,) = UnpoweredDrives(bus, stated).servers
         return list(check_scaling(server, stated.axes[0]))
 
 

@@ -33,7 +33,7 @@ from drivers.found_settings.settings_file import (
 )
 from drivers.operator_tools.home import home
 from drivers.operator_tools.put_back import put_back
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def test_what_will_change_is_announced_without_writing_anything(name: str, tmp_p
     drives = drives_for(name)
     with heard(plant_file(tmp_path, name)) as (bus, frames):
         before = dictionaries(bus)
-        servers = StandingDrives(bus, drives).servers
+        servers = UnpoweredDrives(bus, drives).servers
         announced = {
             (axis.node, change.entry.index, change.entry.subindex): change
             for server, axis in zip(servers, drives.axes, strict=True)
@@ -174,7 +174,7 @@ def test_what_a_drive_with_room_for_two_objects_will_hold_is_announced_as_a_cond
     drive = can_bus.drives[2]
     drive.forbids = two_at_most
     with can_bus:
-        server = StandingDrives(can_bus, drives).servers[1]
+        server = UnpoweredDrives(can_bus, drives).servers[1]
         announced = announce(server, drives.axes[1], drives, drives.sync_period)
         found = dict(values(drive))
         keeper = SettingsKeeper()
@@ -256,7 +256,7 @@ def test_an_object_that_is_written_unforeseen_is_kept_first(tmp_path: Path) -> N
 
 
 def local_drives_entry(index: int, kind: str) -> Any:
-    from drivers.canopen.sdo import Entry
+    from drivers.fieldbus import Entry
 
     return Entry(index, 0, kind, "x")
 

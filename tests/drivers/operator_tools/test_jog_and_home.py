@@ -9,13 +9,13 @@ import pytest
 from probing_bench import Scripted, bench, drives_of
 
 from drivers.axis import AxisScale
-from drivers.canopen import objects
+from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.drives_file import Homing
 from drivers.operator_tools.home import home
 from drivers.operator_tools.jog import jog
 from drivers.operator_tools.operator import StoppedByOperator
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     import can
@@ -29,9 +29,11 @@ HERE = {"method": 37, "position": 0.5, "velocity": 0.2, "creep": 0.02, "accelera
 
 def position(bus: AlteredBus, axis: AxisDrive) -> float:
     """Where an axis stands, asked by SDO [rad]."""
-    standing = StandingDrives(bus, drives_of(axis.node))
-    standing.wait(0.02)
-    return AxisScale.of(axis).position_from_counts(float(standing.servers[0].get(objects.POSITION)))
+    unpowered = UnpoweredDrives(bus, drives_of(axis.node))
+    unpowered.wait(0.02)
+    return AxisScale.of(axis).position_from_counts(
+        float(unpowered.servers[0].get(objects.POSITION))
+    )
 
 
 @pytest.mark.parametrize("way", [math.radians(4), math.radians(-4)])

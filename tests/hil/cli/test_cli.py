@@ -5,11 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
+from drivers import canopen_bus
 from drivers.drive_bus import DriveFault, NodeSilent, Sample
 from hil import cli
-from hil.cli.run_session import bus_options
+from hil.cli.arguments import bus_options
 from hil.model.robot import ROBOTS
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
@@ -19,9 +19,8 @@ DRIVES = ROBOTS / "manutec-r15.drives.yaml"
 
 
 @pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
+def hil(capsys: pytest.CaptureFixture[str], wide_console: None) -> Hil:
     """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setattr(cli, "out", Console(width=200))
 
     def call(*arguments: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
@@ -43,7 +42,7 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 @pytest.fixture
 def bus(ideal_bus, monkeypatch: pytest.MonkeyPatch):
     """Have the command line find ideal axes behind any bus."""
-    monkeypatch.setattr(cli, "_open_bus", lambda *_: ideal_bus)
+    monkeypatch.setattr(canopen_bus, "open_drive_bus", lambda *_: ideal_bus)
     return ideal_bus
 
 
@@ -175,7 +174,7 @@ def test_a_run_in_which_nothing_was_measured_leaves_no_folder(
     def nobody(*_: object) -> None:
         raise NodeSilent("joint 2 (node 2) does not answer; check its power and node number")
 
-    monkeypatch.setattr(cli, "_open_bus", nobody)
+    monkeypatch.setattr(canopen_bus, "open_drive_bus", nobody)
     status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
     assert status == 1
     assert "joint 2 (node 2) does not answer" in err

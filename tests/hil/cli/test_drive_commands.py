@@ -12,7 +12,7 @@ from rich.console import Console
 from small_run import write_run
 
 from hil import cli
-from hil.cli import bus_access, check_view
+from hil.cli import check_view
 from hil.results.model_file import identify
 from hil.terminal.keys import Keys
 from hil.terminal.operator import TerminalOperator
@@ -27,9 +27,10 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
+def hil(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, wide_console: None
+) -> Hil:
     """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setattr(bus_access, "out", Console(width=160))
     monkeypatch.setattr("sys.stdin", io.StringIO())
 
     def call(*arguments: object) -> tuple[int, str, str]:

@@ -15,7 +15,6 @@ import pytest
 from downloads import downloads
 from local_bench import NODES, drives_file
 from probing_bench import DRIVES, spoilt_plant
-from rich.console import Console
 from two_processes import open_bus, plant_process
 
 from checked_files.yaml_file import FileError
@@ -25,9 +24,9 @@ from drivers.commissioning.announcement import announce
 from drivers.drives_file import load_drives
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools import put_back
-from drivers.operator_tools.unpowered import StandingDrives
+from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil import cli
-from hil.cli import bus_access, bus_state, drive_settings
+from hil.cli import bus_state, drive_settings
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
@@ -41,10 +40,10 @@ PLACE = ("local", f"restore-{os.getpid()}")
 
 
 @pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
+def hil(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, wide_console: None
+) -> Hil:
     """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setattr(bus_access, "out", Console(width=160))
-    monkeypatch.setattr(cli, "out", Console(width=200))
     monkeypatch.setattr("sys.stdin", io.StringIO())
 
     def call(*arguments: object) -> tuple[int, str, str]:
@@ -141,7 +140,7 @@ def state_of_the_drives() -> dict[tuple[int, int, int], int]:
     drives = load_drives(DRIVES)
     with open_bus(PLACE) as bus:
         found = {}
-        servers = StandingDrives(bus, drives, "lock-step").servers
+        servers = UnpoweredDrives(bus, drives, "lock-step").servers
         for server, axis in zip(servers, drives.axes, strict=True):
             announced = announce(server, axis, drives, drives.sync_period)
             for entry, value in announced.found.items():

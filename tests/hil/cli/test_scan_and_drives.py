@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 from data_sheets import MAKERS_CURRENT, sheet
-from rich.console import Console
 
 from checked_files.yaml_file import UNSTATED, FileError
 from drivers.drives_file import load_drives
 from hil import cli
-from hil.cli import drives
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,9 +19,8 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Hil:
+def hil(capsys: pytest.CaptureFixture[str], wide_console: None) -> Hil:
     """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setattr(drives, "out", Console(width=200))
 
     def call(*arguments: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:

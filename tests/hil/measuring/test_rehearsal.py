@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
+from drivers import canopen_bus
 from hil import cli
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
 from hil.measuring.rehearsal import rehearse
@@ -108,6 +108,7 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
     ideal_bus,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
+    wide_console: None,
 ) -> None:
     def hil(*arguments: object) -> tuple[int, str]:
         with pytest.raises(SystemExit) as left:
@@ -115,8 +116,7 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
         printed = capsys.readouterr()
         return int(left.value.code or 0), printed.out + printed.err
 
-    monkeypatch.setattr(cli, "out", Console(width=200))
-    monkeypatch.setattr(cli, "_open_bus", lambda *_: ideal_bus)
+    monkeypatch.setattr(canopen_bus, "open_drive_bus", lambda *_: ideal_bus)
     folder = tmp_path / "first"
     status, told = hil(plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
     assert (status, len(RunFolder.open(folder).missing)) == (0, 3)

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sampled_depth import sampled_depth
 
 from checked_files.yaml_file import FileError
 from hil.model.capsules import DEFAULT_RADIUS, capsules, segments
 from hil.model.robot import Robot, parse_robot
-from hil.planning.clearance import are_clear, box_distance, find_hits
-from hil.planning.path_clearance import JointBoxes, Travels
+from hil.planning.clearance import RESOLUTION, are_clear, box_distance, find_hits
+from hil.planning.path_clearance import SKEW, JointBoxes, Travels
 from hil.planning.workspace import Box, Workspace
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -63,17 +63,20 @@ def somewhere(rng: np.random.Generator) -> Workspace:
 
 @settings(max_examples=30)
 @given(SEEDS)
+@example(68345)  # passes 0.35 m beside the box, the mean of both ends stands in it
 def test_what_counts_as_clear_is_clear_wherever_one_looks(manutec: Robot, seed: int) -> None:
     rng = np.random.default_rng(seed)
     workspace = somewhere(rng)
     start, end = rng.uniform(manutec.q_min, manutec.q_max, size=(2, 1, 6))
-    sweep = Travels(start, end, 0.3 * manutec.velocity_limit, 0.3 * manutec.acceleration_limit)
+    velocity = 0.3 * manutec.velocity_limit
+    sweep = Travels(start, end, velocity, 0.3 * manutec.acceleration_limit)
     times = np.linspace(0, sweep.high[0, 0], 1000)[:, None]
     depth = sampled_depth(manutec, workspace, sweep.at(np.zeros(1000, dtype=int), times))
     hits = find_hits(manutec, workspace, sweep)
     if hits:
-        assert depth > -0.3  # the slack in time, and no more
-        assert hits[0].depth >= depth - 0.01
+        skewed = (capsules(manutec).reach @ velocity).max() * SKEW
+        assert depth > -(skewed + RESOLUTION)  # the slack in time, and no more
+        assert hits[0].depth >= depth - RESOLUTION
     else:
         assert depth <= 0
     assert bool(are_clear(manutec, workspace, sweep)[0]) is not bool(hits)

@@ -5,12 +5,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from rich.console import Console
 from small_run import NOISE, write_run
 
 from checked_files.yaml_file import FileError
 from hil import cli
-from hil.cli import planning
 from hil.model.robot import parse_robot
 from hil.planning.design import by_minutes
 from hil.planning.design.candidates import pool
@@ -33,9 +31,7 @@ def again(run):
 
 
 @pytest.fixture
-def hil(capsys, monkeypatch):
-    for module in (cli, planning):
-        monkeypatch.setattr(module, "out", Console(width=200))
+def hil(capsys, monkeypatch, wide_console):
     monkeypatch.setattr(by_minutes, "pool", partial(pool, each=6))
 
     def call(*arguments):

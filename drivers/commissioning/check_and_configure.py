@@ -3,7 +3,7 @@
 Each drive is switched off and looked at in turn, and what start-up will write to it is found out
 (`announcement`). One that fails does not keep the others from being looked at, so that the operator
 learns at once what to mend. Only when all have passed, and what they hold has been kept
-(`settings_keeper`), are they configured (`commissioning`).
+(`found_settings.keeping`), are they configured (`configure`).
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from drivers.canopen.communication import Communication
-    from drivers.canopen.sdo import Entry, SdoServer
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.cia402.power import Power
     from drivers.commissioning.announcement import Announcement
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
     from drivers.found_settings.keeping import SettingsKeeper
 
 _Result = TypeVar("_Result")
 
 
-def admit(
-    servers: Sequence[SdoServer],
+def check_and_configure(
+    servers: Sequence[RemoteDictionary],
     drives: DrivesFile,
     period: float,
     power: Power,
-    commissioned: list[SdoServer],
+    commissioned: list[RemoteDictionary],
     communications: Sequence[Communication],
     keeper: SettingsKeeper,
     *,
@@ -48,7 +49,7 @@ def admit(
 
     Parameters
     ----------
-    servers : sequence of SdoServer
+    servers : sequence of RemoteDictionary
         The drives in joint order.
     drives : DrivesFile
         What is stated of them.
@@ -56,7 +57,7 @@ def admit(
         Time between two SYNCs [s].
     power : Power
         Switches them off first.
-    commissioned : list of SdoServer
+    commissioned : list of RemoteDictionary
         Extended by each drive as soon as something may have been written to it.
     communications : sequence of Communication
         By drive; what is found is put in.
@@ -80,7 +81,7 @@ def admit(
     keeper.open(drives)
     pairs = list(zip(servers, drives.axes, strict=True))
 
-    def look(server: SdoServer, axis: AxisDrive) -> Announcement:
+    def look(server: RemoteDictionary, axis: AxisDrive) -> Announcement:
         server.enter_pre_operational()
         power.make_safe(server, reset_fault=reset_faults)
         held = partial(keeper.found, server)
@@ -93,7 +94,7 @@ def admit(
     keeper.announced(servers)
     at = {server.node: place for place, server in enumerate(servers)}
 
-    def configure(server: SdoServer, axis: AxisDrive) -> tuple[AxisInfo, EffectiveLimits]:
+    def configure(server: RemoteDictionary, axis: AxisDrive) -> tuple[AxisInfo, EffectiveLimits]:
         place = at[server.node]
         commissioned.append(server)
         holding, communication = expected[place], communications[place]
@@ -101,15 +102,15 @@ def admit(
         held = _held(server, axis, holding)
         return _described(axis, identity, held), held
 
-    admitted = _all(configure, pairs)
+    configured = _all(configure, pairs)
     collisions = find_collisions(communications, drives.master_node)
     if collisions:
         raise _joined(collisions)
     keeper.configured(servers)
-    return tuple(info for info, _ in admitted), tuple(held for _, held in admitted)
+    return tuple(info for info, _ in configured), tuple(held for _, held in configured)
 
 
-def _held(server: SdoServer, axis: AxisDrive, expected: EffectiveLimits) -> EffectiveLimits:
+def _held(server: RemoteDictionary, axis: AxisDrive, expected: EffectiveLimits) -> EffectiveLimits:
     """Return the limits that hold now: a drive may keep a tighter value than was written."""
 
     def find(entry: Entry) -> int | None:
@@ -122,7 +123,8 @@ def _held(server: SdoServer, axis: AxisDrive, expected: EffectiveLimits) -> Effe
 
 
 def _all(
-    step: Callable[[SdoServer, AxisDrive], _Result], pairs: Iterable[tuple[SdoServer, AxisDrive]]
+    step: Callable[[RemoteDictionary, AxisDrive], _Result],
+    pairs: Iterable[tuple[RemoteDictionary, AxisDrive]],
 ) -> list[_Result]:
     """Take a step with each drive, and only then raise what went wrong."""
     problems: list[DriveError] = []

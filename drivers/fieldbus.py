@@ -1,0 +1,160 @@
+"""What the profile of drives (CiA 402) needs of the fieldbus beneath it, whichever that is.
+
+A drive of this profile is an object dictionary and process data: statusword, position and current
+come with each SYNC, target and controlword go out. CANopen carries both (`drivers.canopen`);
+another fieldbus that carries the profile (CANopen over EtherCAT) is a folder beside it that offers
+the same three protocols. `drivers.cia402` and `drivers.safety` see nothing else of a bus.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_PROFILES = 0x2000
+"""First index beyond the objects of communication."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One number of an object dictionary.
+
+    Attributes
+    ----------
+    index, subindex : int
+        Where it stands.
+    type : str
+        u8, u16, u32, i8, i16 or i32.
+    name : str
+        For messages.
+    """
+
+    index: int
+    subindex: int
+    type: str
+    name: str
+
+    def shown(self, value: int) -> str:
+        """Return a value in words: identifiers and mappings, below 2000h, in hexadecimal."""
+        hexadecimal = self.index < _PROFILES and value > 0xFFFF
+        return f"{value:08X}h" if hexadecimal else f"{value}"
+
+    @property
+    def size(self) -> int:
+        """Length [bytes]."""
+        return int(self.type[1:]) // 8
+
+    @property
+    def signed(self) -> bool:
+        """Whether negative numbers exist."""
+        return self.type.startswith("i")
+
+    def __str__(self) -> str:
+        return f"{self.index:04X}:{self.subindex:02X} ({self.name})"
+
+
+class Objects(Protocol):
+    """The object dictionary of one drive, which serves it (hence `server` wherever one is meant).
+
+    Whatever cannot be read or written raises a `drivers.drive_bus.DriveError`: `NodeSilent` where
+    no answer comes, `DriveRefused` where the drive refuses.
+
+    Attributes
+    ----------
+    node : int
+        Its number on the fieldbus.
+    label : str
+        How messages name the drive.
+    missing : set of Entry
+        Optional objects that the drive lacks, or keeps as they are.
+    """
+
+    node: int
+    label: str
+    missing: set[Entry]
+
+    def get(self, entry: Entry) -> int:
+        """Read a number."""
+
+    def find(self, entry: Entry) -> int | None:
+        """Read a number that not every drive has; None where it is missing."""
+
+    def put(self, entry: Entry, value: int) -> None:
+        """Write a number."""
+
+    def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
+        """Write a number and read it back; where it is missing, note what follows from that."""
+
+
+class ProcessData(Protocol):
+    """Process data of all axes, latched at SYNC, and the time that SYNC makes.
+
+    Positions are in increments, currents in the drive's unit; axes are in joint order.
+
+    Attributes
+    ----------
+    words, positions, currents : sequence of int, length n_axes
+        Statusword, position and current; where an axis's telegram is missing, those of the SYNC
+        before.
+    flags : sequence of int, length n_axes
+        `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE and SKIPPED.
+    irregular : bool
+        Some flag is set.
+    time : float
+        The last SYNC's instant [s].
+    """
+
+    @property
+    def words(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
+
+    @property
+    def positions(self) -> tuple[int, ...]: ...  # noqa: D102 - an attribute
+
+    @property
+    def currents(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
+
+    @property
+    def flags(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
+
+    @property
+    def irregular(self) -> bool: ...  # noqa: D102 - an attribute
+
+    @property
+    def time(self) -> float: ...  # noqa: D102 - an attribute
+
+    def now(self) -> float:
+        """Time of the same clock as `time` [s]."""
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send target position [increments] and controlword to one axis."""
+
+    def sync(self) -> float:
+        """Send the next SYNC when it is due and collect its answers; return its instant [s].
+
+        Raises
+        ------
+        drivers.drive_bus.BusUnavailable
+            The bus does not take or give telegrams any more.
+        """
+
+    def tick(self) -> None:
+        """Let one period pass while the drives send no process data yet."""
+
+    def miss(self) -> None:
+        """Let one period pass in which the bus took no SYNC."""
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+
+
+class LifeSign(Protocol):
+    """What the drives watch to know that we are alive, as a heartbeat; without it they stop."""
+
+    def beat(self) -> None:
+        """Give it if it is due."""
+
+    def cease(self) -> None:
+        """Give it no more: drives that watch it stop by themselves."""

@@ -1,0 +1,60 @@
+"""The noise that a prediction assumes: that of earlier runs, or what files state of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+from drivers.axis import AxisScale
+from drivers.drives_file import load_drives
+from hil.model.robot import ROBOTS
+from hil.planning.prediction.noise import stated_noise
+from hil.results.prior_knowledge import experience
+from hil.runs.pooling import open_runs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from hil.estimation.noise_levels import Levels
+    from hil.model.robot import Robot
+    from hil.planning.prediction.noise import Noise
+    from hil.runs.run_folder import RunFolder
+
+
+def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Noise:
+    """Noise that an earlier run shows, or else what robot file and drives file let expect.
+
+    Raises
+    ------
+    FileError
+        The run is of another robot.
+    """
+    if run is None:
+        return stated_noise(robot, _resolution(robot, drives_file))
+    folders, levels = experience_of([run])
+    if folders[0].robot.digest != robot.digest:
+        raise FileError(
+            f"{run}: was measured with another robot file of {folders[0].robot.name} than this plan"
+            f" is for; leave --noise-from out, or name a run of {robot.name} as it is now"
+        )
+    return levels.noise
+
+
+def experience_of(runs: Sequence[Path]) -> tuple[list[RunFolder], Levels]:
+    """Open runs of one robot; return them, with the noise and the information in them."""
+    folders = open_runs(runs)
+    return folders, experience(folders)
+
+
+def _resolution(robot: Robot, drives_file: Path | None) -> list[float] | None:
+    """Smallest steps of the torques, if a drives file states them [N m]."""
+    path = drives_file or ROBOTS / f"{robot.name}.drives.yaml"
+    if drives_file is None and not path.exists():
+        return None
+    axes = load_drives(path).axes
+    if len(axes) != robot.n_joints:
+        raise FileError(
+            f"{path}: {len(axes)} axes must be {robot.n_joints}, one for each joint of {robot.name}"
+        )
+    return [abs(AxisScale.of(axis).torque) for axis in axes]

@@ -1,0 +1,70 @@
+"""The files of a plan: read with its robot and its workspace, checked, written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+from hil.cli import dry_run_view
+from hil.cli.run_session import show_remarks, with_workspace
+from hil.model.robot import load_robot
+from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
+from hil.planning.workspace import load_workspace
+from hil.runs.atomic_file import write_file
+from hil.terminal.console import out
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+    from hil.planning.dry_run import DryRun
+    from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
+
+
+def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tuple[Plan, Robot]:
+    """Read a plan, its robot and the workspace that holds for it; show what is strange about it.
+
+    Raises
+    ------
+    FileError
+        One of the files cannot be used, or the plan is of another robot.
+    """
+    the_plan = load_plan(plan_file)
+    the_robot = load_robot(robot_file or the_plan.robot.name)
+    refuse_other_robot(the_plan, the_robot, str(plan_file))
+    the_plan = with_workspace(the_plan, the_robot, workspace)
+    show_remarks(the_plan.workspace, the_robot, out)
+    return the_plan, the_robot
+
+
+def load_guard(path: Path | None, robot: Robot) -> Workspace | None:
+    """Read the workspace that a new plan keeps to, if any; show what is strange about it.
+
+    Raises
+    ------
+    FileError
+        It cannot be used.
+    """
+    guard = None if path is None else load_workspace(path, robot)
+    show_remarks(guard, robot, out)
+    return guard
+
+
+def refuse_problems(result: DryRun, plan_file: Path) -> None:
+    """Refuse a plan whose dry run has found problems.
+
+    Raises
+    ------
+    FileError
+        With the problems and their lines in the file.
+    """
+    if result.problems:
+        text = plan_file.read_text(encoding="utf-8")
+        raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
+
+
+def write_plan(output: Path, designed: Plan) -> None:
+    """Write a plan, and state how many measurements it has."""
+    write_file(output, dump_plan(designed).encode())
+    out.print(f"{len(designed.measurements)} measurements in {output}", highlight=False)

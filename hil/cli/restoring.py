@@ -1,0 +1,130 @@
+"""`hil drives restore`: found settings put back into drives after a session that was killed."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hil.cli.arguments import PLANT, BusOptions, refuse_no_channel
+from hil.runs import SIMULATED
+from hil.terminal.console import out
+from hil.terminal.interruption import interruptible
+
+if TYPE_CHECKING:
+    import can
+
+    from drivers.found_settings.settings_file import FoundSettings
+
+
+def restore(
+    file: Annotated[
+        Path, typer.Argument(help="File of found settings, such as RUN/found-settings.yaml.")
+    ],
+    interface: Annotated[
+        str | None,
+        typer.Option(help="Name of a python-can interface; by default that of the file."),
+    ] = None,
+    channel: Annotated[
+        str | None, typer.Option(help="Channel of the interface; by default that of the file.")
+    ] = None,
+    bus_option: BusOptions = None,
+    other_bus: Annotated[
+        bool, typer.Option("--other-bus", help="Accept another bus than that of the file.")
+    ] = False,
+) -> None:
+    """Put back what drives held before a session that was killed; they must be off."""
+    from drivers.found_settings.settings_file import load_found_settings
+    from hil.cli import bus_access, bus_state
+    from hil.runs.lock import locked
+
+    settings = load_found_settings(file)
+    if not settings.unrestored:
+        _say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
+        return
+    bus_name = _bus_of(file, settings, interface, channel, other_bus=other_bus)
+    with ExitStack() as stack:
+        stack.enter_context(locked(file.parent))
+        if bus_name[0] != SIMULATED:
+            stack.enter_context(bus_state.bus_locked(*bus_name))
+        bus = stack.enter_context(bus_access.opened(*bus_name, settings.bitrate, bus_option))
+        ended = "stopped; run the same command again to go on"
+        stack.enter_context(interruptible(lambda: ended))
+        settings, failed = _put_back(bus, settings, file)
+        if settings.restored:
+            bus_state.forget_run(*_kept_bus(settings, bus_name), file)
+    if settings.restored:
+        _say(f"{file}: {_conclusion(settings)}")
+    if failed:
+        raise typer.Exit(1)
+
+
+def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
+    """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
+    from drivers.found_settings.settings_file import dump_found_settings
+    from drivers.operator_tools.put_back import put_back
+    from hil.cli import changes_view
+    from hil.cli.drive_settings import changed_row
+    from hil.runs.atomic_file import write_file
+
+    failed = False
+    for drive in settings.unrestored:
+        if drive.doubt:
+            _say(drive.doubt, style="yellow")
+    for each in put_back(bus, settings):
+        rows = [changed_row(entry, present, value) for entry, present, value in each.written]
+        changes_view.render(each.label, rows, out, "put back")
+        settings = settings.with_drives([each.drive])
+        write_file(file, dump_found_settings(settings).encode())
+        for line in each.left:
+            _say(line, style="yellow")
+        if each.problem:
+            typer.echo(each.problem, err=True)
+            failed = True
+    return settings, failed
+
+
+def _kept_bus(settings: FoundSettings, otherwise: tuple[str, str]) -> tuple[str, str]:
+    interface, channel = otherwise
+    return settings.interface or interface, settings.channel or channel
+
+
+def _bus_of(
+    file: Path,
+    settings: FoundSettings,
+    interface: str | None,
+    channel: str | None,
+    *,
+    other_bus: bool,
+) -> tuple[str, str]:
+    """Return interface and channel: what is stated, else those of the file, else the plant."""
+    from checked_files.yaml_file import FileError
+
+    kept = settings.interface, settings.channel
+    interface = interface or settings.interface or SIMULATED
+    if channel is None and interface == settings.interface:
+        channel = settings.channel
+    refuse_no_channel(interface, channel)
+    bus = interface, channel or PLANT
+    if None not in kept and bus != kept and not other_bus:
+        raise FileError(
+            f"{file}: is about drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; leave"
+            " --interface and --channel out, or add --other-bus if these drives are there by now"
+        )
+    return bus
+
+
+def _conclusion(settings: FoundSettings) -> str:
+    refused = [f"{drive.name} {each}" for drive in settings.drives for each in drive.refused]
+    if not refused:
+        return "all drives hold again what they held"
+    return (
+        "all drives hold again what they held, but what they do not take back:"
+        f" {', '.join(refused)}; set it with the maker's commissioning tool"
+    )
+
+
+def _say(text: str, style: str | None = None) -> None:
+    out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,70 @@
+"""The drives of a plan's robot: found, held against the robot file, narrowed to a workspace."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+from drivers.drives_file import load_drives
+from hil.cli.robot_match import StatedAxis, refuse_contradictions
+from hil.model.robot import ROBOTS
+from hil.runs.atomic_file import operator_told
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from drivers.drives_file import DrivesFile
+    from hil.model.robot import Robot
+    from hil.planning.workspace import Workspace
+
+
+def packaged_drives(the_robot: Robot) -> Path:
+    """Return the path of the drives file that comes with a robot.
+
+    Raises
+    ------
+    FileError
+        None does.
+    """
+    path = ROBOTS / f"{the_robot.name}.drives.yaml"
+    if not path.exists():
+        raise FileError(f"{the_robot.name}: no drives file comes along; give one with --drives")
+    return path
+
+
+def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
+    """Read a drives file; return it and its text.
+
+    Raises
+    ------
+    FileError
+        It cannot be used, or contradicts the robot file.
+    """
+    drives = load_drives(path)
+    with operator_told(path, "read"):
+        text = path.read_text(encoding="utf-8")
+    axes = [
+        StatedAxis(
+            axis.name,
+            axis.gear_ratio,
+            axis.torque_constant,
+            axis.limits.q_min,
+            axis.limits.q_max,
+            axis.limits.velocity,
+            axis.limits.acceleration,
+            axis.limits.torque,
+        )
+        for axis in drives.axes
+    ]
+    refuse_contradictions(axes, the_robot, text, str(path))
+    return drives, text
+
+
+def narrowed(drives: DrivesFile, workspace: Workspace | None) -> DrivesFile:
+    """Give driver and drives the joint ranges of the workspace too."""
+    axes = list(drives.axes)
+    for joint, (low, high) in (workspace.ranges if workspace else {}).items():
+        axis = axes[joint - 1]
+        limits = axis.limits.model_copy(update={"q_min": low, "q_max": high})
+        axes[joint - 1] = axis.model_copy(update={"limits": limits})
+    return drives.model_copy(update={"axes": tuple(axes)})

@@ -1,0 +1,139 @@
+"""What help and completion load, and that the help of all commands is as their modules state it."""
+
+import inspect
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from hil.cli import COMMANDS, PANELS, imported
+
+HEAVY = {"numpy", "scipy", "numba", "h5py", "canopen", "can", "matplotlib"}
+PYDANTIC = {"pydantic"}
+"""Which typer itself loads for the options of a command that is chosen."""
+
+PROGRAM = """
+import atexit, sys
+from hil.__main__ import main
+atexit.register(lambda: sys.stderr.write("loaded " + " ".join(sys.modules)))
+main()
+"""
+ALL_HELP = """
+import sys
+from hil.cli import main
+for line in sys.argv[1:]:
+    try:
+        main([*line.split(), "--help"])
+    except SystemExit as left:
+        assert not left.code
+    sys.stderr.write(f"{line}: {' '.join(sys.modules)}\\n")
+"""
+
+
+def program(*arguments: str, **variables: str) -> tuple[str, set[str]]:
+    """Call `hil` in a process of its own; return what it prints, and the modules that it loaded."""
+    done = subprocess.run(  # noqa: S603 - ours
+        [sys.executable, "-c", PROGRAM, *arguments],
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout, set(done.stderr.rpartition("loaded ")[2].split())
+
+
+def completed(words: str) -> tuple[list[str], set[str]]:
+    """Complete the last word of a command line as bash asks for it."""
+    position = str(len(words.split(" ")) - 1)
+    printed, loaded = program(_HIL_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=position)
+    return printed.split(), loaded
+
+
+def every_command() -> Iterator[tuple[str, Any]]:
+    """Name, and command, of all commands and of those within groups."""
+    for name in COMMANDS:
+        command = imported(name)
+        yield name, command
+        for inner, member in getattr(command, "commands", {}).items():
+            yield f"{name} {inner}", member
+
+
+EVERY = dict(every_command())
+
+
+def test_the_help_loads_neither_numerics_nor_a_bus() -> None:
+    printed, loaded = program("--help")
+    assert "identify" in printed
+    assert not loaded & (HEAVY | PYDANTIC)
+
+
+def test_a_command_s_name_completes_without_any_command_s_module() -> None:
+    words, loaded = completed("hil ide")
+    assert words == ["identify"]
+    assert not loaded & (HEAVY | PYDANTIC)
+    assert not loaded & {f"hil.cli.{command.module}" for command in COMMANDS.values()}
+
+
+def test_options_complete_with_the_module_of_their_command_alone() -> None:
+    words, loaded = completed("hil identify --")
+    assert {"--method", "--with"} <= set(words)
+    assert not loaded & HEAVY
+    modules = {f"hil.cli.{command.module}" for command in COMMANDS.values()}
+    assert loaded & modules == {"hil.cli.results"}
+
+
+def test_the_shell_is_given_a_script_that_asks_hil() -> None:
+    printed, _ = program(_HIL_COMPLETE="source_bash")
+    assert "_HIL_COMPLETE=complete_bash" in printed
+
+
+def test_no_command_s_help_loads_numerics_or_a_bus() -> None:
+    done = subprocess.run(  # noqa: S603 - ours
+        [sys.executable, "-c", ALL_HELP, *EVERY], capture_output=True, text=True, check=True
+    )
+    lines = done.stderr.splitlines()
+    assert len(lines) == len(EVERY)
+    for line in lines:
+        name, _, loaded = line.partition(": ")
+        assert not set(loaded.split()) & HEAVY, name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_of_commands_repeats_their_own_help(name: str) -> None:
+    command = EVERY[name]
+    assert COMMANDS[name].help == inspect.cleandoc(command.help).splitlines()[0]
+
+
+def test_every_command_of_a_module_is_listed() -> None:
+    modules = {command.module for command in COMMANDS.values()}
+    assert modules
+    for module in modules:
+        stated = {name for name, command in COMMANDS.items() if command.module == module}
+        offered = typer_commands(module)
+        assert offered == stated
+
+
+def typer_commands(module: str) -> set[str]:
+    import typer
+
+    commands = __import__(f"hil.cli.{module}", fromlist=["commands"]).commands
+    return set(typer.main.get_group(commands).commands)
+
+
+def test_the_help_shows_the_commands_panel_by_panel() -> None:
+    printed, _ = program("--help")
+    shown = re.findall(r"^(?:╭─ |│ )([A-Z][\w ]+|[a-z-]+) (?:─| )", printed, re.MULTILINE)
+    wanted = [line for panel, commands in PANELS.items() for line in (panel, *commands)]
+    assert [line for line in shown if line in wanted] == wanted
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_each_option_is_explained_in_one_sentence(name: str) -> None:
+    for parameter in EVERY[name].params:
+        told = parameter.help
+        assert re.fullmatch(r"[A-Z][^.]*(?:\.\w[^.]*)*\.", told), f"{parameter.name}: {told}"
+        assert not re.match(r"(Of|Its|Their|How|bit/s)\b", told), f"{parameter.name}: {told}"

@@ -1,0 +1,139 @@
+"""What a master and its drives say to each other by SDO and NMT, as lines that can be read.
+
+The frames come from python-can and are decoded here by hand (CiA 301), without the code of driver
+and plant. A line is one transfer: node, what was done, index and sub-index, and the value, as a
+number of so many hexadecimal digits as the object has, or as text where that is longer than four
+bytes; or the abort code. Equal lines in a row become one with their number.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    import can
+
+NMT = {1: "start", 2: "stop", 128: "pre-operational", 129: "reset", 130: "reset communication"}
+MEASURED = frozenset({0x30D1, 0x6064, 0x6077, 0x6078})
+"""Position and currents: their last digit is the processor's, so their values are left out."""
+
+
+def transcript(frames: Iterable[can.Message], nodes: Iterable[int]) -> list[str]:
+    """Return what was said to some nodes, in order; SYNC, PDOs and heartbeats are left out."""
+    conversations = {node: _Conversation(node) for node in nodes}
+    lines: list[str] = []
+    for frame in frames:
+        service, node, data = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F, frame.data
+        if frame.arbitration_id == 0:
+            lines += _command(bytes(data), conversations)
+        elif node in conversations and service == 0x600:
+            lines += conversations[node].request(bytes(data))
+        elif node in conversations and service == 0x580:
+            lines += conversations[node].response(bytes(data))
+    for conversation in conversations.values():
+        lines += conversation.given_up()
+    return [_counted(line, len(list(group))) for line, group in groupby(lines)]
+
+
+def _command(data: bytes, nodes: Iterable[int]) -> Iterator[str]:
+    command, addressed = data
+    for node in nodes:
+        if addressed in {0, node}:
+            yield f"{node} nmt   {NMT[command]}"
+
+
+def _counted(line: str, times: int) -> str:
+    return line if times == 1 else f"{line} ({times} times)"
+
+
+@dataclass
+class _Conversation:
+    """The SDO transfers of one node, one after the other.
+
+    The topmost three bits of the first byte are the command, in which the same number means one
+    thing in a request and another in its response.
+    """
+
+    node: int
+    what: str = ""
+    place: tuple[int, ...] = (0, 0)
+    data: bytes = b""
+    last: bool = False
+    """The segment under way ends the transfer; so does the only frame of an expedited one."""
+
+    def request(self, frame: bytes) -> Iterator[str]:
+        """Take what the master sends."""
+        command = frame[0] >> 5
+        if command == 1:  # initiate download
+            yield from self.begun("write", frame)
+        elif command == 2:  # initiate upload
+            yield from self.begun("read", frame)
+        elif command == 0:  # a segment of a download
+            self.data += _segment(frame)
+            self.last = _is_last(frame)
+        elif command == 4:
+            yield self._ended(f"given up, {_abort(frame)}")
+
+    def response(self, frame: bytes) -> Iterator[str]:
+        """Take what the drive answers."""
+        command = frame[0] >> 5
+        if command == 2 and _is_expedited(frame):
+            self.data, self.last = _expedited(frame), True
+        elif command == 0:  # a segment of an upload
+            self.data += _segment(frame)
+            self.last = _is_last(frame)
+        if command == 4:
+            yield self._ended(_abort(frame))
+        elif self.last:
+            yield self._ended(self._value())
+
+    def begun(self, what: str, frame: bytes) -> Iterator[str]:
+        """Begin a transfer; one that is still under way has ended without an answer."""
+        yield from self.given_up()
+        self.what, self.place = what, struct.unpack_from("<HB", frame, 1)
+        self.last = what == "write" and _is_expedited(frame)
+        self.data = _expedited(frame) if self.last else b""
+
+    def given_up(self) -> Iterator[str]:
+        """End a transfer that was left without an answer."""
+        if self.what:
+            yield self._ended("no answer")
+
+    def _ended(self, result: str) -> str:
+        index, subindex = self.place
+        line = f"{self.node} {self.what:5} {index:04X}:{subindex:02X} {result}"
+        self.what, self.last = "", False
+        return line
+
+    def _value(self) -> str:
+        if self.place[0] in MEASURED:
+            return "measured"
+        if len(self.data) > 4:
+            return ascii(self.data.decode("latin-1"))
+        return self.data[::-1].hex().upper()
+
+
+def _is_expedited(frame: bytes) -> bool:
+    return bool(frame[0] & 0x02)
+
+
+def _is_last(frame: bytes) -> bool:
+    return bool(frame[0] & 0x01)
+
+
+def _expedited(frame: bytes) -> bytes:
+    """Return the object; all four bytes where their number is not said."""
+    return frame[4 : 8 - (frame[0] >> 2 & 3 if frame[0] & 0x01 else 0)]
+
+
+def _segment(frame: bytes) -> bytes:
+    return frame[1 : 8 - (frame[0] >> 1 & 7)]
+
+
+def _abort(frame: bytes) -> str:
+    return f"abort {int.from_bytes(frame[4:8], 'little'):08X}"

@@ -1,0 +1,105 @@
+"""Sessions with drives of each personality, and the transcripts of them that are kept.
+
+`python tests/support/start_up_transcripts.py [NAME ...]` writes the files of
+`tests/drivers/transcripts` anew, all of them or those of the personalities that are named; what has
+changed is then for `git diff` to show and for a reader to judge. Joint 5, whose sign is negative,
+stands for all: that the drives of a robot are treated alike is a test of its own.
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import can
+from personalities import UNFIT, drives_for, plant_file
+from probing_bench import Scripted
+from sdo_transcript import transcript
+
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.drive_bus import DriveRefused, Move
+from drivers.operator_tools.check import check
+from drivers.operator_tools.check_powered import SmallMoves
+from drivers.operator_tools.operator import StoppedByOperator
+from drivers.operator_tools.scan import scan_bus
+from sim_plant.personality import PLAIN, packaged_personalities
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from drivers.drives_file import DrivesFile
+
+FOLDER = Path(__file__).parents[1] / "drivers" / "transcripts"
+NAMES = (PLAIN.name, *packaged_personalities())
+NODE = 5
+STROKE, VELOCITY, ACCELERATION = 0.01, 0.5, 2.0
+"""Of the move, far below the limits of every joint [rad, rad/s, rad/s^2]."""
+
+
+def path_of(name: str) -> Path:
+    """Return where the transcript of a personality is kept."""
+    return FOLDER / f"{name}.txt"
+
+
+def text_of(name: str) -> str:
+    """Return the transcript of the sessions with a drive of a personality, one after the other."""
+    return "\n".join(line for session in SESSIONS for line in lines_of(session, name)) + "\n"
+
+
+def lines_of(session: Callable[[can.BusABC, str, DrivesFile], None], name: str) -> list[str]:
+    """Return one session with the drive of joint 5, under its heading."""
+    drives = drives_for(name)
+    alone = drives.model_copy(update={"axes": drives.axes[NODE - 1 : NODE]})
+    with listened(name) as (bus, frames):
+        session(bus, name, alone)
+    return [f"# {session.__doc__}", *transcript(frames, [NODE])]
+
+
+@contextmanager
+def listened(name: str) -> Iterator[tuple[can.BusABC, list[can.Message]]]:
+    """Open the bus of a plant whose drives have a personality; the frames come in the end."""
+    frames: list[can.Message] = []
+    with TemporaryDirectory() as folder:
+        channel = plant_file(Path(folder), name)
+        with (
+            can.Bus(channel, "sim_plant", ignore_config=True) as listener,
+            can.Bus(channel, "sim_plant", ignore_config=True) as bus,
+        ):
+            yield bus, frames
+            while (frame := listener.recv(0)) is not None:
+                frames.append(frame)
+
+
+def run(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
+    """CanopenDriveBus: power on, one move of each axis, power off"""
+    refusal = suppress(DriveRefused) if name in UNFIT else nullcontext()
+    with refusal, CanopenDriveBus(bus, drives) as drive_bus:
+        here = drive_bus.sample().q
+        drive_bus.move({k: Move(q + STROKE, VELOCITY, ACCELERATION) for k, q in enumerate(here)})
+        while not drive_bus.sample().reached:
+            pass
+
+
+def checked(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
+    """hil check: the operator does not agree to power"""
+    del name
+    with suppress(StoppedByOperator):
+        for _ in check(bus, drives, SmallMoves(), Scripted(agreed=False)):
+            pass
+
+
+def scanned(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
+    """hil scan: of the drives' node numbers"""
+    del name
+    scan_bus(bus, only=tuple(axis.node for axis in drives.axes))
+
+
+SESSIONS = (run, checked, scanned)
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for each in sys.argv[1:] or NAMES:
+        path_of(each).write_text(text_of(each))
