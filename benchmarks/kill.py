@@ -251,7 +251,8 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs=3, default=(12, 24, 3))
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    plan = design(robot, tuple(options.counts))
+    counts = zip(("gravity", "inertia", "coupling"), options.counts, strict=True)
+    plan = design(robot, dict(counts))
     PlantBus(ROBOT).shutdown()  # compiled code is loaded once, before the sessions are forked
     dice, found = random.Random(options.seed), Findings()
     moments: Counter = Counter()

@@ -18,8 +18,9 @@ from hypothesis import settings
 from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
 from hil.model.robot import load_robot, parse_robot
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot
+from hil.planning.strokes import Partner
 from hil.planning.trapezoid import Trapezoid
 from hil.terminal.console import out
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort

@@ -31,9 +31,10 @@ def render(result: DryRun, console: Console) -> None:
     if result.groups:
         console.print(_gains(result))
         for group in result.groups:
-            if group.weak:
+            if group.poorly_identifiable:
+                names = ", ".join(group.poorly_identifiable)
                 console.print(
-                    f"[yellow]weak in {_words(group.group)}: {', '.join(group.weak)}; vary more"
+                    f"[yellow]poorly identifiable in {_words(group.group)}: {names}; vary more"
                     " joints or add configurations[/]",
                     soft_wrap=True,
                 )

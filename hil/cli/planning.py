@@ -22,7 +22,7 @@ from hil.planning import BITRATE, LONGEST
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
@@ -118,7 +118,8 @@ def plan(
     workspace: PlanWorkspace = None,
 ) -> None:
     """Choose configurations and motions from g(q) and M(q)."""
-    counts = (gravity, inertia, coupling)
+    asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
+    counts = {kind: number for kind, number in asked.items() if number is not None}
     _refuse_contradictions(name, run, minutes, counts, warm_up, workspace, noise_from)
     refuse_existing(output)
     if run:
@@ -141,14 +142,11 @@ def plan(
 
 
 def _by_counts(
-    robot: Robot, counts: Sequence[int | None], warm_up: float, guard: Workspace | None
+    robot: Robot, counts: Mapping[str, int], warm_up: float, guard: Workspace | None
 ) -> Plan:
     from hil.planning.design.by_counts import COUNTS, design
 
-    gravity, inertia, coupling = (
-        asked or usual for asked, usual in zip(counts, COUNTS, strict=True)
-    )
-    return design(robot, (gravity, inertia, coupling), warm_up, guard)
+    return design(robot, COUNTS | dict(counts), warm_up, guard)
 
 
 def _by_minutes(
@@ -185,16 +183,15 @@ def _refuse_contradictions(
     name: str | None,
     run: list[Path] | None,
     minutes: float | None,
-    counts: Sequence[int | None],
+    counts: Mapping[str, int],
     warm_up: float,
     workspace: Path | None,
     noise_from: Path | None,
 ) -> None:
     """Refuse options that do not go together."""
-    counted = any(count is not None for count in counts)
     if (name is None) == (not run):
         raise typer.BadParameter("give a robot, or a run with --refine: one of the two")
-    if counted and (minutes is not None or run):
+    if counts and (minutes is not None or run):
         raise typer.BadParameter(
             "--gravity, --inertia and --coupling are for a plan by counts; leave them out with"
             " --minutes and --refine, which choose them"

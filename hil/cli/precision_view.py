@@ -12,7 +12,7 @@ from rich import box
 from rich.table import Table
 
 from hil.model.base_parameters import base_parameters
-from hil.planning.prediction.precision import WEAK
+from hil.planning.prediction.precision import IMPRECISE
 from hil.results.rounding import rounded, significant
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _weight(found: Precision, k: int) -> tuple[str, str]:
     """What a standard deviation means, and whether that is much."""
     effect = float(found.effect[k])
     figure = significant(100 * effect, 2) if math.isfinite(effect) else ""
-    return figure, "[yellow]weak[/]" if found.weak[k] else ""
+    return figure, "[yellow]imprecise[/]" if found.imprecise[k] else ""
 
 
 def _foot(found: Precision, console: Console) -> None:
@@ -86,10 +86,12 @@ def _foot(found: Precision, console: Console) -> None:
         soft_wrap=True,
         highlight=False,
     )
-    weak = ", ".join(name for name, is_weak in zip(found.names, found.weak, strict=True) if is_weak)
-    if weak:
+    imprecise = ", ".join(
+        name for name, it_is in zip(found.names, found.imprecise, strict=True) if it_is
+    )
+    if imprecise:
         console.print(
-            f"[yellow]weak: {weak}; a standard deviation is more than {WEAK:.1%} of a torque limit."
-            " Give more minutes, or measure on with hil plan --refine[/]",
+            f"[yellow]imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%}"
+            " of a torque limit. Give more minutes, or measure on with hil plan --refine[/]",
             soft_wrap=True,
         )

@@ -8,6 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from hil.model.base_parameters import base_parameters
+from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,9 +18,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 _GROUP_TITLES = {
-    "gravity": "gravity: in g(q)",
-    "diagonal": "diagonal: on the diagonal of M(q), not in g(q)",
-    "off_diagonal": "off-diagonal: beside the diagonal of M(q) only",
+    GRAVITY: "gravity: in g(q)",
+    DIAGONAL: "diagonal: on the diagonal of M(q), not in g(q)",
+    OFF_DIAGONAL: "off-diagonal: beside the diagonal of M(q) only",
 }
 
 

@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
+from hil.model.dependencies import GROUPS
 from hil.results.rounding import clock, significant
 from hil.study.scenarios import SCENARIOS
-from hil.study.summary import GROUPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from hil.estimation.simultaneous import Joint
+from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.subspace_fit import SubspaceFit
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.signals import Signals
-    from hil.planning.measurement import Strokes
+    from hil.planning.strokes import Strokes
 
     Array = NDArray[np.float64]
 
@@ -147,7 +147,7 @@ def examine(robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> ModelE
     whole = complete(robot)
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
-    fit = SubspaceFit(Joint(whole, prepared), len(K))
+    fit = SubspaceFit(SimultaneousFit(whole, prepared), len(K))
     absent, absorbed = _absent(robot, K, stated)
     candidates, unmeasured = _grouped(fit, stated, absent)
     threshold = SIGNIFICANCE / max(len(candidates), 1)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Strokes
+    from hil.planning.strokes import Strokes
 
     Array = NDArray[np.float64]
 

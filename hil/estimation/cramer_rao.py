@@ -18,7 +18,7 @@ import numpy as np
 from hil.estimation.condensed import eliminated
 from hil.estimation.signals import NotEnoughData, signals
 from hil.model.base_parameters import base_parameters
-from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.regression.terms import columns, n_unknowns, place
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def cramer_rao(
     n_base, n = len(base_parameters(robot)), n_unknowns(robot)
     information = np.zeros((n, n))
     for measurement, recording in recorded:
-        if not isinstance(measurement, Gravity | Inertia | Coupling):
+        if measurement.kind not in ELEMENT_KINDS:
             continue
         try:
             s = signals(recording)

@@ -11,7 +11,7 @@ from scipy import stats
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.estimation.local_fits import LocalValue
+    from hil.estimation.local_values import LocalValue
 
     Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_fits import LocalValue
+    from hil.estimation.local_values import LocalValue
 
     Array = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ class Phase:
 
 def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Phase | None:
     """Find the pair of axes whose sinusoid is shifted most; None where gravity is not concerned."""
-    local = [value for value in best.local if value.kind == "gravity"]
+    local = [value for value in best.local if value.symbol == "g"]
     largest = [
         _largest(errors, [v for v in local if v.axis == axis], over)
         for axis in {value.axis for value in local}

@@ -27,34 +27,31 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from hil.estimation.estimate import Estimate
-from hil.estimation.local_fits import fit
+from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import NotEnoughData, signals
-from hil.estimation.simultaneous import Joint
+from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_lag import find_lags, no_lags
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
-from hil.planning.measurement import Friction
-from hil.planning.trajectory import Trajectory
+from hil.planning.measurement import ELEMENT_KINDS, shows_element
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from hil.estimation.local_fits import LocalFit, LocalValue
+    from hil.estimation.local_values import LocalFit, LocalValue
     from hil.estimation.signals import Signals
     from hil.estimation.torque_lag import Lags
     from hil.model.robot import Robot
-    from hil.planning.measurement import Element, Measurement
+    from hil.planning.measurement import ElementMeasurement, Measurement
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[Element, Signals]]
+    Prepared = Sequence[tuple[ElementMeasurement, Signals]]
 
 Method = Literal["improved", "printed"]
 METHODS: tuple[Method, ...] = ("improved", "printed")
-GROUP_OF = {"gravity": "gravity", "inertia": "diagonal", "coupling": "off_diagonal"}
-"""The group of base parameters that each kind of measurement serves."""
 _RANK = 1e-8
 
 
@@ -133,7 +130,9 @@ def _estimate(
     lags: Lags,
     method: Method,
 ) -> Estimate:
-    solver: Solver = TwoStep(robot, fits) if method == "printed" else Joint(robot, prepared)
+    solver: Solver = (
+        TwoStep(robot, fits) if method == "printed" else SimultaneousFit(robot, prepared)
+    )
     p = solver.solve()
     covariance, degrees = jackknife(solver, p)
     local = tuple(each.at(p) for each in fits)
@@ -157,14 +156,13 @@ def _estimate(
 
 def prepare(
     recorded: Iterable[tuple[Measurement, Recording]],
-) -> tuple[list[tuple[Element, Signals]], list[str]]:
+) -> tuple[list[tuple[ElementMeasurement, Signals]], list[str]]:
     """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
-        if isinstance(measurement, Friction):
-            continue
-        if isinstance(measurement, Trajectory):
-            left_out.append(f"{measurement.id}: trajectories are for hil trajectory identify")
+        if not shows_element(measurement):
+            remark = ELSEWHERE[measurement.kind]
+            left_out += [f"{measurement.id}: {remark}"] if remark else []
             continue
         try:
             found.append((measurement, signals(recording)))
@@ -173,12 +171,24 @@ def prepare(
     return found, left_out
 
 
+def prepared_for(
+    found: Estimate, recorded: Iterable[tuple[Measurement, Recording]]
+) -> list[tuple[ElementMeasurement, Signals]]:
+    """Signals of the measurements behind an estimate, their torques advanced by its lags."""
+    used = {value.id for value in found.local}
+    return [
+        (measurement, signals(recording).torque_advanced(found.lag))
+        for measurement, recording in recorded
+        if measurement.id in used and shows_element(measurement)
+    ]
+
+
 def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[str]]:
     """Step 1 for all measurements, and the reasons for those that are of no use."""
     found, left_out = [], []
     for measurement, s in prepared:
         try:
-            found.append(fit(robot, measurement, s))
+            found.append(local_fit(robot, measurement, s))
         except NotEnoughData as error:
             left_out.append(str(error))
     return found, left_out
@@ -198,7 +208,7 @@ def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
     """Root mean square of what the local models of inertia and coupling leave of each axis."""
     found = np.full(robot.n_joints, np.nan)
     for axis in range(robot.n_joints):
-        squares = [f.residual**2 for f in local if f.axis == axis and f.kind != "gravity"]
+        squares = [f.residual**2 for f in local if f.axis == axis and f.symbol == "M"]
         if squares:
             found[axis] = np.sqrt(np.mean(squares))
     return found
@@ -214,18 +224,18 @@ def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
     """
     base = base_parameters(robot)
     condition: dict[str, float] = {}
-    for kind, group in GROUP_OF.items():
-        columns = list(base.groups[group])
+    for name, kind in ELEMENT_KINDS.items():
+        columns = list(base.groups[kind.group])
         if not columns:
             continue
-        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind == kind]
+        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind == name]
         W = np.array(rows).reshape(len(rows), len(columns))
         sizes = np.linalg.svd(W, compute_uv=False)
         if len(sizes) < len(columns) or sizes[-1] < _RANK * sizes[0]:
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
-                f"{len(rows)} usable {kind} measurements do not tell {names} apart; measure more"
+                f"{len(rows)} usable {name} measurements do not tell {names} apart; measure more"
                 f" configurations of that kind (see: hil dry-run), or finish the run with --resume"
             )
-        condition[group] = float(sizes[0] / sizes[-1])
+        condition[kind.group] = float(sizes[0] / sizes[-1])
     return condition

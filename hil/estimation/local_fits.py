@@ -18,23 +18,24 @@ not the row at the nominal configuration, since a window covers a range of q.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.estimation.local_values import LocalFit
 from hil.estimation.signals import NotEnoughData
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
-from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.regression.terms import SLOW
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Element
+    from hil.planning.measurement import Coupling, ElementMeasurement, Gravity, Inertia
 
     Array = NDArray[np.float64]
 
@@ -50,98 +51,7 @@ REFERENCE_SPEED = 0.1
 """Share of the speed limit at which friction levels are stated."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalValue:
-    """One element of g(q) or M(q) as measured.
-
-    Attributes
-    ----------
-    id, kind : str
-    axis, partner : int
-        Joint whose torque was read, joint that was accelerated; indices from 0.
-    q : ndarray, shape (n_joints,)
-        Mean configuration [rad].
-    time : float
-        Middle of the recording since the bus was entered [s].
-    value, model : float
-        Measured, and what the base parameters say: g_i [N m], M_ii or M_ji [kg m^2].
-    standard_error : float
-        Of `value`, from the scatter inside the measurement; NaN where there is none.
-    friction : float
-        Level at `REFERENCE_SPEED` (at creep speed for coupling), mean of both directions [N m].
-    residual : float
-        Root mean square of what the local model leaves [N m].
-    """
-
-    id: str
-    kind: str
-    axis: int
-    partner: int
-    q: Array
-    time: float
-    value: float
-    model: float
-    standard_error: float
-    friction: float
-    residual: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalFit:
-    """A measurement evaluated as far as it goes without knowing p_g.
-
-    A fit is linear in its right-hand side, which has several columns here: the measured torque, the
-    motors' part of it, and the gravity torque of one unit of each base parameter.
-
-    Attributes
-    ----------
-    id, kind, axis, partner, q, time
-        See `LocalValue`.
-    sides : ndarray, shape (2 + n_base,)
-        The element that each column amounts to. The gravity columns of a gravity measurement are
-        zero, since they are what it measures.
-    friction : ndarray, shape (2 + n_base,)
-        The friction level that each column amounts to.
-    gram : ndarray, shape (2 + n_base, 2 + n_base)
-        Mean products of the columns' residuals.
-    leverage : float
-        Standard error of the element per residual.
-    row : ndarray, shape (n_base,)
-        The element as the model has it: ``row @ p``.
-    """
-
-    id: str
-    kind: str
-    axis: int
-    partner: int
-    q: Array
-    time: float
-    sides: Array
-    friction: Array
-    gram: Array
-    leverage: float
-    row: Array
-
-    def at(self, p: Array) -> LocalValue:
-        """Values with gravity compensated by base parameters `p`."""
-        weights = np.concatenate([[1.0, -1.0], -p])
-        residual = float(np.sqrt(max(weights @ self.gram @ weights, 0.0)))
-        return LocalValue(
-            id=self.id,
-            kind=self.kind,
-            axis=self.axis,
-            partner=self.partner,
-            q=self.q,
-            time=self.time,
-            value=float(self.sides @ weights),
-            model=float(self.row @ p),
-            standard_error=self.leverage * residual,
-            friction=float(self.friction @ weights),
-            residual=residual,
-        )
-
-
-def fit(robot: Robot, measurement: Element, s: Signals) -> LocalFit:
+def local_fit(robot: Robot, measurement: ElementMeasurement, s: Signals) -> LocalFit:
     """Evaluate one measurement.
 
     Raises
@@ -149,11 +59,8 @@ def fit(robot: Robot, measurement: Element, s: Signals) -> LocalFit:
     NotEnoughData
         Too few usable samples.
     """
-    if isinstance(measurement, Gravity):
-        return _gravity(robot, measurement, s)
-    if isinstance(measurement, Inertia):
-        return _inertia(robot, measurement, s)
-    return _coupling(robot, measurement, s)
+    found: LocalFit = LOCAL_FITS[measurement.kind](robot, measurement, s)
+    return found
 
 
 def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
@@ -193,12 +100,12 @@ def _inertia(robot: Robot, m: Inertia, s: Signals) -> LocalFit:
     reference = REFERENCE_SPEED * robot.velocity_limit[i]
     columns = np.column_stack([s.qdd[:, i], v, np.sign(v), np.cbrt(v)])
     levels = np.array([0.0, reference, 1.0, np.cbrt(reference)])
-    return _mass_element(robot, m, s, (i, i), columns, levels, usable(robot, s, i))
+    return _mass_element(robot, m, s, (i, i), columns, levels, away_from_reversals(robot, s, i))
 
 
 def _coupling(robot: Robot, m: Coupling, s: Signals) -> LocalFit:
     j, i = m.index, m.partner.index
-    used = usable(robot, s, j) & (s.partner_stroke >= 0) & (s.stroke >= 0)
+    used = away_from_reversals(robot, s, j) & (s.partner_stroke >= 0) & (s.stroke >= 0)
     strokes = (s.stroke[:, np.newaxis] == np.arange(m.n_strokes)).astype(float)
     columns = np.column_stack([s.qdd[:, i], strokes])
     levels = np.concatenate([[0.0], np.resize([1.0, -1.0], m.n_strokes) / m.n_strokes])
@@ -259,7 +166,7 @@ def _sides(robot: Robot, s: Signals, axis: int) -> Array:
     return np.column_stack([s.tau[:, axis], motor, _gravity_rows(robot, s, axis)])
 
 
-def usable(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
+def away_from_reversals(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
     """Samples of an axis in motion, apart from its reversals as far as the filter reaches."""
     v = s.filtered(s.qd[:, axis])
     slow = np.abs(v) < SLOW * robot.velocity_limit[axis]
@@ -294,3 +201,16 @@ def _inertia_rows(robot: Robot, s: Signals, axis: int, accelerated: int) -> Arra
 def _mean_q(s: Signals, used: NDArray[np.bool_]) -> Array:
     mean: Array = s.q[used].mean(axis=0)
     return mean
+
+
+LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
+    "gravity": _gravity,
+    "inertia": _inertia,
+    "coupling": _coupling,
+}
+"""By kind of measurement, for all kinds that show an element of g(q) or M(q)."""
+ELSEWHERE = {
+    "friction": "",
+    "trajectory": "trajectories are for hil trajectory identify",
+}
+"""The other kinds, from which no base parameters are identified here: what an estimate remarks."""

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from hil.estimation.simultaneous import Joint
+from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import MINUTE, Noise, stated_noise
@@ -40,12 +40,12 @@ if TYPE_CHECKING:
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Strokes
+    from hil.planning.measurement import ElementMeasurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.precision import Information
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[Strokes, Signals]]
+    Prepared = Sequence[tuple[ElementMeasurement, Signals]]
 
 WHITE_SPREAD = 0.3
 """Standard deviation of the prior of log a."""
@@ -83,7 +83,7 @@ class _Sums(NamedTuple):
 def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     """Find the noise of each axis from prepared measurements."""
     used = [(m, s) for m, s in prepared if _is_told(robot, m, s)]
-    joint = Joint(robot, used)
+    joint = SimultaneousFit(robot, used)
     pieces = list(_pieces(robot, used, joint))
     expected = stated_noise(robot)
     white = 1.0 / joint.weight / noise_gain(used[0][1].period)
@@ -97,13 +97,13 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     return Levels(noise, added_up(robot, told, noise))
 
 
-def _is_told(robot: Robot, measurement: Strokes, s: Signals) -> bool:
+def _is_told(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
     """Whether the estimator uses `measurement` at all."""
     used = (s.valid & usable(robot, s, axis) for axis in measurement.moved)
     return any(each.sum() >= FEWEST for each in used)
 
 
-def _pieces(robot: Robot, used: Prepared, joint: Joint) -> Iterator[_Piece]:
+def _pieces(robot: Robot, used: Prepared, joint: SimultaneousFit) -> Iterator[_Piece]:
     for (measurement, s), items in zip(used, joint.items, strict=True):
         foreseen = {share.axis: share for share in shares(robot, measurement, s.period)}
         for item in items:
@@ -111,7 +111,7 @@ def _pieces(robot: Robot, used: Prepared, joint: Joint) -> Iterator[_Piece]:
                 yield _Piece(measurement.kind, item, foreseen[item.axis])
 
 
-def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: Joint) -> list[list[_Sums]]:
+def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) -> list[list[_Sums]]:
     """Sums of each axis, one for each kind of measurement that it moved in."""
     n_base = len(base_parameters(robot))
     x, inverse = _solution(joint)
@@ -136,7 +136,7 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: Joint) -> list[list
     return found
 
 
-def _solution(joint: Joint) -> tuple[Array, Array]:
+def _solution(joint: SimultaneousFit) -> tuple[Array, Array]:
     """All unknowns, and the inverse of the information."""
     matrix, vector = (np.sum(part, axis=0) for part in zip(*joint.shares, strict=True))
     return solved(matrix, vector), solved(matrix, np.eye(len(matrix)))

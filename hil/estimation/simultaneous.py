@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Strokes
+    from hil.planning.strokes import Strokes
 
     Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ _ROUNDS = 3
 """Times that weights and solution are found from each other."""
 
 
-class Joint:
+class SimultaneousFit:
     """Joint least squares over condensed measurements."""
 
     def __init__(self, robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> None:

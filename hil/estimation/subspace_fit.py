@@ -24,7 +24,7 @@ from hil.regression.least_squares import solved
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.estimation.simultaneous import Joint
+    from hil.estimation.simultaneous import SimultaneousFit
 
     Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class SubspaceFit:
     same combination of a measurement's share is its score.
     """
 
-    def __init__(self, joint: Joint, n_all: int) -> None:
+    def __init__(self, joint: SimultaneousFit, n_all: int) -> None:
         N = np.sum([share for share, _ in joint.shares], axis=0)
         v = np.sum([side for _, side in joint.shares], axis=0)
         p, c = slice(None, n_all), slice(n_all, None)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.condensed import Condensed
-    from hil.estimation.simultaneous import Joint
+    from hil.estimation.simultaneous import SimultaneousFit
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
@@ -74,12 +74,14 @@ class Gains:
         return known
 
 
-def drive_gains(robot: Robot, without: Joint, loaded: Joint, mass: float) -> Gains:
+def drive_gains(
+    robot: Robot, without: SimultaneousFit, loaded: SimultaneousFit, mass: float
+) -> Gains:
     """Find the gains of all axes.
 
     Parameters
     ----------
-    without, loaded : Joint
+    without, loaded : SimultaneousFit
         Condensed measurements of both runs.
     mass : float
         Of the load [kg].

@@ -28,7 +28,7 @@ from scipy import optimize
 from hil.estimation.condensed import products
 from hil.estimation.signals import interpolation
 from hil.model.base_parameters import base_parameters
-from hil.planning.measurement import Inertia
+from hil.model.dependencies import DIAGONAL
 from hil.regression.terms import FEWEST, moving, n_unknowns, place
 
 if TYPE_CHECKING:
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import ElementMeasurement
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[Measurement, Signals]]
+    Prepared = Sequence[tuple[ElementMeasurement, Signals]]
 
 EARLIEST, LATEST = -0.002, 0.012
 """Range that is searched [s]."""
@@ -91,7 +91,7 @@ def no_lags(robot: Robot) -> Lags:
 
 def find_lags(robot: Robot, prepared: Prepared) -> Lags:
     """Estimate the lag of every axis."""
-    inertial = [(m, s) for m, s in prepared if isinstance(m, Inertia)]
+    inertial = [(m, s) for m, s in prepared if m.unit_acceleration[m.index]]
     if not inertial:
         return no_lags(robot)
     period = max(s.period for _, s in inertial)
@@ -101,7 +101,7 @@ def find_lags(robot: Robot, prepared: Prepared) -> Lags:
     if not items:
         return no_lags(robot)
     likelihood = _Likelihood(robot, items, shifts, period)
-    return likelihood.lags(likelihood.maximise(), base_parameters(robot).groups["diagonal"])
+    return likelihood.lags(likelihood.maximise(), base_parameters(robot).groups[DIAGONAL])
 
 
 def _item(robot: Robot, axis: int, s: Signals, shifts: NDArray[np.intp]) -> _Item | None:

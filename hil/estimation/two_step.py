@@ -15,18 +15,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
+from hil.model.dependencies import GROUPS
+from hil.planning.measurement import ELEMENT_KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from hil.estimation.local_fits import LocalFit
+    from hil.estimation.local_values import LocalFit
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
-
-_ORDER = (("gravity", "gravity"), ("diagonal", "inertia"), ("off_diagonal", "coupling"))
 
 
 class TwoStep:
@@ -36,7 +36,7 @@ class TwoStep:
         self._groups = base_parameters(robot).groups
         self._n_base = len(base_parameters(robot))
         self._n_joints = robot.n_joints
-        self._kind = np.array([f.kind for f in local])
+        self._group = np.array([ELEMENT_KINDS[f.kind].group for f in local])
         self._axis = np.array([f.axis for f in local])
         self._weight = 1.0 / robot.torque_limit[self._axis]
         self._rows = np.array([f.row + f.sides[2:] for f in local])
@@ -46,7 +46,7 @@ class TwoStep:
     @property
     def n_measurements(self) -> int:
         """How many measurements there are to leave out."""
-        return len(self._kind)
+        return len(self._group)
 
     def solve(self, without: int | None = None) -> Array:
         """Base parameters, shape (n_base,)."""
@@ -66,10 +66,10 @@ class TwoStep:
     def _chain(self, values: Array, used: NDArray[np.bool_]) -> Array:
         """Fit one group after the other, each less what the ones before contribute."""
         p = np.zeros(self._n_base)
-        for group, kind in _ORDER:
+        for group in GROUPS:
             columns = list(self._groups[group])
             if columns:
-                rows = used & (self._kind == kind)
+                rows = used & (self._group == group)
                 weight = self._weight[rows]
                 C = weight * (values[rows] - self._rows[rows] @ p)
                 W = weight[:, np.newaxis] * self._rows[np.ix_(rows, columns)]

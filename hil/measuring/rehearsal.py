@@ -13,16 +13,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil.measuring import REHEARSAL_SPEED
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
-from hil.measuring.motion import locate, pass_along, travel
 from hil.measuring.sequencer import hold, never, refuse_other_bus
-from hil.measuring.streaming import pass_slowly
-from hil.planning.measurement import TURN, Coupling
+from hil.measuring.streaming import pace, pass_slowly
+from hil.measuring.travel import locate, pass_along, travel
+from hil.planning.strokes import TURN
 from hil.planning.timetable import SETTLING, travel_time
-from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -30,8 +27,9 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement, Strokes
+    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
+    from hil.planning.strokes import Strokes
     from hil.planning.trapezoid import Trapezoid
 
 
@@ -72,8 +70,8 @@ def rehearse(
     for measurement in plan.measurements:
         now = travel(bus, robot, measurement.start, plan.travel, plan.workspace, slow)
         yield Travelled(now.time, sum(left), measurement)
-        if isinstance(measurement, Trajectory):
-            now = pass_slowly(bus, measurement, _pace(measurement, robot, speed))
+        if measurement.streamed:
+            now = pass_slowly(bus, measurement, pace(measurement, robot, speed))
         else:
             for index, profile in _slowed(measurement, robot, speed):
                 now = pass_along(bus, index, profile, measurement.id)
@@ -88,8 +86,8 @@ def rehearse(
 def _slowed(measurement: Strokes, robot: Robot, speed: float) -> Iterator[tuple[int, Trapezoid]]:
     """Strokes there and back, each of one axis and no faster than `speed` allows."""
     ways = [(measurement.index, measurement.profile(k)) for k in (0, 1)]
-    if isinstance(measurement, Coupling):
-        ways[1:1] = [(measurement.partner.index, measurement.partner_profile(k)) for k in (0, 1)]
+    for partner in measurement.partners:
+        ways[1:1] = [(partner.index, partner.profile(measurement.q, k)) for k in (0, 1)]
     for index, profile in ways:
         slow = min(1.0, speed * float(robot.velocity_limit[index]) / profile.velocity)
         yield (
@@ -100,13 +98,6 @@ def _slowed(measurement: Strokes, robot: Robot, speed: float) -> Iterator[tuple[
                 acceleration=slow**2 * profile.acceleration,
             ),
         )
-
-
-def _pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
-    """Share of its own speed at which a trajectory keeps below `speed` of the limits."""
-    t = np.linspace(0.0, trajectory.period, 1000)
-    highest = float(np.max(np.abs(trajectory.motion(t)[1]) / robot.velocity_limit))
-    return min(1.0, speed / highest) if highest > 0 else 1.0
 
 
 def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -> list[float]:
@@ -122,7 +113,7 @@ def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -
 
 def _duration(measurement: Measurement, robot: Robot, speed: float) -> float:
     """Expected time that a measurement's own ways take [s]."""
-    if isinstance(measurement, Trajectory):
-        return measurement.period / _pace(measurement, robot, speed)
+    if measurement.streamed:
+        return measurement.period / pace(measurement, robot, speed)
     strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]
     return sum(strokes) + TURN * len(strokes)

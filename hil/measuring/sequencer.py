@@ -24,11 +24,9 @@ from hil.measuring.events import (
     Travelled,
     WarmingUp,
 )
-from hil.measuring.motion import locate, pass_along, record, stand, travel
-from hil.measuring.streaming import stream
-from hil.planning.measurement import Friction
+from hil.measuring.motion import MANNERS
+from hil.measuring.travel import locate, travel
 from hil.planning.timetable import timetable
-from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
@@ -41,10 +39,6 @@ if TYPE_CHECKING:
     from hil.planning.timetable import Entry
     from hil.runs.finding import Finding
     from hil.runs.recording import Recording
-
-
-LONGEST_STAND = 5.0
-"""Time at rest between two events [s]."""
 
 
 def never() -> bool:
@@ -98,8 +92,9 @@ def measure(
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
         yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
-        if isinstance(measurement, Friction):
-            yield from _prepare(bus, measurement, clock)
+        for spent, now in MANNERS[measurement.kind].prepare(bus, measurement):
+            left = max(0.0, clock.remaining(now) - spent)
+            yield Preparing(now, left, measurement, spent, measurement.preparation)
         for event in _attempts(plan, bus, measurement, clock):
             if isinstance(event, GaveUp):
                 gave_up.append(measurement.id)
@@ -109,27 +104,6 @@ def measure(
             yield Paused(began, clock.remaining(began))
             clock.shift(hold(bus, pause) - began)
     yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up))
-
-
-def _prepare(bus: DriveBus, measurement: Friction, clock: _Clock) -> Iterator[Event]:
-    """Give friction the history that is asked for: rest, then motion up to the recording.
-
-    A repeated attempt follows without it: only the first one's history can be as planned.
-    """
-    begin, rest = locate(bus).time, measurement.rest or 0.0
-    while (now := locate(bus).time) - begin < rest:
-        now = stand(bus, min(LONGEST_STAND, rest - (now - begin))).time
-        yield _preparing(measurement, now - begin, now, clock)
-    while (now := locate(bus).time) - begin < measurement.preparation:
-        for number in (0, 1):
-            profile = measurement.profile(number)
-            now = pass_along(bus, measurement.index, profile, f"{measurement.id}, exercise").time
-        yield _preparing(measurement, now - begin, now, clock)
-
-
-def _preparing(measurement: Friction, done: float, now: float, clock: _Clock) -> Preparing:
-    left = max(0.0, clock.remaining(now) - done)
-    return Preparing(now, left, measurement, done, measurement.preparation)
 
 
 class _Clock:
@@ -162,13 +136,13 @@ class _Clock:
 def _attempts(
     plan: Plan, bus: DriveBus, measurement: Measurement, clock: _Clock
 ) -> Iterator[Event]:
-    """Record until the checks pass or the attempts are used up."""
+    """Record until the checks pass or the attempts are used up.
+
+    A repeated attempt follows without preparation: only the first one's history can be as planned.
+    """
     tries: list[tuple[Recording, tuple[Finding, ...]]] = []
     while True:
-        if isinstance(measurement, Trajectory):
-            recording = stream(bus, measurement)
-        else:
-            recording = record(bus, measurement)
+        recording = MANNERS[measurement.kind].record(bus, measurement)
         findings = tuple(check(recording, measurement))
         tries.append((recording, findings))
         now = float(recording.time[-1])

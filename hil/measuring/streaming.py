@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.drive_bus import DriveRefused, MoveFailed, StreamingBus
 from hil.measuring.checks.encoder_jumps import refuse_jumps
-from hil.planning.trajectory import REST
+from hil.planning.strokes import REST
 from hil.runs.finding import Finding
 from hil.runs.recording import Recorder
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from drivers.drive_bus import DriveBus, Sample
+    from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
     from hil.runs.recording import Recording
 
@@ -60,10 +61,16 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
 
 def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:
     """Pass one period at `slow` times its speed, recording nothing; return the last sample."""
-    once = trajectory.model_copy(update={"cycles": 1})
-    for sample in _followed(bus, once, slow):
+    for sample in _followed(bus, trajectory.once, slow):
         last = sample
     return last
+
+
+def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
+    """Share of its own speed at which a trajectory keeps below `speed` of the limits."""
+    t = np.linspace(0.0, trajectory.period, 1000)
+    highest = float(np.max(np.abs(trajectory.motion(t)[1]) / robot.velocity_limit))
+    return min(1.0, speed / highest) if highest > 0 else 1.0
 
 
 def astray(recording: Recording, trajectory: Trajectory) -> Iterator[Finding]:

@@ -26,8 +26,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-GROUPS = ("gravity", "diagonal", "off_diagonal")
-"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only beside it."""
+GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal")
+"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only beside it.
+
+In this order: the elements that show a group hold no parameters of the groups behind it.
+"""
 
 _THRESHOLD = 1e-9
 _CONFIGURATIONS = 12

@@ -14,19 +14,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.planning import BITRATE
-from hil.planning.measurement import (
-    MARGIN,
-    PARTNER_TURN,
-    SETTLED,
-    SHORTEST_WINDOW,
-    Coupling,
-    Friction,
-    Inertia,
-)
+from hil.planning.measurement import element_measurements
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
-from hil.planning.trajectory import Trajectory
 from hil.planning.trajectory_check import check_trajectory
 from hil.planning.workspace import narrowed
 
@@ -34,8 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement, Strokes
+    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
+    from hil.planning.strokes import Strokes
 
 MAX_LOAD = 0.7
 """Share of the bus that SYNC and samples may take."""
@@ -92,8 +84,9 @@ class DryRun:
 
 def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
     """Fold over `plan`, which was made for `robot`; `bitrate` of the bus in bit/s."""
-    streamed = any(isinstance(m, Trajectory) for m in plan.measurements)
+    streamed = any(m.streamed for m in plan.measurements)
     load = bus_load(robot.n_joints, plan.sample_period, bitrate, streamed=streamed)
+    of_groups = bool(element_measurements(plan.measurements))
     measurements = measurement_problems(plan, robot)
     if not measurements:
         measurements = [
@@ -106,7 +99,7 @@ def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
         bitrate=bitrate,
         bus_load=load,
         problems=tuple(measurements + list(_check_load(load, plan, bitrate))),
-        groups=() if measurements or not _of_groups(plan) else identifiability(plan, robot),
+        groups=() if measurements or not of_groups else identifiability(plan, robot),
     )
 
 
@@ -134,11 +127,6 @@ def bus_load(n_axes: int, period: float, bitrate: int, *, streamed: bool = False
     return (frame_bits(0) + n_axes * each) / (period * bitrate)
 
 
-def _of_groups(plan: Plan) -> bool:
-    """Whether any measurement serves a group of base parameters."""
-    return not all(isinstance(m, Friction | Trajectory) for m in plan.measurements)
-
-
 def _durations(plan: Plan, robot: Robot) -> dict[str, float]:
     total: defaultdict[str, float] = defaultdict(float)
     for entry in timetable(plan, robot, plan.measurements):
@@ -163,7 +151,7 @@ def _check_load(load: float, plan: Plan, bitrate: int) -> Iterator[Problem]:
 def _check(number: int, measurement: Measurement, robot: Robot, period: float) -> Iterator[Problem]:
     """Everything that is wrong with one measurement."""
     here: tuple[str | int, ...] = ("measurements", number)
-    if isinstance(measurement, Trajectory):
+    if measurement.streamed:
         for message in check_trajectory(measurement, robot, period):
             yield Problem((*here, "sine"), message)
         return
@@ -172,8 +160,7 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
     yield from _check_profile(
         here, where, measurement.index, measurement.velocity, measurement.acceleration, robot
     )
-    if isinstance(measurement, Coupling):
-        partner = measurement.partner
+    for partner in measurement.partners:
         yield from _check_profile(
             (*here, "partner"), where, partner.index, partner.velocity, partner.acceleration, robot
         )
@@ -222,14 +209,10 @@ def _check_profile(
 
 def _check_window(here: tuple[str | int, ...], measurement: Strokes) -> Iterator[Problem]:
     """Tell a stroke too short for constant velocity, or for the partner's strokes."""
-    if isinstance(measurement, Inertia):
+    if measurement.cruise is None:
         return
-    profile = measurement.profile(0)
-    begin, end = profile.window
-    available, needed, what = end - begin, MARGIN + SHORTEST_WINDOW, "constant velocity"
-    if isinstance(measurement, Coupling):
-        needed = SETTLED + 2 * (measurement.partner_profile(0).duration + PARTNER_TURN)
-        what = "creep, needed for two strokes of the partner"
+    begin, end = measurement.profile(0).window
+    available, (needed, what) = end - begin, measurement.cruise
     if available < needed:
         length = measurement.stroke + (needed - available) * measurement.velocity
         yield Problem(

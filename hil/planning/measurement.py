@@ -1,8 +1,7 @@
-"""The kinds of measurement, as data.
+"""The kinds of measurement, as data: their models, and one table of what all stages ask of them.
 
 All but the trajectory (`hil.planning.trajectory`) follow section 6.3 of Grotjahn, Daemi and Heimann
-(2001): an axis goes back and forth about a configuration `q`, `cycles` times, from
-``q[axis] - stroke/2`` to ``q[axis] + stroke/2`` and back.
+(2001): an axis goes back and forth (`hil.planning.strokes`).
 
 gravity
     long windows of constant velocity: half the sum of both directions is g_i(q), eq. (14);
@@ -14,119 +13,59 @@ coupling
 friction
     constant velocity again, at any speed of the axis, with the history that friction depends on:
     how long the axis stood still, and how long it was kept in motion, just before (section 3).
+
+A further kind is a model and a row of `KINDS` here, and an entry wherever a stage has functions by
+kind: how it moves (`hil.measuring.motion`), what its recordings must show
+(`hil.measuring.checks.recording_checks`), what is estimated from it alone
+(`hil.estimation.local_fits`) and, if `hil plan` chooses it, where
+(`hil.planning.design.measurable_elements`).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal, TypeGuard, TypeVar
 
 from pydantic import Field, model_validator
 
-from checked_files.yaml_file import FileModel
-from hil.planning.plan_values import Name, Positive, Real
+from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
+from hil.planning.plan_values import Positive
+from hil.planning.strokes import PARTNER_TURN, SETTLED, Cruise, Partner, Strokes
 from hil.planning.trajectory import Trajectory
-from hil.planning.trapezoid import Trapezoid
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import Self
 
-REST = 0.3
-"""Time at rest recorded before the first stroke and after the last, padding for filters [s]."""
-TURN = 0.03
-"""Expected time between the end of one stroke's profile and the start of the next [s]."""
-SETTLED = 0.2
-"""Time after the creeping axis's ramp before its partner may start [s]."""
-PARTNER_TURN = 0.06
-"""Time for handshake and settling between a partner's profile and its next one [s]."""
-MARGIN = 0.1
-"""Time after a ramp that does not count as constant velocity yet [s]."""
-SHORTEST_WINDOW = 0.15
-"""Least duration of constant velocity in a stroke [s]."""
 
-
-class Partner(FileModel):
-    """The axis that accelerates back and forth while another one creeps."""
-
-    axis: int = Field(ge=1)
-    stroke: Positive
-    velocity: Positive
-    acceleration: Positive
-
-    @property
-    def index(self) -> int:
-        """Joint index, from 0."""
-        return self.axis - 1
-
-
-class _Strokes(FileModel):
-    """What all kinds share: an axis going back and forth about a configuration."""
-
-    id: Name
-    axis: int = Field(ge=1)
-    q: tuple[Real, ...] = Field(min_length=1)
-    stroke: Positive
-    velocity: Positive
-    acceleration: Positive
-    cycles: int = Field(default=1, ge=1)
-
-    @model_validator(mode="after")
-    def _axis_exists(self) -> Self:
-        if self.axis > len(self.q):
-            raise ValueError(
-                f"axis {self.axis} must be one of the {len(self.q)} joints that q names"
-            )
-        return self
-
-    @property
-    def index(self) -> int:
-        """Joint index of the axis whose torque is read, from 0."""
-        return self.axis - 1
-
-    @property
-    def moved(self) -> tuple[int, ...]:
-        """Joint indices of all axes that move on purpose, from 0."""
-        return (self.index,)
-
-    @property
-    def n_strokes(self) -> int:
-        """Strokes in all; even numbers go forward, odd ones back."""
-        return 2 * self.cycles
-
-    @property
-    def start(self) -> tuple[float, ...]:
-        """Configuration where the first stroke begins and the last one ends [rad]."""
-        return _moved(self.q, self.index, -self.stroke / 2)
-
-    @property
-    def end(self) -> tuple[float, ...]:
-        """Configuration where the forward strokes end [rad]."""
-        return _moved(self.q, self.index, self.stroke / 2)
-
-    def profile(self, stroke: int) -> Trapezoid:
-        """Profile of stroke number `stroke` (from 0) of the axis."""
-        ends = (self.start[self.index], self.end[self.index])
-        begin, end = ends if stroke % 2 == 0 else ends[::-1]
-        return Trapezoid(begin, end, self.velocity, self.acceleration)
-
-    @property
-    def duration(self) -> float:
-        """Expected time from rest at the start to rest after the last stroke [s]."""
-        return 2 * REST + self.n_strokes * (self.profile(0).duration + TURN)
-
-
-class Gravity(_Strokes):
+class Gravity(Strokes):
     """Constant velocity back and forth: gravity torque of the axis at q."""
 
     kind: Literal["gravity"] = "gravity"
 
 
-class Inertia(_Strokes):
+class Inertia(Strokes):
     """Acceleration back and forth: diagonal element of the mass matrix at q."""
 
     kind: Literal["inertia"] = "inertia"
 
+    @property
+    def unit_acceleration(self) -> tuple[float, ...]:
+        """The axis itself accelerates."""
+        return _unit(self.index, len(self.q))
 
-class Coupling(_Strokes):
+    @property
+    def torque_per_element(self) -> float:
+        """Acceleration of the axis."""
+        return self.acceleration
+
+    @property
+    def cruise(self) -> Cruise | None:
+        """None: the torque is read from the ramps."""
+        return None
+
+
+class Coupling(Strokes):
     """The axis creeps, its partner accelerates: off-diagonal element of the mass matrix at q."""
 
     kind: Literal["coupling"] = "coupling"
@@ -144,29 +83,28 @@ class Coupling(_Strokes):
         return self
 
     @property
-    def moved(self) -> tuple[int, ...]:
-        """Joint indices of the axis and its partner, from 0."""
-        return self.index, self.partner.index
+    def partners(self) -> tuple[Partner, ...]:
+        """The one that accelerates."""
+        return (self.partner,)
 
     @property
-    def start(self) -> tuple[float, ...]:
-        """Configuration where the first strokes of both axes begin [rad]."""
-        return _moved(super().start, self.partner.index, -self.partner.stroke / 2)
+    def unit_acceleration(self) -> tuple[float, ...]:
+        """The partner accelerates."""
+        return _unit(self.partner.index, len(self.q))
 
     @property
-    def end(self) -> tuple[float, ...]:
-        """Configuration of both axes at the far end of their strokes [rad]."""
-        return _moved(super().end, self.partner.index, self.partner.stroke / 2)
+    def torque_per_element(self) -> float:
+        """Acceleration of the partner."""
+        return self.partner.acceleration
 
-    def partner_profile(self, stroke: int) -> Trapezoid:
-        """Profile of the partner's stroke number `stroke`; even numbers go forward."""
-        index = self.partner.index
-        ends = (self.start[index], self.end[index])
-        begin, end = ends if stroke % 2 == 0 else ends[::-1]
-        return Trapezoid(begin, end, self.partner.velocity, self.partner.acceleration)
+    @property
+    def cruise(self) -> Cruise | None:
+        """Two strokes of the partner have their place in it."""
+        there_and_back = 2 * (self.partner.profile(self.q, 0).duration + PARTNER_TURN)
+        return Cruise(SETTLED + there_and_back, "creep, needed for two strokes of the partner")
 
 
-class Friction(_Strokes):
+class Friction(Strokes):
     """Constant velocity back and forth: friction torque of the axis at one speed.
 
     Attributes
@@ -184,20 +122,142 @@ class Friction(_Strokes):
     @property
     def preparation(self) -> float:
         """Time of rest and exercise before the recording [s]."""
-        return (self.rest or 0.0) + (self.exercise or 0.0)
+        return (self.rest or 0.0) + self.exercised
 
     @property
-    def duration(self) -> float:
-        """Expected time with the preparation [s]."""
-        return self.preparation + super().duration
+    def exercised(self) -> float:
+        """How long the same strokes go on before the recording [s]."""
+        return self.exercise or 0.0
 
 
-Element = Gravity | Inertia | Coupling
+ElementMeasurement = Gravity | Inertia | Coupling
 """Measurements of one element of g(q) or M(q)."""
-Strokes = Gravity | Inertia | Coupling | Friction
-"""Measurements in which an axis goes back and forth."""
-Measurement = Annotated[Strokes | Trajectory, Field(discriminator="kind")]
+Measurement = Annotated[
+    Gravity | Inertia | Coupling | Friction | Trajectory, Field(discriminator="kind")
+]
+M = TypeVar("M", bound=Strokes | Trajectory)
+T = TypeVar("T")
+
+KEYS = (
+    *("id", "kind", "axis", "q", "stroke", "velocity", "acceleration", "partner", "cycles"),
+    *("rest", "exercise", "period", "sine", "cosine"),
+)
+"""Keys of all kinds in the order in which a plan's file has them."""
 
 
-def _moved(q: tuple[float, ...], index: int, by: float) -> tuple[float, ...]:
-    return tuple(value + by if i == index else value for i, value in enumerate(q))
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A row of the table: what does not depend on a measurement; its model answers what does."""
+
+    model: type[Strokes | Trajectory]
+
+    @property
+    def name(self) -> str:
+        """As plans state it."""
+        return str(self.model.model_fields["kind"].default)
+
+
+@dataclass(frozen=True, slots=True)
+class ElementKind(Kind):
+    """A kind whose measurements show one element of g(q) or M(q) each.
+
+    Attributes
+    ----------
+    group : str
+        Group of base parameters that it serves (`hil.model.dependencies`).
+    letter : str
+        First letter of the ids that `hil plan` gives.
+    count : int
+        Measurements of a plan by counts unless asked for: those of section 8.
+    symbol : {"g", "M"}
+        Vector or matrix that the element stands in.
+    quantity, unit : str
+    pair : bool
+        Whether it belongs to two axes: one creeps and is read, the other one accelerates.
+    colour, marker : str
+        In plots of all kinds.
+    elements, figure, caption : str
+        For the report: the elements as a phrase, the paper's figure of them, what is drawn.
+    """
+
+    group: str
+    letter: str
+    count: int
+    symbol: Literal["g", "M"]
+    quantity: str
+    unit: str
+    pair: bool
+    colour: str
+    marker: str
+    elements: str
+    figure: str
+    caption: str
+
+    @property
+    def label(self) -> str:
+        """Quantity and unit, for the axis of a plot."""
+        return f"{self.quantity} [{self.unit}]"
+
+    def element(self, axis: int, partner: int) -> str:
+        """One element as a formula; joint indices from 0."""
+        index = f"{axis + 1}" if self.symbol == "g" else f"{axis + 1}{partner + 1}"
+        return f"{self.symbol}_{{{index}}}"
+
+
+_TABLE = (
+    ElementKind(
+        Gravity, GRAVITY, "g", 64, "g", "torque", "N m", pair=False, colour="#1f5fa8", marker="o",
+        elements="gravity torques",
+        figure="the paper's Fig. 5",
+        caption="Gravity torques (the paper's Fig. 5): half-sums of both directions at constant"
+        " velocity, eq. (14), against g(q) of the model.",
+    ),
+    ElementKind(
+        Inertia, DIAGONAL, "i", 92, "M", "inertia", "kg m²", pair=False, colour="#d9730d",
+        marker="s",
+        elements="moments of inertia",
+        figure="Fig. 6",
+        caption="Moments of inertia (Fig. 6): diagonal elements of M(q) by eq. (19) and (20), motor"
+        " inertias and gravity compensated, against the model.",
+    ),
+    ElementKind(
+        Coupling, OFF_DIAGONAL, "c", 9, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
+        marker="^",
+        elements="coupling inertias",
+        figure="",
+        caption="Couplings: off-diagonal elements of M(q) by eq. (21), read on the axis that creeps"
+        " while its partner accelerates.",
+    ),
+    Kind(Friction),
+    Kind(Trajectory),
+)  # fmt: skip
+KINDS: dict[str, Kind] = {kind.name: kind for kind in _TABLE}
+"""All kinds by the name that plans state, in the order of tables and plots."""
+ELEMENT_KINDS: dict[str, ElementKind] = {
+    name: kind for name, kind in KINDS.items() if isinstance(kind, ElementKind)
+}
+"""Those that show elements of g(q) or M(q)."""
+
+
+def shows_element(measurement: Measurement) -> TypeGuard[ElementMeasurement]:
+    """Whether a measurement shows one element of g(q) or M(q)."""
+    return measurement.kind in ELEMENT_KINDS
+
+
+def element_measurements(measurements: Iterable[Measurement]) -> list[ElementMeasurement]:
+    """Those that show an element of g(q) or M(q)."""
+    return [m for m in measurements if shows_element(m)]
+
+
+def of_kind(model: type[M], measurements: Iterable[Measurement]) -> list[M]:
+    """Those of one kind."""
+    return [m for m in measurements if isinstance(m, model)]
+
+
+def recorded_as(model: type[M], recorded: Iterable[tuple[Measurement, T]]) -> list[tuple[M, T]]:
+    """Measurements of one kind with what was recorded of them."""
+    return [(m, recording) for m, recording in recorded if isinstance(m, model)]
+
+
+def _unit(index: int, n: int) -> tuple[float, ...]:
+    return tuple(float(i == index) for i in range(n))

@@ -17,7 +17,6 @@ import numpy as np
 from drivers.drive_bus import LimitExceeded
 from hil.model.capsules import capsules
 from hil.planning.clearance import find_hits
-from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,7 +41,7 @@ _IN_A_PLAN = (
 _AT_THE_START = "correct box or capsule, or bring the arm out of there with hil jog"
 
 
-class Strokes:
+class JointBoxes:
     """Boxes in joint space, each spanned by two configurations (n, n_joints) [rad or m]."""
 
     slack = 0.0
@@ -113,10 +112,11 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
     if workspace is None:
         return
     start, end = _ends(measurements)
-    hits = find_hits(robot, workspace, Strokes(start, end))
+    hits = find_hits(robot, workspace, JointBoxes(start, end))
     for number, measurement in enumerate(measurements):
-        if isinstance(measurement, Trajectory):
-            hits |= _on_trajectory(number, measurement, plan, robot)
+        if measurement.streamed:
+            path = measurement.once.path(plan.sample_period)
+            hits |= _on_path(number, path, plan, robot)
     for number, hit in sorted(hits.items()):
         yield Obstacle(number, f"{measurements[number].id}: {_described(hit, robot, workspace)}")
     yield from _on_travels(start[:-1], start[1:], plan.travel, plan, robot)
@@ -145,7 +145,7 @@ def refuse_travel(
     if workspace is None:
         return
     here = np.array([start])
-    for hit in find_hits(robot, workspace, Strokes(here, here)).values():
+    for hit in find_hits(robot, workspace, JointBoxes(here, here)).values():
         raise LimitExceeded(
             f"the arm stands in {workspace.boxes[hit.box].name} or too near to it:"
             f" {_described(hit, robot, workspace, _AT_THE_START)}"
@@ -159,12 +159,10 @@ def refuse_travel(
         )
 
 
-def _on_trajectory(number: int, trajectory: Trajectory, plan: Plan, robot: Robot) -> dict[int, Hit]:
-    """Find the deepest intrusion of a trajectory; joints move straight between samples."""
+def _on_path(number: int, path: Array, plan: Plan, robot: Robot) -> dict[int, Hit]:
+    """Find the deepest intrusion of streamed set-points; joints move straight between them."""
     assert plan.workspace is not None  # noqa: S101 - `obstacles` has asked
-    once = trajectory.model_copy(update={"cycles": 1})
-    path = once.path(plan.sample_period)
-    hits = find_hits(robot, plan.workspace, Strokes(path[:-1], path[1:]))
+    hits = find_hits(robot, plan.workspace, JointBoxes(path[:-1], path[1:]))
     deepest = max(hits.values(), key=lambda hit: hit.depth, default=None)
     return {} if deepest is None else {number: deepest}
 

@@ -16,38 +16,14 @@ from pydantic import AfterValidator, Field, field_validator
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.planning import LONGEST
-from hil.planning.measurement import (
-    Coupling,
-    Friction,
-    Gravity,
-    Inertia,
-    Measurement,
-    Partner,
-)
+from hil.planning.measurement import KEYS, Measurement
 from hil.planning.plan_values import Fraction, rounded
-from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Workspace, refuse_unfit
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.model.robot import Robot
-
-__all__ = [
-    "Coupling",
-    "Friction",
-    "Gravity",
-    "Inertia",
-    "Measurement",
-    "Partner",
-    "Plan",
-    "PlannedRobot",
-    "Trajectory",
-    "WarmUp",
-    "dump_plan",
-    "load_plan",
-    "refuse_other_robot",
-]
 
 
 class PlannedRobot(FileModel):
@@ -153,15 +129,9 @@ def dump_plan(plan: Plan) -> str:
     """Write a plan as YAML: a short block a measurement, joints in one line."""
     data = plan.model_dump(mode="json", exclude_none=True)
     data["measurements"] = [
-        {key: item[key] for key in sorted(item, key=_KEYS.index)} for item in data["measurements"]
+        {key: item[key] for key in sorted(item, key=KEYS.index)} for item in data["measurements"]
     ]
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=200)
-
-
-_KEYS = [
-    *("id", "kind", "axis", "q", "stroke", "velocity", "acceleration", "partner", "cycles"),
-    *("rest", "exercise", "period", "sine", "cosine"),
-]
 
 
 class _Dumper(yaml.SafeDumper):

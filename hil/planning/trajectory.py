@@ -12,13 +12,14 @@ sum_k k sine_jk = 0 and sum_k k^2 cosine_jk = 0.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from checked_files.yaml_file import FileModel
 from hil.planning.plan_values import Name, Positive, Real
+from hil.planning.strokes import REST
 
 if TYPE_CHECKING:
     from typing import Self
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     Array = NDArray[np.float64]
-
-REST = 0.3
-"""Time at rest recorded before the first period and after the last, padding for filters [s]."""
 
 Amplitudes = tuple[tuple[Real, ...], ...]
 
@@ -47,6 +45,9 @@ class Trajectory(FileModel):
     cycles : int
         Periods without a stop.
     """
+
+    streamed: ClassVar[Literal[True]] = True
+    """Whether set-points are streamed; if not, drives are given the ends of strokes."""
 
     id: Name
     kind: Literal["trajectory"] = "trajectory"
@@ -67,6 +68,31 @@ class Trajectory(FileModel):
                     " and all rows of sine and cosine as many harmonics, at least one"
                 )
         return self
+
+    @property
+    def moved(self) -> tuple[int, ...]:
+        """Joint indices of all axes, since all move."""
+        return tuple(range(len(self.q)))
+
+    @property
+    def read(self) -> tuple[int, ...]:
+        """Joint indices of all axes, since the torque of each is read."""
+        return self.moved
+
+    @property
+    def axes_in_words(self) -> str:
+        """The axes that move, for readers."""
+        return "all axes"
+
+    @property
+    def preparation(self) -> float:
+        """None: the recording follows the travel [s]."""
+        return 0.0
+
+    @property
+    def once(self) -> Self:
+        """One period of it."""
+        return self.model_copy(update={"cycles": 1})
 
     @property
     def start(self) -> tuple[float, ...]:

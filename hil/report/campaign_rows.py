@@ -12,6 +12,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.rounding import clock, percent, rounded, signed, significant
 
 if TYPE_CHECKING:
@@ -75,8 +76,8 @@ def verdict(result: Result) -> str:
 
 def counts(campaign: Sequence[Measured]) -> str:
     """Tell how many measurements there are of each kind."""
-    kinds = [measured.measurement.kind for measured in campaign]
-    each = (f"{kinds.count(kind)} {kind}" for kind in ("gravity", "inertia", "coupling"))
+    kinds: list[str] = [measured.measurement.kind for measured in campaign]
+    each = (f"{kinds.count(kind)} {kind}" for kind in ELEMENT_KINDS)
     return f"{len(kinds)} ({', '.join(each)})"
 
 

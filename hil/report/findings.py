@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from checked_files.yaml_file import FileError
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.plots.findings import shifted_sinusoid, with_and_without_load
 from hil.results import diagnosis_file, payload_file
 from hil.results.diagnosis_file import DiagnosisFile, load_diagnosis
@@ -84,8 +85,8 @@ def drawings(findings: Findings) -> dict[str, Figure]:
     made: dict[str, Figure] = {}
     if findings.load is not None:
         runs = findings.load.elements_without, findings.load.elements_loaded
-        made["load-gravity"] = with_and_without_load(*runs, "gravity", "torque [N m]")
-        made["load-inertia"] = with_and_without_load(*runs, "inertia", "inertia [kg m²]")
+        for name in payload_file.DRAWN:
+            made[f"load-{name}"] = with_and_without_load(*runs, ELEMENT_KINDS[name])
     if findings.diagnosis is not None and findings.diagnosis.phase is not None:
         shown = findings.diagnosis.phase.phase()
         made["phase"] = shifted_sinusoid(shown, ", ".join(findings.diagnosis.found))

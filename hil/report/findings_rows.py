@@ -70,7 +70,7 @@ def load_rows(load: LoadFile) -> list[Row]:
     ]
 
 
-def fit(load: LoadFile) -> str:
+def goodness_of_fit(load: LoadFile) -> str:
     """Tell how well a rigid load explains the changes, and what of it is not seen."""
     p = load.p_value
     verdict = "" if p > MISFIT else ": something else changed between the runs"

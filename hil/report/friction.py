@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from checked_files.yaml_file import FileError
 from hil.estimation.friction.history import history
 from hil.estimation.friction.symmetry import of_local_values
-from hil.planning.measurement import Friction
+from hil.planning.measurement import Friction, of_kind, recorded_as
 from hil.report import friction_rows
 from hil.report.campaign_rows import when
 from hil.report.plots import friction
@@ -36,7 +36,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def friction_only(folder: RunFolder) -> bool:
     """Whether a run measures nothing but friction."""
-    return all(isinstance(m, Friction) for m in folder.plan.measurements)
+    planned = folder.plan.measurements
+    return len(of_kind(Friction, planned)) == len(planned)
 
 
 def page(folder: RunFolder) -> tuple[str, dict[str, Figure]]:
@@ -70,8 +71,7 @@ def of_campaign(
     folder: RunFolder, recordings: Sequence[tuple[Measurement, Recording]], estimate: Estimate
 ) -> dict[str, Any]:
     """What the report of a campaign says about friction besides; call within `drawn`."""
-    measured = any(isinstance(m, Friction) for m, _ in recordings)
-    result = evaluate(folder) if measured else None
+    result = evaluate(folder) if recorded_as(Friction, recordings) else None
     drawn = friction.drawings(result) if result else {}
     drifts = campaign_drifts(folder.robot, estimate.local, history(folder.robot, recordings))
     return {

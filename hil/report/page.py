@@ -17,6 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from checked_files.yaml_file import FileError, load_yaml
 from hil.estimation import signals
 from hil.estimation.identify import NotIdentifiable, estimates
+from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 from hil.regression import terms, window
 from hil.report import campaign_rows, findings, findings_rows, friction
 from hil.report.campaign_rows import Result
@@ -104,7 +105,7 @@ def _evaluate(folder: RunFolder, campaign: Sequence[Measured]) -> Result:
 
 
 def _draw(folder: RunFolder, result: Result) -> dict[str, Figure]:
-    planned = {measurement.id: measurement for measurement in folder.plan.measurements}
+    planned = {each.id: each for each in element_measurements(folder.plan.measurements)}
     evidence = campaign.Evidence(result.estimate, folder.robot, planned)
     return {name: draw(evidence) for name, draw in campaign.PLOTS.items()}
 
@@ -127,6 +128,7 @@ def _html(
         journal=folder.journal,
         campaign=campaign,
         content=campaign_rows,
+        kinds=ELEMENT_KINDS,
         plots={name: _data_uri(image(figure, "svg")) for name, figure in drawings.items()},
         model_note=_model_note(folder),
         findings=findings,

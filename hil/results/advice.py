@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.identify import GROUP_OF
 from hil.model.base_parameters import base_parameters
-from hil.planning.measurement import Coupling
-from hil.planning.prediction.identifiability import observations
-from hil.planning.trajectory import Trajectory
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.planning.prediction.identifiability import group_observations
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
@@ -27,15 +25,14 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
 
     Array = NDArray[np.float64]
 
-WEAK = 0.005
-"""Standard error of a parameter, as a share of some joint's torque, above which it is weak."""
+UNCERTAIN = 0.005
+"""Standard error of a parameter, as a share of some joint's torque, above which it is too much."""
 FEW_DEGREES = 2.5
 """Effective degrees of freedom up to which an interval rests on next to nothing."""
 FEW_ROWS = 3
@@ -156,15 +153,15 @@ def _misfit(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
 
 def _groups(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     base = base_parameters(robot)
-    for kind, group in GROUP_OF.items():
-        members = base.groups[group]
+    for kind, row in ELEMENT_KINDS.items():
+        members = base.groups[row.group]
         names = ", ".join(base.names[k] for k in members)
         rows = sum(value.kind == kind for value in estimate.local)
         if members and rows < FEW_ROWS * len(members):
             yield Advice(names, f"{rows} {kind} measurements for {len(members)} parameters",
                          f"at least {FEW_ROWS * len(members)} {kind} measurements")  # fmt: skip
-        if members and estimate.condition[group] > CONDITION:
-            yield Advice(names, f"condition number {estimate.condition[group]:.3g}",
+        if members and estimate.condition[row.group] > CONDITION:
+            yield Advice(names, f"condition number {estimate.condition[row.group]:.3g}",
                          f"{kind} measurements that vary more joints")  # fmt: skip
 
 
@@ -175,7 +172,7 @@ def _parameters(
     effect = np.nan_to_num(prediction.relative_effect)
     for k, name in enumerate(base.names):
         joint = int(np.argmax(effect[:, k]))
-        if effect[joint, k] > WEAK:
+        if effect[joint, k] > UNCERTAIN:
             what = (
                 f"its standard error, {estimate.standard_error[k]:.2g} {base.units[k]}, is"
                 f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}"
@@ -192,15 +189,17 @@ def _parameters(
 def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     """Which of the plan's measurements would lower the variance of parameter k most, if doubled."""
     groups = base_parameters(robot).groups
-    kind, group = next((kind, group) for kind, group in GROUP_OF.items() if k in groups[group])
+    kind, group = next(
+        (kind, row.group) for kind, row in ELEMENT_KINDS.items() if k in groups[row.group]
+    )
     candidates = [m for m in plan.measurements if m.kind == kind]
-    W = observations(plan, robot, group)
+    W = group_observations(plan, robot, group)
     G = np.linalg.pinv(W.T @ W)
     at = groups[group].index(k)
     gains = (W @ G[:, at]) ** 2 / (1.0 + np.einsum("ij,jk,ik->i", W, G, W)) / G[at, at]
     best = candidates[int(np.argmax(gains))]
     return (
-        f"more {kind} measurements of {_axes(best)}, such as {best.id}"
+        f"more {kind} measurements of {best.axes_in_words}, such as {best.id}"
         f" (each lowers the variance by {100 * gains.max():.0f} %)"
     )
 
@@ -236,7 +235,7 @@ def _drives(robot: Robot) -> Iterator[Advice]:
 def _offsets(estimate: Estimate) -> Iterator[Advice]:
     """Half-sums that miss the model by the same amount everywhere."""
     found = {}
-    gravity = [v for v in estimate.local if v.kind == "gravity"]
+    gravity = [v for v in estimate.local if v.symbol == "g"]
     for axis in sorted({v.axis for v in gravity}):
         left = np.array([v.value - v.model for v in gravity if v.axis == axis])
         if len(left) > 2 and abs(left.mean()) > OFFSET * left.std(ddof=1) / np.sqrt(len(left)):
@@ -249,13 +248,6 @@ def _offsets(estimate: Estimate) -> Iterator[Advice]:
             "nothing, as the improved method fits it; it shifts the printed one's parameters",
             urgent=False,
         )
-
-
-def _axes(m: Measurement) -> str:
-    if isinstance(m, Trajectory):
-        return "all axes"
-    partner = f" with partner {m.partner.axis}" if isinstance(m, Coupling) else ""
-    return f"axis {m.axis}{partner}"
 
 
 def _listed(names: Sequence[str], most: int = 6) -> str:

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 from checked_files.yaml_file import FileError
 from hil.estimation.absent_parameters import examine
 from hil.estimation.gravity_phase import Phase, shifted_most
-from hil.estimation.identify import NotIdentifiable, estimate
-from hil.estimation.signals import signals
-from hil.planning.trajectory import Trajectory
+from hil.estimation.identify import NotIdentifiable, estimate, prepared_for
 from hil.results.model_file import recorded
 from hil.runs.run_folder import RunFolder
 
@@ -73,13 +71,7 @@ def diagnose(run_folder: Path) -> Diagnosis:
         best = estimate(robot, recordings)
     except NotIdentifiable as error:
         raise FileError(f"{folder.path}: {error}") from error
-    used = {value.id for value in best.local}
-    prepared = [
-        (measurement, signals(recording).torque_advanced(best.lag))
-        for measurement, recording in recordings
-        if measurement.id in used and not isinstance(measurement, Trajectory)
-    ]
-    errors = examine(robot, prepared)
+    errors = examine(robot, prepared_for(best, recordings))
     shifted = shifted_most(best, errors, robot.torque_limit) if errors.found else None
     return Diagnosis(robot, best, errors, shifted)
 

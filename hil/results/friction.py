@@ -14,7 +14,7 @@ from hil.estimation.friction.history import history
 from hil.estimation.friction.model_choice import choose
 from hil.estimation.friction.points import GravityModel, points
 from hil.model.base_parameters import base_parameters
-from hil.planning.measurement import Friction
+from hil.planning.measurement import Friction, recorded_as
 from hil.results.model_file import load_model, recorded
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.model_choice import AxisFriction
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.estimation.local_fits import LocalValue
+    from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.runs.run_folder import RunFolder
 
@@ -95,7 +95,7 @@ def evaluate(
     """
     robot = folder.robot
     everything = list(recorded(folder))
-    chosen = [(m, r) for m, r in everything if isinstance(m, Friction)]
+    chosen = recorded_as(Friction, everything)
     if not chosen:
         raise FileError(
             f"{folder.path}: holds no friction measurements; plan some with: hil friction plan"

@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
-from hil.estimation.friction.models import KINDS, UNIT, FrictionModel, Kind
+from hil.estimation.friction.models import LAWS, UNIT, FrictionModel, Law
 from hil.estimation.friction.symmetry import BOUND
 from hil.results.friction import FrictionResult, evaluate
 from hil.runs.atomic_file import write_file
@@ -32,7 +32,7 @@ NAME = "friction.yaml"
 class ModelRecord(FileModel):
     """One friction model: parameters in SI, errors as root mean squares [N m]."""
 
-    kind: Kind
+    kind: Law
     a: tuple[float, ...]
     standard_error: tuple[float | None, ...]
     units: tuple[str, ...]
@@ -57,7 +57,7 @@ class AxisRecord(FileModel):
     """Friction of one axis; `axis` counts from 1."""
 
     axis: int
-    chosen: Kind | None
+    chosen: Law | None
     models: tuple[ModelRecord, ...]
     symmetry: SymmetryRecord | None
 
@@ -146,7 +146,7 @@ def _axis(axis: int, result: FrictionResult) -> AxisRecord:
             held_out_error=float(np.sqrt(found.held_out[kind])),
             unidentifiable=model.unidentifiable,
         )
-        for kind in KINDS
+        for kind in LAWS
         if (model := found.models.get(kind))
     )  # fmt: skip
     return AxisRecord(

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from hil.estimation.identify import NotIdentifiable, estimate
+from hil.estimation.identify import NotIdentifiable, estimate, prepared_for
 from hil.estimation.payload import NoLoad, payload
-from hil.estimation.signals import signals
-from hil.estimation.simultaneous import Joint
+from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
-from hil.planning.trajectory import Trajectory
 from hil.results.model_file import recorded
 from hil.runs.run_folder import RunFolder
 
@@ -83,13 +81,5 @@ def _estimate(folder: RunFolder) -> Estimate:
         raise FileError(f"{folder.path}: {error}") from error
 
 
-def _joint(folder: RunFolder, found: Estimate) -> Joint:
-    used = {value.id for value in found.local}
-    return Joint(
-        folder.robot,
-        [
-            (measurement, signals(recording).torque_advanced(found.lag))
-            for measurement, recording in recorded(folder)
-            if measurement.id in used and not isinstance(measurement, Trajectory)
-        ],
-    )
+def _joint(folder: RunFolder, found: Estimate) -> SimultaneousFit:
+    return SimultaneousFit(folder.robot, prepared_for(found, recorded(folder)))

@@ -7,13 +7,15 @@ and 6 need of both runs. The file says of which recordings it was made.
 from __future__ import annotations
 
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import yaml
+from pydantic import AfterValidator
 
 from checked_files.yaml_file import FileModel, load_yaml
 from hil.model.base_parameters import base_parameters, link_share
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.stamp import RunStamp, same_parameters
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
@@ -28,8 +30,14 @@ if TYPE_CHECKING:
     from hil.results.payload import Load
 
 NAME = "payload.yaml"
-DRAWN = ("gravity", "inertia")
-"""Kinds of measurement that Figs. 5 and 6 show."""
+DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
+"""Kinds of measurement that figures of the paper show."""
+
+
+def _drawn(kind: str) -> str:
+    if kind not in DRAWN:
+        raise ValueError(f"{kind!r} must be one of {', '.join(DRAWN)}")
+    return kind
 
 
 class Change(FileModel):
@@ -71,7 +79,7 @@ class Element(FileModel):
     """One measurement by itself: an element of g(q) or M(q), measured and modelled."""
 
     id: str
-    kind: Literal["gravity", "inertia"]
+    kind: Annotated[str, AfterValidator(_drawn)]
     axis: int
     value: float
     standard_error: float | None
@@ -201,7 +209,7 @@ def _elements(estimate: Estimate) -> tuple[Element, ...]:
     return tuple(
         Element(
             id=value.id,
-            kind="gravity" if value.kind == "gravity" else "inertia",
+            kind=value.kind,
             axis=value.axis + 1,
             value=value.value,
             standard_error=None if np.isnan(value.standard_error) else value.standard_error,

@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.model.base_parameters import base_parameters
-from hil.planning.design.by_counts import COUNTS, design
+from hil.planning.design.by_counts import design
 from hil.planning.design.friction import sweep
 from hil.planning.design.trajectories import design_trajectory
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
 from hil.planning.timetable import timetable
 from hil.runs.atomic_file import write_file
@@ -92,9 +93,12 @@ def _designed(robot: Robot, share: float, given: Plan | None) -> dict[str, Plan]
 
 
 def _two_step(robot: Robot, share: float) -> Plan:
-    groups = base_parameters(robot).groups.values()
-    counts = [max(round(share * n), len(g)) for n, g in zip(COUNTS, groups, strict=True)]
-    return design(robot, (counts[0], counts[1], counts[2]))
+    groups = base_parameters(robot).groups
+    counts = {
+        name: max(round(share * kind.count), len(groups[kind.group]))
+        for name, kind in ELEMENT_KINDS.items()
+    }
+    return design(robot, counts)
 
 
 def _filling(waves: Sequence[Measurement], time: float) -> list[Measurement]:

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from hil.model.dependencies import GROUPS
 from hil.report.plots.style import GRID, INK, MEASURED, MODEL, MUTED, drawn, image
 from hil.runs.atomic_file import write_file
 from hil.study.campaigns import KINDS
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from hil.study.drift import Judged
 
 TABLE, PICTURE = "study.csv", "study"
-GROUPS = ("gravity", "diagonal", "off_diagonal")
 LEGEND = "error of predicted rigid-body torques, %\na dot for each plant, a bar for their rms"
 LABELS, PANEL, BELOW = 2.6, 1.85, 0.62
 """Width of the methods' names and of a panel, height below the panels [inch]."""

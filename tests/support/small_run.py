@@ -10,7 +10,7 @@ from hil.report.plots.campaign import PLOTS
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
 
-COUNTS = (12, 24, 3)
+COUNTS = {"gravity": 12, "inertia": 24, "coupling": 3}
 SIMULATED = "sim_plant manutec-r15"
 NOISE = 0.0025
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
-from hil.planning.measurement import REST, Coupling
+from hil.planning.strokes import REST
 from hil.runs.recording import IDLE, Recording
 
 PERIOD = 0.004
@@ -55,7 +55,7 @@ def record(robot, measurement, p, friction, *, begin=0.0, noise=0.0, rng=None):
         _add(q, qd, qdd, measurement.index, t - start, sign * profile.peak,
              stroke_time, ramp)  # fmt: skip
         stroke[(t >= start) & (t < start + stroke_time + 0.1)] = k
-        if isinstance(measurement, Coupling):
+        if measurement.partners:
             _partner(measurement, t, start, stroke_time, ramp, (q, qd, qdd), partner_stroke)
     stroke[t >= t[-1] - REST] = IDLE
     tau = inverse_dynamics(robot, p, q, qd, qdd) + motor_torque(robot, q, qd, qdd)

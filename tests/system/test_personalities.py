@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     Recorded_ = list[tuple[Measurement, Recording]]
 
-COUNTS = (3, 14, 1)
+COUNTS = {"gravity": 3, "inertia": 14, "coupling": 1}
 """The fewest measurements that tell the 14 base parameters apart."""
 CLEAN = {"drift": False, "symmetric": True, "noise": {"torque": 5e-4, "ripple": 0.0}}
 

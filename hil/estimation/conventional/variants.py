@@ -12,6 +12,7 @@ from hil.estimation.conventional.products import products
 from hil.estimation.conventional.solution import solve
 from hil.estimation.estimate import Estimate
 from hil.estimation.signals import NotEnoughData
+from hil.planning.measurement import recorded_as
 from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def trajectories(
     NotEnoughData
         There are none.
     """
-    found = [(m, recording) for m, recording in recorded if isinstance(m, Trajectory)]
+    found = recorded_as(Trajectory, recorded)
     if not found:
         raise NotEnoughData("no trajectories among the measurements; plan some with hil trajectory")
     return found

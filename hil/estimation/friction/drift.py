@@ -42,7 +42,7 @@ AT_REST = 0.01
 BOUNDS = {"warm-up": (120.0, 14400.0), "settling": (10.0, 3600.0), "stirring": (1.0, 600.0)}
 """Time constants that are looked for [s]."""
 GRID = (6, 5, 5)
-WEAK = 0.5
+UNCERTAIN = 0.5
 """Relative standard error from which on a time constant is not identifiable."""
 SMALL = 2.0
 """Effect over its standard error below which there is none to tell a time constant from."""
@@ -190,7 +190,7 @@ class _Fit:
             word = "its effect is lost in the scatter; measure longer, or with stops"
         elif min(log_tau - self._low[k], self._high[k] - log_tau) < 1e-3:
             word = f"at its bound, {value:.0f} s; the run holds no such change"
-        elif error > WEAK:
+        elif error > UNCERTAIN:
             by = f"uncertain by {100 * error:.0f} %" if np.isfinite(error) else "not excited"
             word = f"{by}; measure longer, or with more stops"
         return TimeConstant(name, value, value * error, word)

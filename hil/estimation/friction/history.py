@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.measurement import TURN, Friction
+from hil.planning.strokes import TURN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -74,9 +74,9 @@ def history(robot: Robot, recorded: Iterable[tuple[Measurement, Recording]]) -> 
 def _exercise(measurement: Measurement, robot: Robot) -> tuple[float, Array]:
     """Duration [s] and speeds, as shares of the limits, of a friction measurement's exercise."""
     speed = np.zeros(robot.n_joints)
-    if not isinstance(measurement, Friction) or not measurement.exercise:
+    if measurement.streamed or not measurement.exercised:
         return 0.0, speed
     i = measurement.index
     mean = measurement.stroke / (measurement.profile(0).duration + TURN)
     speed[i] = mean / float(robot.velocity_limit[i])
-    return measurement.exercise, speed
+    return measurement.exercised, speed

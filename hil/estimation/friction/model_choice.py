@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from hil.estimation.friction.models import KINDS, fit, n_parameters
+from hil.estimation.friction.models import LAWS, fit_model, n_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from hil.estimation.friction.models import FrictionModel, Kind
+    from hil.estimation.friction.models import FrictionModel, Law
     from hil.estimation.friction.points import FrictionPoint
 
     Array = NDArray[np.float64]
@@ -53,15 +53,15 @@ class AxisFriction:
     held_out : dict
         Mean quadratic error at speeds held out, by kind [N^2 m^2].
     chosen : str
-        Kind of the model that is recommended.
+        Law of the model that is recommended.
     """
 
     axis: int
     velocity: Array
     torque: Array
-    models: dict[Kind, FrictionModel]
-    held_out: dict[Kind, float]
-    chosen: Kind
+    models: dict[Law, FrictionModel]
+    held_out: dict[Law, float]
+    chosen: Law
 
     @property
     def model(self) -> FrictionModel:
@@ -88,7 +88,7 @@ def choose(axis: int, points: Sequence[FrictionPoint], limit: float) -> AxisFric
     """
     velocity, torque, speed = _data(points)
     n = len(np.unique(speed))
-    kinds = [kind for kind in KINDS if n > n_parameters(kind)]
+    kinds = [kind for kind in LAWS if n > n_parameters(kind)]
     if not kinds:
         return None
     errors = {kind: _held_out(kind, velocity, torque, speed, limit) for kind in kinds}
@@ -96,7 +96,7 @@ def choose(axis: int, points: Sequence[FrictionPoint], limit: float) -> AxisFric
         axis=axis,
         velocity=velocity,
         torque=torque,
-        models={kind: fit(kind, velocity, torque, limit) for kind in kinds},
+        models={kind: fit_model(kind, velocity, torque, limit) for kind in kinds},
         held_out={kind: float(np.mean(error)) for kind, error in errors.items()},
         chosen=_simplest(errors),
     )
@@ -113,18 +113,18 @@ def _data(points: Sequence[FrictionPoint]) -> tuple[Array, Array, NDArray[np.int
 
 
 def _held_out(
-    kind: Kind, velocity: Array, torque: Array, speed: NDArray[np.intp], limit: float
+    kind: Law, velocity: Array, torque: Array, speed: NDArray[np.intp], limit: float
 ) -> Array:
     """Mean quadratic error at each speed, the model fitted to all others, shape (n_speeds,)."""
     errors = []
     for number in np.unique(speed):
         out = speed == number
-        model = fit(kind, velocity[~out], torque[~out], limit)
+        model = fit_model(kind, velocity[~out], torque[~out], limit)
         errors.append(float(np.mean((torque[out] - model.torque(velocity[out])) ** 2)))
     return np.array(errors)
 
 
-def _simplest(errors: dict[Kind, Array]) -> Kind:
+def _simplest(errors: dict[Law, Array]) -> Law:
     best = min(errors, key=lambda kind: float(errors[kind].mean()))
 
     simpler = [kind for kind in errors if n_parameters(kind) < n_parameters(best)]

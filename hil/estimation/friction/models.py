@@ -30,22 +30,22 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-Kind = Literal["linear", "cube-root", "arctan", "stribeck"]
-KINDS: tuple[Kind, ...] = ("linear", "cube-root", "arctan", "stribeck")
+Law = Literal["linear", "cube-root", "arctan", "stribeck"]
+LAWS: tuple[Law, ...] = ("linear", "cube-root", "arctan", "stribeck")
 """From the simplest."""
 GRID = 60
 """Values of a4 that are tried first."""
-WEAK = 0.5
+UNCERTAIN = 0.5
 """Standard error over value from which on a parameter may count as not identifiable."""
 TIED = 0.95
 """Correlation with another parameter from which on both are only known together."""
-UNIT: dict[Kind, tuple[str, ...]] = {
+UNIT: dict[Law, tuple[str, ...]] = {
     "linear": ("N m s/rad", "N m"),
     "cube-root": ("N m s/rad", "N m", "N m (s/rad)^1/3"),
     "arctan": ("N m s/rad", "N m", "N m", "s/rad"),
     "stribeck": ("N m s/rad", "N m", "N m", "rad/s"),
 }
-FORMULA: dict[Kind, str] = {
+FORMULA: dict[Law, str] = {
     "linear": "a1 v + a2 sgn v",
     "cube-root": "a1 v + a2 sgn v + a3 cbrt v",
     "arctan": "a1 v + a2 sgn v + a3 atan(a4 v)",
@@ -60,7 +60,7 @@ class FrictionModel:
     Attributes
     ----------
     kind : str
-        One of `KINDS`.
+        One of `LAWS`.
     a : ndarray, shape (n_parameters,)
         Parameters in SI, units in `UNIT`.
     standard_error : ndarray, shape (n_parameters,)
@@ -71,7 +71,7 @@ class FrictionModel:
         A sentence for every parameter that the data do not tell.
     """
 
-    kind: Kind
+    kind: Law
     a: Array
     standard_error: Array
     mean_square: float
@@ -82,7 +82,7 @@ class FrictionModel:
         return torque(self.kind, self.a, v)
 
 
-def torque(kind: Kind, a: ArrayLike, v: ArrayLike) -> Array:
+def torque(kind: Law, a: ArrayLike, v: ArrayLike) -> Array:
     """Friction torque of a model with parameters `a` at velocities `v` [rad/s -> N m]."""
     coefficients, velocity = np.asarray(a, dtype=float), np.asarray(v, dtype=float)
     shape = coefficients[3] if len(coefficients) > 3 else 1.0
@@ -90,7 +90,7 @@ def torque(kind: Kind, a: ArrayLike, v: ArrayLike) -> Array:
     return value
 
 
-def fit(kind: Kind, v: Array, tau: Array, limit: float) -> FrictionModel:
+def fit_model(kind: Law, v: Array, tau: Array, limit: float) -> FrictionModel:
     """Fit one model.
 
     Parameters
@@ -114,12 +114,12 @@ def fit(kind: Kind, v: Array, tau: Array, limit: float) -> FrictionModel:
     return FrictionModel(kind, a * back, error, float(np.mean(left**2)) * scale**2, words)
 
 
-def n_parameters(kind: Kind) -> int:
+def n_parameters(kind: Law) -> int:
     """Parameters of a model."""
     return len(UNIT[kind])
 
 
-def _powers(kind: Kind) -> Array:
+def _powers(kind: Law) -> Array:
     """Powers of the speed that scale each parameter."""
     return {
         "linear": np.array([1.0, 0.0]),
@@ -127,7 +127,7 @@ def _powers(kind: Kind) -> Array:
     }.get(kind, np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def _columns(kind: Kind, v: Array, shape: float) -> Array:
+def _columns(kind: Law, v: Array, shape: float) -> Array:
     """What the linear parameters are multiplied with, shape (..., 2 or 3)."""
     columns = [v, np.sign(v)]
     if kind == "cube-root":
@@ -139,7 +139,7 @@ def _columns(kind: Kind, v: Array, shape: float) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def _bounds(kind: Kind, speed: Array) -> tuple[float, float] | None:
+def _bounds(kind: Law, speed: Array) -> tuple[float, float] | None:
     """Range of a4 in which the knee lies among the measured speeds; None for linear models."""
     low, high = float(speed.min()), float(speed.max())
     if kind == "arctan":
@@ -147,11 +147,11 @@ def _bounds(kind: Kind, speed: Array) -> tuple[float, float] | None:
     return (0.5 * low, high) if kind == "stribeck" else None
 
 
-def _linear(kind: Kind, x: Array, y: Array, shape: float) -> Array:
+def _linear(kind: Law, x: Array, y: Array, shape: float) -> Array:
     return np.asarray(np.linalg.lstsq(_columns(kind, x, shape), y, rcond=None)[0], dtype=np.float64)
 
 
-def _non_linear(kind: Kind, x: Array, y: Array, bounds: tuple[float, float]) -> Array:
+def _non_linear(kind: Law, x: Array, y: Array, bounds: tuple[float, float]) -> Array:
     def start(shape: float) -> Array:
         return np.append(_linear(kind, x, y, shape), shape)
 
@@ -174,7 +174,7 @@ def _non_linear(kind: Kind, x: Array, y: Array, bounds: tuple[float, float]) -> 
     return found if error(found) < error(best) else best
 
 
-def _jacobian(kind: Kind, a: Array, x: Array) -> Array:
+def _jacobian(kind: Law, a: Array, x: Array) -> Array:
     """Change of the torque per change of each parameter, shape (n, n_parameters)."""
     if len(a) < 4:
         return _columns(kind, x, 1.0)
@@ -186,7 +186,7 @@ def _jacobian(kind: Kind, a: Array, x: Array) -> Array:
     return np.column_stack([_columns(kind, x, a[3]), by_shape])
 
 
-def _covariance(kind: Kind, a: Array, x: Array, left: Array) -> Array:
+def _covariance(kind: Law, a: Array, x: Array, left: Array) -> Array:
     J = _jacobian(kind, a, x)
     spare = len(x) - len(a)
     variance = float(left @ left) / spare if spare > 0 else np.nan
@@ -205,11 +205,11 @@ def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> t
     if bounds is not None and (a[3] < bounds[0] * 1.001 or a[3] > bounds[1] * 0.999):
         told.append("a3, a4: the knee lies outside the measured speeds; only their sum is known")
         return tuple(told)
-    if bounds is not None and error[3] > WEAK * a[3]:
+    if bounds is not None and error[3] > UNCERTAIN * a[3]:
         told.append(
             f"a4: standard error {100 * error[3] / a[3]:.0f} % of its value, nor a3 for sure"
         )
-    for k in np.flatnonzero(error[:3] > WEAK * np.abs(a[:3])):
+    for k in np.flatnonzero(error[:3] > UNCERTAIN * np.abs(a[:3])):
         others = np.abs(np.delete(correlation[k], k))
         if len(others) and others.max() > TIED:
             partner = int(np.argmax(np.abs(correlation[k]) * (np.arange(len(a)) != k)))

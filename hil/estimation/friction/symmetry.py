@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.friction.points import FrictionPoint
-    from hil.estimation.local_fits import LocalValue
+    from hil.estimation.local_values import LocalValue
 
     Array = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ def of_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> list[
     The parameters that gravity is told by come from the same measurements; they leave the axis's
     mean deviation where friction's asymmetry was fitted too, as the improved method does.
     """
-    gravity = [v for v in values if v.kind == "gravity" and v.friction > 0]
+    gravity = [v for v in values if v.symbol == "g" and v.friction > 0]
     found = []
     for axis in sorted({v.axis for v in gravity}):
         own = [v for v in gravity if v.axis == axis]

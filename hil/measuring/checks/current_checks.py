@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.trajectory import Trajectory
 from hil.runs.finding import Finding
 
 if TYPE_CHECKING:
@@ -33,8 +32,7 @@ RARE, OFTEN = 0.05, 0.9
 def frozen(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
     """Tell where the torque of a measured axis repeats one value for too long in motion."""
     moving = recording.stroke >= 0
-    one = () if isinstance(measurement, Trajectory) else (measurement.index,)
-    for index in one or range(recording.n_joints):
+    for index in measurement.read:
         yield from _frozen(recording.tau[moving, index], index + 1)
 
 

@@ -8,23 +8,23 @@ motion itself in `hil.measuring.checks.stroke_checks`, the current in
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drivers.drive_bus import SampleFlag
 from hil.measuring.checks.current_checks import frozen
-from hil.measuring.checks.stroke_checks import half_sums, partner, peaks, stuck, windows
+from hil.measuring.checks.stroke_checks import half_sums, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
-from hil.planning.measurement import Coupling, Gravity, Inertia
-from hil.planning.trajectory import Trajectory
 from hil.runs.finding import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from hil.planning.measurement import Measurement, Strokes
+    from hil.planning.measurement import Measurement
     from hil.runs.recording import Recording
+
+    Check = Callable[[Recording, Any], Iterable[Finding]]
 
 __all__ = ["Finding", "check"]
 
@@ -40,7 +40,7 @@ def check(recording: Recording, measurement: Measurement) -> list[Finding]:
     Parameters
     ----------
     recording : Recording
-    measurement : Gravity, Inertia or Coupling
+    measurement : Measurement
         What was to be recorded.
 
     Returns
@@ -48,30 +48,8 @@ def check(recording: Recording, measurement: Measurement) -> list[Finding]:
     list of Finding
         Empty when the recording is fit to be used.
     """
-    steps: list[Callable[[Recording, Measurement], Iterable[Finding]]] = [
-        _gaps,
-        _saturation,
-        frozen,
-    ]
-    found = [finding for step in steps for finding in step(recording, measurement)]
-    if isinstance(measurement, Trajectory):
-        return [*found, *astray(recording, measurement)]
-    return [*found, *(f for step in _of_strokes(measurement) for f in step(recording, measurement))]
-
-
-def _of_strokes(
-    measurement: Strokes,
-) -> list[Callable[[Recording, Strokes], Iterable[Finding]]]:
-    steps: list[Callable[[Recording, Strokes], Iterable[Finding]]] = []
-    if isinstance(measurement, Inertia):
-        steps += [peaks]
-    else:
-        steps += [windows]
-    if isinstance(measurement, Gravity):
-        steps += [half_sums]
-    if isinstance(measurement, Coupling):
-        steps += [stuck, partner]
-    return steps
+    steps = (*ALWAYS, *CHECKS[measurement.kind])
+    return [finding for step in steps for finding in step(recording, measurement)]
 
 
 def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
@@ -123,3 +101,15 @@ def _saturation(recording: Recording, measurement: Measurement) -> Iterator[Find
 def _axes(recording: Recording, flag: int) -> str:
     hit = np.any(recording.flags & flag, axis=0)
     return ", ".join(str(index + 1) for index in np.flatnonzero(hit))
+
+
+ALWAYS: tuple[Check, ...] = (_gaps, _saturation, frozen)
+"""What every recording must pass."""
+CHECKS: dict[str, tuple[Check, ...]] = {
+    "gravity": (windows, half_sums),
+    "inertia": (peaks,),
+    "coupling": (windows, stuck, partners),
+    "friction": (windows,),
+    "trajectory": (astray,),
+}
+"""What recordings of each kind of measurement must pass besides."""

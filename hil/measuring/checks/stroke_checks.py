@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.measurement import MARGIN, SHORTEST_WINDOW, Coupling
+from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
 from hil.runs.finding import Finding
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.planning.measurement import Strokes
+    from hil.planning.strokes import Partner, Strokes
     from hil.planning.trapezoid import Trapezoid
     from hil.runs.recording import Recording
 
@@ -128,25 +128,31 @@ def stuck(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
             )
 
 
-def partner(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
-    """Tell where the partner did not go forth and back in a creep stroke, or too slowly."""
-    assert isinstance(measurement, Coupling)  # noqa: S101 - only called for this kind
+def partners(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+    """Tell where a partner did not go forth and back in a creep stroke, or too slowly."""
     for stroke in range(measurement.n_strokes):
-        numbers = recording.partner_stroke[recording.span(stroke)]
-        strokes = np.unique(numbers[numbers >= 0])
-        if len(strokes) < 2:
-            yield Finding(
-                "partner",
-                f"{_name(stroke)}: {len(strokes)} strokes of the partner, must be at least 2;"
-                " creep over a longer stroke",
-                len(strokes),
-                2,
-            )
-        for number in strokes:
-            profile = measurement.partner_profile(int(number))
-            q = recording.q[recording.partner_span(int(number)), measurement.partner.index]
-            name = f"partner's {_name(int(number))}"
-            yield from _peak(q, profile, recording.period, "partner", name)
+        for partner in measurement.partners:
+            yield from _partner(recording, measurement, stroke, partner)
+
+
+def _partner(
+    recording: Recording, measurement: Strokes, stroke: int, partner: Partner
+) -> Iterator[Finding]:
+    numbers = recording.partner_stroke[recording.span(stroke)]
+    strokes = np.unique(numbers[numbers >= 0])
+    if len(strokes) < 2:
+        yield Finding(
+            "partner",
+            f"{_name(stroke)}: {len(strokes)} strokes of the partner, must be at least 2;"
+            " creep over a longer stroke",
+            len(strokes),
+            2,
+        )
+    for number in strokes:
+        q = recording.q[recording.partner_span(int(number)), partner.index]
+        name = f"partner's {_name(int(number))}"
+        profile = partner.profile(measurement.q, int(number))
+        yield from _peak(q, profile, recording.period, "partner", name)
 
 
 def _peak(

@@ -19,12 +19,13 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.design.tour import guarded_tour
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import Plan, PlannedRobot, WarmUp
 from hil.planning.timetable import travel_time
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -37,8 +38,8 @@ if TYPE_CHECKING:
     Chosen = tuple[Element, list[float]]
     """What to measure, and where."""
 
-COUNTS = (64, 92, 9)
-"""Configurations for gravity, diagonal and off-diagonal group: those of section 8."""
+COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
+"""Measurements of each kind unless asked for: those of section 8."""
 TRAVEL = 0.3
 """Share of the limits used between configurations."""
 SPACING = 0.06
@@ -49,7 +50,7 @@ LEAST_SHARE = 4
 
 def design(
     robot: Robot,
-    counts: tuple[int, int, int] = COUNTS,
+    counts: Mapping[str, int] = COUNTS,
     warm_up: float = 0.0,
     workspace: Workspace | None = None,
 ) -> Plan:
@@ -58,10 +59,8 @@ def design(
     Parameters
     ----------
     robot : Robot
-    counts : tuple of int
-        Number of gravity, inertia and coupling measurements; a kind without parameters is left
-        out.
-
+    counts : mapping
+        Number of measurements by kind; a kind without parameters is left out.
     warm_up : float
         Motion before the first measurement; 0 for none [s].
     workspace : Workspace, optional
@@ -73,21 +72,22 @@ def design(
         A count too small to tell the group's parameters apart, or no clear configurations.
     """
     groups = base_parameters(robot).groups
-    for count, (group, columns) in zip(counts, groups.items(), strict=True):
-        if count < len(columns):
+    for name, kind in ELEMENT_KINDS.items():
+        columns = groups[kind.group]
+        if counts[name] < len(columns):
             raise ValueError(
-                f"{count} measurements for the {group} group must be at least {len(columns)}, one"
-                f" for each of its parameters; raise that count"
+                f"{counts[name]} measurements for the {kind.group} group must be at least"
+                f" {len(columns)}, one for each of its parameters; raise that count"
             )
     guarded = narrowed(robot, workspace)
     measurements: list[Measurement] = []
-    for (letter, elements), count, columns in zip(
-        ELEMENTS.items(), counts, groups.values(), strict=True
-    ):
+    for name, kind in ELEMENT_KINDS.items():
+        columns = groups[kind.group]
         if columns:
-            chosen = _choose(guarded, elements(guarded, list(columns)), count, workspace)
+            elements = ELEMENTS[name](guarded, list(columns))
+            chosen = _choose(guarded, elements, counts[name], workspace)
             measurements += [
-                element.measure(f"{letter}{k:02d}", q)
+                element.measure(f"{kind.letter}{k:02d}", q)
                 for k, (element, q) in enumerate(_tour(guarded, chosen), start=1)
             ]
     if workspace:

@@ -6,8 +6,8 @@ the group can be identified by its own kind, as the two-step method wants it, an
 can be left out. The rest of the time goes to whatever adds most to log det of the information about
 all base parameters in its time (`hil.planning.design.selection`).
 
-A refinement knows already what an earlier run tells. It goes for the weak parameters: for what most
-lowers the variance of torques.
+A refinement knows already what an earlier run tells. It goes for the imprecise parameters: for what
+most lowers the variance of torques.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from hil.planning.design.by_counts import TRAVEL, as_plan, greedy, places
 from hil.planning.design.candidates import pool, weighed
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.timetable import timetable, travel_times
 from hil.planning.workspace import narrowed
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
-    from hil.planning.measurement import Element as Measured
+    from hil.planning.measurement import ElementMeasurement
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
     from hil.planning.prediction.precision import Information
@@ -144,7 +145,7 @@ def _filled(
     budget: float,
     least: int,
     workspace: Workspace | None,
-) -> list[Measured]:
+) -> list[ElementMeasurement]:
     """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
     while selection.duration < _AHEAD * budget or len(selection.chosen) < least:
         selection.take_best()
@@ -155,7 +156,7 @@ def _filled(
     return _tour(robot, fitting)
 
 
-def _how_many(robot: Robot, chosen: Sequence[Measured], least: int, budget: float) -> int:
+def _how_many(robot: Robot, chosen: Sequence[ElementMeasurement], least: int, budget: float) -> int:
     """How many of `chosen`, from the first, fit into `budget` [s].
 
     Raises
@@ -180,8 +181,12 @@ def _how_many(robot: Robot, chosen: Sequence[Measured], least: int, budget: floa
 
 
 def _guarded(
-    robot: Robot, workspace: Workspace, chosen: Sequence[Measured], least: int, budget: float
-) -> list[Measured]:
+    robot: Robot,
+    workspace: Workspace,
+    chosen: Sequence[ElementMeasurement],
+    least: int,
+    budget: float,
+) -> list[ElementMeasurement]:
     """Order those measurements, from the first, whose clear tour is within `budget` [s]."""
     guarded, fits = narrowed(robot, workspace), len(chosen)
     while True:
@@ -192,7 +197,7 @@ def _guarded(
         fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
-def _tour(robot: Robot, measurements: Sequence[Measured]) -> list[Measured]:
+def _tour(robot: Robot, measurements: Sequence[ElementMeasurement]) -> list[ElementMeasurement]:
     """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
     starts = np.array([measurement.start for measurement in measurements])
     left = np.ones(len(starts), dtype=bool)
@@ -206,18 +211,20 @@ def _tour(robot: Robot, measurements: Sequence[Measured]) -> list[Measured]:
     return tour
 
 
-def _duration(robot: Robot, measurements: Sequence[Measured]) -> float:
+def _duration(robot: Robot, measurements: Sequence[ElementMeasurement]) -> float:
     """Time of measurements in this order and of the ways between them [s]."""
     plan = as_plan(robot, measurements[:1], 0.0, None)
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
 
-def _numbered(measurements: Sequence[Measured], taken: set[str]) -> list[Measured]:
+def _numbered(
+    measurements: Sequence[ElementMeasurement], taken: set[str]
+) -> list[ElementMeasurement]:
     """Give ids in this order, kind by kind, that are not `taken`."""
-    numbers = {kind: count(1) for kind in ("gravity", "inertia", "coupling")}
+    numbers = {kind: count(1) for kind in ELEMENT_KINDS}
     named = []
     for measurement in measurements:
-        letter, number = measurement.kind[0], numbers[measurement.kind]
+        letter, number = ELEMENT_KINDS[measurement.kind].letter, numbers[measurement.kind]
         name = next(name for k in number if (name := f"{letter}{k:02d}") not in taken)
         named.append(measurement.model_copy(update={"id": name}))
     return named

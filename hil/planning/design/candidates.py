@@ -20,6 +20,7 @@ import numpy as np
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.precision import scatter_of
 from hil.regression.terms import place
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Element as Measured
+    from hil.planning.measurement import ElementMeasurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.noise import Noise
     from hil.planning.workspace import Workspace
@@ -52,7 +53,7 @@ class Option:
     ----------
     group : str
         Group of base parameters that its kind serves.
-    measurement : Gravity, Inertia or Coupling
+    measurement : ElementMeasurement
         Its id is provisional.
     row : ndarray, shape (n_row,)
         What it shows of the group, over the torque limit.
@@ -61,7 +62,7 @@ class Option:
     """
 
     group: str
-    measurement: Measured
+    measurement: ElementMeasurement
     row: Array
     worth: tuple[tuple[NDArray[np.intp], Array], ...]
 
@@ -79,15 +80,15 @@ def pool(
     found: list[Option] = []
     mean = replace(noise, torque=noise.torque / math.sqrt(THINNED))
     groups = base_parameters(robot).groups
-    for (letter, elements), (group, columns) in zip(ELEMENTS.items(), groups.items(), strict=True):
-        for element in elements(robot, list(columns)):
+    for name, kind in ELEMENT_KINDS.items():
+        for element in ELEMENTS[name](robot, list(groups[kind.group])):
             q = candidates(robot, element, workspace)[:each]
             rows = element.row(q) / robot.torque_limit[element.axis]
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
                 turned = element.turned(robot, configuration, number)
-                measurement = element.measure(f"{letter}{number}", turned)
+                measurement = element.measure(f"{kind.letter}{number}", turned)
                 judged = shares(robot, measurement, THINNED * period)
-                found.append(Option(group, measurement, row, worth(robot, judged, mean)))
+                found.append(Option(kind.group, measurement, row, worth(robot, judged, mean)))
     return found
 
 

@@ -25,9 +25,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from hil.planning.clearance import are_clear
-from hil.planning.measurement import TURN, Friction
-from hil.planning.path_clearance import Strokes
+from hil.planning.measurement import Friction
+from hil.planning.path_clearance import JointBoxes
 from hil.planning.plan import Plan, PlannedRobot
+from hil.planning.strokes import TURN
 from hil.planning.timetable import SETTLING
 from hil.planning.trapezoid import Trapezoid
 from hil.planning.workspace import narrowed
@@ -248,7 +249,7 @@ class _Bench:
             q[1:, others] = middle[others] + (points[1:] - 0.5) * spread
         reach = np.zeros(len(middle))
         reach[axis] = self.room(axis) / 2
-        clear = are_clear(self._robot, self._workspace, Strokes(q - reach, q + reach))
+        clear = are_clear(self._robot, self._workspace, JointBoxes(q - reach, q + reach))
         if not clear.any():
             raise ValueError(
                 f"axis {axis + 1} cannot pass its range clear of the workspace's boxes; narrow"

@@ -29,7 +29,7 @@ from hil.planning.design.standard_motions import (
     partner_motion,
 )
 from hil.planning.measurement import Coupling, Gravity, Inertia
-from hil.planning.path_clearance import Strokes
+from hil.planning.path_clearance import JointBoxes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Element as Measured
+    from hil.planning.measurement import ElementMeasurement
     from hil.planning.workspace import Workspace
 
     Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Element:
     accelerated: int
     strokes: dict[int, float]
     row: Row
-    measure: Callable[[str, Sequence[float]], Measured]
+    measure: Callable[[str, Sequence[float]], ElementMeasurement]
 
     @property
     def axes(self) -> tuple[int, int]:
@@ -130,8 +130,12 @@ def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
     return [element(j, i) for j, i in _pairs(robot, columns)]
 
 
-ELEMENTS = {"g": gravity_elements, "i": inertia_elements, "c": coupling_elements}
-"""By the first letter of the measurements' ids; in the order of the groups of base parameters."""
+ELEMENTS: dict[str, Callable[[Robot, list[int]], list[Element]]] = {
+    "gravity": gravity_elements,
+    "inertia": inertia_elements,
+    "coupling": coupling_elements,
+}
+"""By the kind of measurement that shows them: from base parameters of its group."""
 
 
 def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> Array:
@@ -204,7 +208,7 @@ def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Arr
     half = np.zeros(robot.n_joints)
     for i, stroke in strokes.items():
         half[i] = stroke / 2 + math.pi / robot.gear_ratio[i]
-    clear = q[are_clear(robot, workspace, Strokes(q - half, q + half))]
+    clear = q[are_clear(robot, workspace, JointBoxes(q - half, q + half))]
     if not len(clear):
         axes = " and ".join(str(i + 1) for i in strokes)
         raise ValueError(

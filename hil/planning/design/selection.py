@@ -8,8 +8,8 @@ det
     of two small determinants, since a measurement touches one or two axes (Fedorov, *Theory of
     Optimal Experiments*, 1972);
 torque
-    the variance of torques, sum of (scale sd)^2 over the parameters: what is weak, compared by the
-    torque that it causes, counts most.
+    the variance of torques, sum of (scale sd)^2 over the parameters: what is imprecise, compared by
+    the torque that it causes, counts most.
 
 Both are taken per second, of the measurement and of the way to it from the nearest one chosen: with
 many of them a tour goes from neighbour to neighbour.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hil.planning.measurement import Partner
+from hil.planning.strokes import Partner
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

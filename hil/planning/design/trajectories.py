@@ -156,14 +156,14 @@ class Basis:
 
     def judge(self, x: Array, criterion: Criterion) -> float:
         """Criterion of unknowns made to keep the limits."""
-        W = self._observations(*self._motion(self.within(x)))
+        W = self._matrix(*self._motion(self.within(x)))
         sizes = np.linalg.svd(W, compute_uv=False)
         return _value(np.asarray(sizes, dtype=float), criterion)
 
     def cost(self, x: Array, criterion: Criterion, penalty: float) -> tuple[float, Array]:
         """Criterion with penalties for what exceeds the limits, and its gradient."""
         motion = self._motion(x)
-        u, sizes, vt = np.linalg.svd(self._observations(*motion), full_matrices=False)
+        u, sizes, vt = np.linalg.svd(self._matrix(*motion), full_matrices=False)
         shape = (SAMPLES, self._robot.n_joints, -1)
         G = ((u * _slope(sizes, criterion)) @ vt).reshape(shape)
         slopes = self._slopes(motion, G)
@@ -199,8 +199,8 @@ class Basis:
         q, qd, qdd = (m @ scaled for m in self._maps)
         return q + self._middle, qd, qdd
 
-    def _observations(self, q: Array, qd: Array, qdd: Array) -> Array:
-        return observations(self._robot, q, qd, qdd)
+    def _matrix(self, q: Array, qd: Array, qdd: Array) -> Array:
+        return observation_matrix(self._robot, q, qd, qdd)
 
     def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
         """Derivative of sum G_ij W_ij by each joint's q, qd and qdd at each instant."""
@@ -222,7 +222,7 @@ class Basis:
         return found
 
 
-def observations(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
+def observation_matrix(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
     """Observation matrix, rows over torque limits, shape (n_samples n_joints, n_base)."""
     A = regressor(robot, q, qd, qdd) / robot.torque_limit[:, np.newaxis]
     return A.reshape(-1, A.shape[-1])
@@ -231,7 +231,7 @@ def observations(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
 def condition(robot: Robot, trajectory: Trajectory, samples: int = 1000) -> float:
     """Condition number of the observation matrix along one period."""
     t = np.arange(samples) * trajectory.period / samples
-    return float(np.linalg.cond(observations(robot, *trajectory.motion(t))))
+    return float(np.linalg.cond(observation_matrix(robot, *trajectory.motion(t))))
 
 
 def _refine(basis: Basis, start: Array, criterion: Criterion, steps: int) -> Array:

@@ -18,8 +18,7 @@ import numpy as np
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
-from hil.planning.measurement import Coupling, Gravity, Inertia
-from hil.planning.trajectory import Trajectory
+from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,13 +26,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Strokes
+    from hil.planning.measurement import ElementMeasurement
     from hil.planning.plan import Plan
 
-KINDS = {"gravity": Gravity, "diagonal": Inertia, "off_diagonal": Coupling}
-"""Which measurements serve which group of base parameters."""
-WEAK = 10.0
-"""A parameter whose standard error grows more than this by the others' is weak."""
+INFLATION = 10.0
+"""Growth of a standard error, by the others being unknown too, above which it is too much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +49,7 @@ class Identifiability:
         Of the observation matrix; all parameters can be identified when it is ``len(names)``.
     condition : float
         Ratio of its largest to its smallest singular value; inf where the rank is short.
-    weak : tuple of str
+    poorly_identifiable : tuple of str
         Parameters that cannot be told from others, or only badly.
     """
 
@@ -61,7 +58,7 @@ class Identifiability:
     rows: int
     rank: int
     condition: float
-    weak: tuple[str, ...]
+    poorly_identifiable: tuple[str, ...]
 
     @property
     def complete(self) -> bool:
@@ -73,16 +70,18 @@ def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
     """Judge each group of base parameters that the robot has."""
     base = base_parameters(robot)
     return tuple(
-        _judge(group, tuple(base.names[c] for c in columns), observations(plan, robot, group))
-        for group, columns in _columns(robot).items()
+        _judge(group, tuple(base.names[c] for c in columns), group_observations(plan, robot, group))
+        for group, columns in base.groups.items()
         if columns
     )
 
 
-def observations(plan: Plan, robot: Robot, group: str) -> NDArray[np.float64]:
+def group_observations(plan: Plan, robot: Robot, group: str) -> NDArray[np.float64]:
     """Weighted observation matrix (n_measurements, n_group) of one group, in plan order."""
-    chosen = [m for m in _strokes(plan) if isinstance(m, KINDS[group])]
-    columns = _columns(robot)[group]
+    chosen = [
+        m for m in element_measurements(plan.measurements) if ELEMENT_KINDS[m.kind].group == group
+    ]
+    columns = list(base_parameters(robot).groups[group])
     if not chosen:
         return np.zeros((0, len(columns)))
     rows = _torque_rows(robot, chosen)[:, columns]
@@ -90,29 +89,18 @@ def observations(plan: Plan, robot: Robot, group: str) -> NDArray[np.float64]:
     return np.asarray(rows / limits[:, None], dtype=np.float64)
 
 
-def _strokes(plan: Plan) -> list[Strokes]:
-    return [m for m in plan.measurements if not isinstance(m, Trajectory)]
-
-
-def _torque_rows(robot: Robot, chosen: Sequence[Strokes]) -> NDArray[np.float64]:
+def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> NDArray[np.float64]:
     """Regressor rows of the axes read: at rest for gravity, per unit of acceleration else."""
     q = np.array([m.q for m in chosen], dtype=float)
     still = np.zeros_like(q)
     sample = np.arange(len(chosen))
     axis = np.array([m.index for m in chosen])
     at_rest: NDArray[np.float64] = regressor(robot, q, still, still)[sample, axis]
-    if isinstance(chosen[0], Gravity):
+    qdd = np.array([m.unit_acceleration for m in chosen])
+    if not qdd.any():
         return at_rest
-    qdd = still.copy()
-    qdd[sample, [m.partner.index if isinstance(m, Coupling) else m.index for m in chosen]] = 1.0
     moving: NDArray[np.float64] = regressor(robot, q, still, qdd)[sample, axis]
     return moving - at_rest
-
-
-def _columns(robot: Robot) -> dict[str, list[int]]:
-    """Columns of the regressor that belong to each group."""
-    base = base_parameters(robot)
-    return {group: [int(i) for i in base.groups[group]] for group in KINDS}
 
 
 def _judge(group: str, names: tuple[str, ...], W: NDArray[np.float64]) -> Identifiability:
@@ -128,7 +116,7 @@ def _judge(group: str, names: tuple[str, ...], W: NDArray[np.float64]) -> Identi
         lost = np.linalg.norm(vt[rank:], axis=0) > 1e-3
         condition = float("inf")
     else:
-        lost = np.sqrt(np.sum((vt / s[:, None]) ** 2, axis=0)) > WEAK
+        lost = np.sqrt(np.sum((vt / s[:, None]) ** 2, axis=0)) > INFLATION
         condition = float(np.linalg.cond(W))
-    weak = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)
-    return Identifiability(group, names, len(W), rank, condition, weak)
+    poorly = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)
+    return Identifiability(group, names, len(W), rank, condition, poorly)

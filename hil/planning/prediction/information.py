@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Strokes
     from hil.planning.prediction.predicted_samples import Forecast
+    from hil.planning.strokes import Strokes
 
     Array = NDArray[np.float64]
 

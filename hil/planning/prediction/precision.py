@@ -10,7 +10,7 @@ difference between strokes.
 
 A parameter's standard deviation says little by itself. Its effect is the torque that it amounts to,
 as share of the torque limit of the axis where that is largest, root mean square over motions that
-use the whole range of the robot. Weak is a parameter whose effect is above `WEAK`.
+use the whole range of the robot. Imprecise is a parameter whose effect is above `IMPRECISE`.
 
 Not counted is what no plan can tell: uncertain torque constants, and a lag of the currents.
 """
@@ -25,9 +25,8 @@ from scipy.stats import qmc
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
-from hil.planning.measurement import Friction
+from hil.planning.measurement import element_measurements
 from hil.planning.prediction.information import shares
-from hil.planning.trajectory import Trajectory
 from hil.regression.terms import n_unknowns, place
 
 if TYPE_CHECKING:
@@ -42,8 +41,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-WEAK = 0.001
-"""Effect of a standard deviation from which on a parameter is weak, as share of a torque limit."""
+IMPRECISE = 0.001
+"""Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
 _INSTANTS = 512
 _LOST = 1e-9
 """Share of what a combination of parameters would tell if nothing else were unknown, below which
@@ -93,9 +92,9 @@ class Precision:
     source: str
 
     @property
-    def weak(self) -> NDArray[np.bool_]:
-        """Which parameters are weak, shape (n_base,)."""
-        found: NDArray[np.bool_] = self.effect > WEAK
+    def imprecise(self) -> NDArray[np.bool_]:
+        """Which parameters are imprecise, shape (n_base,)."""
+        found: NDArray[np.bool_] = self.effect > IMPRECISE
         return found
 
 
@@ -136,7 +135,7 @@ def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
     """What `measurements` will tell, those of use to the joint estimator."""
-    useful = (m for m in measurements if not isinstance(m, Friction | Trajectory))
+    useful = element_measurements(measurements)
     found = (share for m in useful for share in shares(robot, m, period))
     return added_up(robot, found, noise)
 

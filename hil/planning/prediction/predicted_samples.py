@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-from hil.planning.measurement import PARTNER_TURN, REST, SETTLED, TURN, Coupling
+from hil.planning.strokes import PARTNER_TURN, REST, SETTLED, TURN
 from hil.regression.window import smooth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.planning.measurement import Strokes
+    from hil.planning.strokes import Partner, Strokes
     from hil.planning.trapezoid import Trapezoid
 
     Array = NDArray[np.float64]
@@ -70,8 +70,8 @@ def forecast(measurement: Strokes, period: float) -> Forecast:
     for number in range(measurement.n_strokes):
         begin = REST + number * stroke
         _add(motion, measurement.index, measurement.profile(number), time - begin)
-    if isinstance(measurement, Coupling):
-        _add_partner(motion, measurement, time, stroke)
+    for partner in measurement.partners:
+        _add_partner(motion, measurement, partner, time, stroke)
     return Forecast(period, time, *motion)
 
 
@@ -84,16 +84,20 @@ def _add(motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, sinc
 
 
 def _add_partner(
-    motion: tuple[Array, Array, Array], measurement: Coupling, time: Array, stroke: float
+    motion: tuple[Array, Array, Array],
+    measurement: Strokes,
+    partner: Partner,
+    time: Array,
+    stroke: float,
 ) -> None:
     """Strokes of the partner while the other axis creeps, as many as fit."""
     number = 0
     for each in range(measurement.n_strokes):
         first, last = (REST + each * stroke + t for t in measurement.profile(each).window)
         due = first + SETTLED
-        duration = measurement.partner_profile(0).duration
+        duration = partner.profile(measurement.q, 0).duration
         while due <= last - duration - PARTNER_TURN:
-            profile = measurement.partner_profile(number)
-            _add(motion, measurement.partner.index, profile, time - due)
+            profile = partner.profile(measurement.q, number)
+            _add(motion, partner.index, profile, time - due)
             due += duration + PARTNER_TURN
             number += 1

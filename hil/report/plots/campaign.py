@@ -7,6 +7,7 @@ wherever both appear. Call and save them within `hil.report.plots.style.drawn`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy import stats
 
 from hil.estimation.local_fits import REFERENCE_SPEED
 from hil.model.base_parameters import base_parameters
-from hil.planning.trajectory import Trajectory
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.plots.findings import residuals_over_angles
 from hil.report.plots.style import (
     INK,
@@ -33,20 +34,17 @@ from hil.results.advice import correlation
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_fits import LocalValue
+    from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import ElementKind, ElementMeasurement
 
     Array = NDArray[np.float64]
-
-KINDS = {"gravity": (MEASURED, "o"), "inertia": (MODEL, "s"), "coupling": ("#3f8f5f", "^")}
-"""Colour and marker of each kind of measurement."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,38 +61,42 @@ class Evidence:
 
     estimate: Estimate
     robot: Robot
-    planned: Mapping[str, Measurement]
+    planned: Mapping[str, ElementMeasurement]
 
     def of_kind(self, kind: str) -> list[LocalValue]:
         """Local values of one kind, in the order of the plan."""
         return [value for value in self.estimate.local if value.kind == kind]
 
 
-def gravity_torques(evidence: Evidence) -> Figure:
-    """Half-sums of eq. (14) against g_i(q) of the model: the paper's Fig. 5."""
-    return _elements(evidence.of_kind("gravity"), "g", "torque [N m]")
+def measured_elements(kind: ElementKind, evidence: Evidence) -> Figure:
+    """Elements of g(q) or M(q) as measured against those of the model: the paper's Figs. 5 and 6.
+
+    One panel an element: measured and modelled above, their difference below.
+    """
+    values = evidence.of_kind(kind.name)
+    keys = sorted({(value.axis, value.partner) for value in values})
+    figure, panels = panels_in_rows(len(keys), height=2.7, strip=0.32)
+    for (axis, partner), (above, below) in zip(keys, panels, strict=True):
+        chosen = [
+            (number, value)
+            for number, value in enumerate(values, start=1)
+            if (value.axis, value.partner) == (axis, partner)
+        ]
+        _measured_and_modelled(above, below, chosen)
+        above.set_title(f"${kind.element(axis, partner)}$", fontsize=11)
+        above.set_ylabel(kind.label)
+        below.set_ylabel(f"Δ [{kind.unit}]")
+        below.set_xlabel("configuration number")
+        for panel in (above, below):
+            align_label(figure, panel)
+    if panels:
+        legend(figure, panels[0][0])
+    return figure
 
 
-def moments_of_inertia(evidence: Evidence) -> Figure:
-    """Diagonal elements by eq. (19) and (20) against M_ii(q) of the model: the paper's Fig. 6."""
-    return _elements(evidence.of_kind("inertia"), "M", "inertia [kg m²]")
-
-
-def couplings(evidence: Evidence) -> Figure:
-    """Off-diagonal elements by eq. (21) against M_ji(q) of the model."""
-    return _elements(evidence.of_kind("coupling"), "M", "inertia [kg m²]")
-
-
-def gravity_over_angles(evidence: Evidence) -> Figure:
-    """Residuals of the gravity torques against every joint angle: the paper's Fig. 7."""
-    values, n = evidence.of_kind("gravity"), evidence.robot.n_joints
-    return residuals_over_angles(values, n, "g", "N m")
-
-
-def inertia_over_angles(evidence: Evidence) -> Figure:
-    """Residuals of the moments of inertia against every joint angle."""
-    values, n = evidence.of_kind("inertia"), evidence.robot.n_joints
-    return residuals_over_angles(values, n, "M", "kg m²")
+def over_angles(kind: ElementKind, evidence: Evidence) -> Figure:
+    """Residuals of a kind against every joint angle: the paper's Fig. 7 if of gravity."""
+    return residuals_over_angles(evidence.of_kind(kind.name), evidence.robot.n_joints, kind)
 
 
 def friction_levels(evidence: Evidence) -> Figure:
@@ -105,12 +107,12 @@ def friction_levels(evidence: Evidence) -> Figure:
     last = max((value.time for value in local), default=0.0) / 60
     for axis, (panel,) in zip(axes, panels, strict=True):
         values = [value for value in local if value.axis == axis]
-        for kind, (colour, marker) in KINDS.items():
-            chosen = [value for value in values if value.kind == kind]
+        for name, kind in ELEMENT_KINDS.items():
+            chosen = [value for value in values if value.kind == name]
             minutes = [value.time / 60 for value in chosen]
             levels = [value.friction for value in chosen]
-            panel.plot(minutes, levels, marker, color=colour, markersize=3.6,
-                       markerfacecolor="white" if kind == "coupling" else colour,
+            panel.plot(minutes, levels, kind.marker, color=kind.colour, markersize=3.6,
+                       markerfacecolor="white" if kind.pair else kind.colour,
                        label=_friction_label(kind))  # fmt: skip
         panel.set_title(f"axis {axis + 1}")
         panel.set_xlabel("robot time [min]")
@@ -126,13 +128,13 @@ def residuals(evidence: Evidence) -> Figure:
     figure, grid = fixed_grid(WIDTH, 3.4, 1, 2, ratios=(2.2, 1.0))
     left, right = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
     number = {value.id: k for k, value in enumerate(evidence.estimate.local, start=1)}
-    for kind, (colour, marker) in KINDS.items():
-        values = evidence.of_kind(kind)
+    for name, kind in ELEMENT_KINDS.items():
+        values = evidence.of_kind(name)
         left.plot([number[value.id] for value in values],
                   [100 * _relative_residual(evidence, value) for value in values],
-                  marker, color=colour, markersize=3.6, label=kind)  # fmt: skip
+                  kind.marker, color=kind.colour, markersize=3.6, label=name)  # fmt: skip
         normal, ordered = _quantiles(evidence, values)
-        right.plot(normal, ordered, marker, color=colour, markersize=3.2)
+        right.plot(normal, ordered, kind.marker, color=kind.colour, markersize=3.2)
     left.axhline(0.0, color=MUTED, linewidth=0.8)
     left.set_xlabel("measurement, in the plan's order")
     left.set_ylabel("measured − modelled [% of torque limit]")
@@ -168,40 +170,18 @@ def correlations(evidence: Evidence) -> Figure:
     return figure
 
 
-PLOTS = {
-    "gravity": gravity_torques,
-    "inertia": moments_of_inertia,
-    "coupling": couplings,
+PLOTS: dict[str, Callable[[Evidence], Figure]] = {
+    **{name: partial(measured_elements, kind) for name, kind in ELEMENT_KINDS.items()},
     "friction": friction_levels,
     "residuals": residuals,
-    "gravity-angles": gravity_over_angles,
-    "inertia-angles": inertia_over_angles,
+    **{
+        f"{name}-angles": partial(over_angles, kind)
+        for name, kind in ELEMENT_KINDS.items()
+        if not kind.pair
+    },
     "correlation": correlations,
 }
 """All of them by name, in the order of a report."""
-
-
-def _elements(values: Sequence[LocalValue], symbol: str, quantity: str) -> Figure:
-    """One panel an element: measured and modelled above, their difference below."""
-    keys = sorted({(value.axis, value.partner) for value in values})
-    figure, panels = panels_in_rows(len(keys), height=2.7, strip=0.32)
-    for (axis, partner), (above, below) in zip(keys, panels, strict=True):
-        chosen = [
-            (number, value)
-            for number, value in enumerate(values, start=1)
-            if (value.axis, value.partner) == (axis, partner)
-        ]
-        _measured_and_modelled(above, below, chosen)
-        index = f"{axis + 1}" if symbol == "g" else f"{axis + 1}{partner + 1}"
-        above.set_title(f"${symbol}_{{{index}}}$", fontsize=11)
-        above.set_ylabel(quantity)
-        below.set_ylabel("Δ " + quantity[quantity.index("[") :])
-        below.set_xlabel("configuration number")
-        for panel in (above, below):
-            align_label(figure, panel)
-    if panels:
-        legend(figure, panels[0][0])
-    return figure
 
 
 def _measured_and_modelled(
@@ -221,17 +201,14 @@ def _measured_and_modelled(
     below.xaxis.set_major_locator(MaxNLocator(6, integer=True))
 
 
-def _friction_label(kind: str) -> str:
-    speed = "creep speed" if kind == "coupling" else f"{REFERENCE_SPEED:.0%} of the speed limit"
-    return f"{kind}, at {speed}"
+def _friction_label(kind: ElementKind) -> str:
+    speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
+    return f"{kind.name}, at {speed}"
 
 
 def _relative_residual(evidence: Evidence, value: LocalValue) -> float:
     """Measured less modelled as a torque over the axis's limit, eq. (16)."""
-    planned = evidence.planned[value.id]
-    assert not isinstance(planned, Trajectory)  # noqa: S101 - it has no local value
-    mover = getattr(planned, "partner", planned)
-    scale = 1.0 if value.kind == "gravity" else mover.acceleration
+    scale = evidence.planned[value.id].torque_per_element
     return float((value.value - value.model) * scale / evidence.robot.torque_limit[value.axis])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.plots.findings import residuals_over_angles, shifted_sinusoid
 from hil.report.plots.style import drawn, image
 from hil.runs.atomic_file import own_folder, write_file
@@ -29,8 +30,9 @@ def write_diagnosis_plots(run_folder: Path, found: Diagnosis) -> Path:
 def _figures(found: Diagnosis) -> dict[str, Figure]:
     local, n = found.estimate.local, found.robot.n_joints
     figures = {
-        kind: residuals_over_angles([v for v in local if v.kind == kind], n, symbol, unit)
-        for kind, symbol, unit in (("gravity", "g", "N m"), ("inertia", "M", "kg m²"))
+        name: residuals_over_angles([v for v in local if v.kind == name], n, kind)
+        for name, kind in ELEMENT_KINDS.items()
+        if not kind.pair
     }
     if found.phase is not None:
         labels = ", ".join(c.label for c in found.errors.found)

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.gravity_phase import Phase
-    from hil.estimation.local_fits import LocalValue
+    from hil.estimation.local_values import LocalValue
+    from hil.planning.measurement import ElementKind
     from hil.results.payload_file import Element
 
     Array = NDArray[np.float64]
@@ -43,9 +44,7 @@ _NARROW = 4.0
 """Angles that are shown at least [deg]."""
 
 
-def residuals_over_angles(
-    values: Sequence[LocalValue], n_joints: int, symbol: str, unit: str
-) -> Figure:
+def residuals_over_angles(values: Sequence[LocalValue], n_joints: int, kind: ElementKind) -> Figure:
     """Measured less modelled elements of every axis against every joint angle.
 
     What is the same at all configurations of an axis is taken off: it is friction that differs by
@@ -55,8 +54,8 @@ def residuals_over_angles(
     ----------
     values : sequence of LocalValue
         Of one kind.
-    symbol, unit : str
-        Of the elements.
+    kind : ElementKind
+        Theirs.
     """
     axes = sorted({value.axis for value in values})
     rows = max(len(axes), 1)
@@ -75,10 +74,9 @@ def residuals_over_angles(
         mean = float(left.mean())
         for joint, panel in enumerate(row):
             _residuals(panel, own, left - mean, joint)
-        index = f"{axis + 1}" if symbol == "g" else f"{axis + 1}{axis + 1}"
-        row[0].set_ylabel(f"Δ${symbol}_{{{index}}}$ [{unit}]")
-        row[0].set_title(f"mean {signed(f'{mean:.2g}')} {unit} taken off", fontweight="normal",
-                         fontsize=8, color=MUTED)  # fmt: skip
+        row[0].set_ylabel(f"Δ${kind.element(axis, axis)}$ [{kind.unit}]")
+        row[0].set_title(f"mean {signed(f'{mean:.2g}')} {kind.unit} taken off",
+                         fontweight="normal", fontsize=8, color=MUTED)  # fmt: skip
     for joint, panel in enumerate(panels[-1]):
         panel.set_xlabel(f"$q_{{{joint + 1}}}$ [deg]")
         _scale(panel)
@@ -129,18 +127,17 @@ def shifted_sinusoid(phase: Phase, found: str) -> Figure:
 
 
 def with_and_without_load(
-    without: Sequence[Element], loaded: Sequence[Element], kind: str, quantity: str
+    without: Sequence[Element], loaded: Sequence[Element], kind: ElementKind
 ) -> Figure:
     """The paper's Figs. 5 and 6: elements of both runs over configuration number.
 
     Parameters
     ----------
     without, loaded : sequence of Element
-    kind : {"gravity", "inertia"}
-    quantity : str
-        What they are, with its unit.
+    kind : ElementKind
+        Of the elements that are drawn.
     """
-    runs = [[each for each in run if each.kind == kind] for run in (without, loaded)]
+    runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
     axes = sorted({each.axis for run in runs for each in run})
     figure, panels = panels_in_rows(len(axes), height=2.3)
     for axis, (panel,) in zip(axes, panels, strict=True):
@@ -153,10 +150,9 @@ def with_and_without_load(
                        label=f"model {told} load")  # fmt: skip
             panel.plot(x, [each.value for each in own], mark, color=colour, markersize=4,
                        markerfacecolor="none", label=f"measured {told} load")  # fmt: skip
-        symbol = f"g_{{{axis}}}" if kind == "gravity" else f"M_{{{axis}{axis}}}"
-        panel.set_title(f"${symbol}$", fontsize=11)
+        panel.set_title(f"${kind.element(axis - 1, axis - 1)}$", fontsize=11)
         panel.set_xlabel("configuration number")
-        panel.set_ylabel(quantity)
+        panel.set_ylabel(kind.label)
         panel.margins(y=0.12)
         panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     if panels:

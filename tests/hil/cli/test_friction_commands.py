@@ -9,7 +9,8 @@ import yaml
 import hil
 from hil.cli import main
 from hil.planning.design.friction import sweep
-from hil.planning.plan import Friction, dump_plan
+from hil.planning.measurement import Friction
+from hil.planning.plan import dump_plan
 
 EXERCISE, REST = 3.0, 6.0
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.estimation.friction.model_choice import choose
-from hil.estimation.friction.models import KINDS, fit, torque
+from hil.estimation.friction.models import LAWS, fit_model, torque
 from hil.estimation.friction.points import FrictionPoint
 
 LIMIT = 3.0
@@ -32,26 +32,26 @@ def measured(kind, sigma, seed=0):
     ]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", LAWS)
 def test_every_model_finds_its_own_parameters(kind):
     v = both(SPEED)
-    found = fit(kind, v, torque(kind, TRUTH[kind], v), LIMIT)
+    found = fit_model(kind, v, torque(kind, TRUTH[kind], v), LIMIT)
     assert found.a == pytest.approx(TRUTH[kind], rel=1e-3)
     assert not found.unidentifiable
     assert found.torque(v) == pytest.approx(torque(kind, TRUTH[kind], v), rel=1e-4)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", LAWS)
 def test_standard_errors_tell_the_scatter_of_repeated_fits(kind):
     rng, v = np.random.default_rng(1), both(SPEED)
     clean = torque(kind, TRUTH[kind], v)
-    fits = [fit(kind, v, clean + 0.1 * rng.standard_normal(len(v)), LIMIT) for _ in range(60)]
+    fits = [fit_model(kind, v, clean + 0.1 * rng.standard_normal(len(v)), LIMIT) for _ in range(60)]
     scatter = np.std([found.a for found in fits], axis=0)
     told = np.median([found.standard_error for found in fits], axis=0)
     assert told == pytest.approx(scatter, rel=0.4)
 
 
-@given(kind=st.sampled_from(KINDS), seed=st.integers(0, 2**16))
+@given(kind=st.sampled_from(LAWS), seed=st.integers(0, 2**16))
 def test_models_are_odd_functions_of_velocity(kind, seed):
     a = np.random.default_rng(seed).uniform(0.1, 10, len(TRUTH[kind]))
     assert torque(kind, a, -SPEED) == pytest.approx(-torque(kind, a, SPEED))
@@ -60,13 +60,15 @@ def test_models_are_odd_functions_of_velocity(kind, seed):
 def test_scaling_speeds_and_torques_scales_the_parameters():
     v = both(SPEED)
     tau = torque("arctan", TRUTH["arctan"], v)
-    slow = fit("arctan", v / 10, 3 * tau, LIMIT / 10)
+    slow = fit_model("arctan", v / 10, 3 * tau, LIMIT / 10)
     assert slow.a == pytest.approx(np.array(TRUTH["arctan"]) * [30, 3, 3, 10], rel=1e-3)
 
 
 def test_a_knee_outside_the_measured_speeds_is_told():
     v = both(SPEED)
-    found = fit("arctan", v, torque("linear", TRUTH["linear"], v) + 1e-3 * np.sin(9e3 * v), LIMIT)
+    found = fit_model(
+        "arctan", v, torque("linear", TRUTH["linear"], v) + 1e-3 * np.sin(9e3 * v), LIMIT
+    )
     assert found.unidentifiable
 
 
@@ -74,7 +76,7 @@ def test_parameters_known_only_together_are_told():
     rng = np.random.default_rng(4)
     v = both(np.linspace(2.0, 3.0, 8))
     tau = torque("cube-root", TRUTH["cube-root"], v) + 0.3 * rng.standard_normal(len(v))
-    words = fit("cube-root", v, tau, LIMIT).unidentifiable
+    words = fit_model("cube-root", v, tau, LIMIT).unidentifiable
     assert any("known together only" in word for word in words)
 
 

@@ -7,15 +7,16 @@ import pytest
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.estimation.identify import METHODS, NotIdentifiable, estimate, estimates
-from hil.estimation.local_fits import fit
+from hil.estimation.local_fits import local_fit
 from hil.estimation.signals import NotEnoughData, signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, mass_matrix
 from hil.model.robot import load_robot, parse_robot
 from hil.planning.design.by_counts import design
-from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.planning.strokes import Partner
 
-COUNTS = (16, 30, 3)
+COUNTS = {"gravity": 16, "inertia": 30, "coupling": 3}
 NOISE = 0.0025
 """Standard deviation of a sample, as share of the torque limit."""
 
@@ -67,7 +68,7 @@ COUPLING = Coupling(
 class TestLocalFits:
     def value(self, robot, measurement, friction):
         s = signals(record(robot, measurement, TABLE_3_A, friction))
-        return fit(robot, measurement, s).at(TABLE_3_A)
+        return local_fit(robot, measurement, s).at(TABLE_3_A)
 
     def test_a_half_sum_is_the_gravity_torque(self, robot):
         local = self.value(robot, GRAVITY, Friction())
@@ -95,7 +96,7 @@ class TestLocalFits:
         short = GRAVITY.model_copy(update={"stroke": 0.05})
         s = signals(record(robot, short, TABLE_3_A, Friction()))
         with pytest.raises(NotEnoughData, match="g: no window of constant velocity"):
-            fit(robot, short, s)
+            local_fit(robot, short, s)
 
 
 class TestExactness:

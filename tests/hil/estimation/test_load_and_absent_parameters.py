@@ -10,7 +10,7 @@ from hil.estimation.absent_parameters import examine
 from hil.estimation.identify import estimate
 from hil.estimation.payload import payload
 from hil.estimation.signals import signals
-from hil.estimation.simultaneous import Joint
+from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
 from hil.estimation.torque_lag import find_lags
 from hil.model.base_parameters import base_parameters, link_share
@@ -28,7 +28,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def plan(robot):
-    return design(robot, (12, 24, 3))
+    return design(robot, {"gravity": 12, "inertia": 24, "coupling": 3})
 
 
 def campaign(robot, plan, p, seed):
@@ -70,7 +70,7 @@ def test_mass_and_centre_of_a_load_are_found(robot, runs):
 def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
     off = np.array([1.0, 1.02, 1.0, 1.0, 1.0, 1.0])
     wrong = [[(m, replace(r, tau=r.tau * off)) for m, r in run] for run in runs]
-    gains = drive_gains(robot, *(Joint(robot, prepared(run)) for run in wrong), 10.86)
+    gains = drive_gains(robot, *(SimultaneousFit(robot, prepared(run)) for run in wrong), 10.86)
     assert gains.error[1] == pytest.approx(0.02, abs=2e-3)
     assert gains.constant[1] == pytest.approx(robot.torque_constant[1] / 1.02, rel=2e-3)
 

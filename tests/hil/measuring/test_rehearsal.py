@@ -17,9 +17,9 @@ import pytest
 from drivers import canopen_bus
 from hil import cli
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
-from hil.measuring.motion import travel
 from hil.measuring.rehearsal import rehearse
 from hil.measuring.sequencer import measure
+from hil.measuring.travel import travel
 from hil.model.robot import Robot
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder

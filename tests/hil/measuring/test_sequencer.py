@@ -98,7 +98,7 @@ def test_the_partner_goes_back_and_forth_while_the_axis_creeps(
             creeping = np.diff(recording.q[span, 0]) / 0.004
             np.testing.assert_allclose(np.abs(creeping), 0.05, rtol=1e-6)
             ends = recording.q[span, 1][[0, -1]]
-            profile = measurement.partner_profile(int(number))
+            profile = measurement.partner.profile(measurement.q, int(number))
             np.testing.assert_allclose(ends, [profile.start, profile.end], atol=2e-3)
 
 

@@ -64,7 +64,7 @@ def test_it_may_be_run_and_tells_every_group(manutec, plan):
 
 def test_it_tells_more_than_a_plan_by_counts_that_takes_as_long(manutec, plan, noise):
     n_base = len(base_parameters(manutec))
-    by_counts = design(manutec, (22, 32, 3))
+    by_counts = design(manutec, {"gravity": 22, "inertia": 32, "coupling": 3})
     assert dry_run(by_counts, manutec).duration >= 0.99 * dry_run(plan, manutec).duration
     found, other = (
         covariance(information(manutec, p.measurements, PERIOD, noise), n_base)
@@ -140,7 +140,7 @@ def test_ways_of_many_take_as_long_as_one_by_one(manutec):
 
 @pytest.fixture(scope="module")
 def run(manutec):
-    return design(manutec, (12, 24, 3))
+    return design(manutec, {"gravity": 12, "inertia": 24, "coupling": 3})
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from checked_files.yaml_file import FileError
 from hil.model.capsules import DEFAULT_RADIUS, capsules, segments
 from hil.model.robot import Robot, parse_robot
 from hil.planning.clearance import RESOLUTION, are_clear, box_distance, find_hits
-from hil.planning.path_clearance import SKEW, Strokes, Travels
+from hil.planning.path_clearance import SKEW, JointBoxes, Travels
 from hil.planning.workspace import Box, Workspace
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -93,7 +93,7 @@ def test_all_angles_of_two_axes_at_once_are_looked_at(manutec: Robot, seed: int)
     end[0, axes] += rng.uniform(-1, 1, size=2)
     between = start + (end - start) * rng.random((1000, 6))
     depth = sampled_depth(manutec, workspace, between)
-    hits = find_hits(manutec, workspace, Strokes(start, end))
+    hits = find_hits(manutec, workspace, JointBoxes(start, end))
     assert hits or depth <= 0
     assert not hits or hits[0].depth > 0
     assert not hits or depth - 0.01 <= hits[0].depth
@@ -107,10 +107,10 @@ def test_a_travel_whose_highest_speed_is_0_in_floating_point_takes_no_time() -> 
 def test_a_link_that_stands_in_a_box_can_be_left_out(manutec: Robot) -> None:
     floor = {"name": "floor", "low": (-2, -2, -2), "high": (2, 2, -0.25)}
     up = np.array([[0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0]])
-    hits = find_hits(manutec, Workspace(boxes=(Box(**floor),)), Strokes(up, up))
+    hits = find_hits(manutec, Workspace(boxes=(Box(**floor),)), JointBoxes(up, up))
     assert hits[0].link == 0
     ignored = Workspace(boxes=(Box(**floor, ignore_links=(1,)),))
-    assert not find_hits(manutec, ignored, Strokes(up, up))
+    assert not find_hits(manutec, ignored, JointBoxes(up, up))
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,10 @@ from hil.cli.dry_run_view import describe_problems, render
 from hil.measuring.sequencer import measure
 from hil.model.robot import Robot
 from hil.planning.dry_run import bus_load, dry_run, frame_bits
-from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.plan import Plan, dump_plan
-from hil.planning.prediction.identifiability import observations
+from hil.planning.prediction.identifiability import group_observations
+from hil.planning.strokes import Partner
 
 
 def with_(plan: Plan, number: int, **changes: object) -> Plan:
@@ -144,7 +145,7 @@ def test_gravity_rows_are_the_weighted_torque_of_the_axis(small_plan: Plan, manu
     """Table 2: g2 depends on p5, p8 and p13, with g cos q2 before p5."""
     q2 = 0.7
     plan = gravity_plan(small_plan, 2, (0.0, q2, 0.0, 0.0, 0.0, 0.0))
-    row = observations(plan, manutec, "gravity")[0]
+    row = group_observations(plan, manutec, "gravity")[0]
     assert abs(row[0]) == pytest.approx(9.81 * math.cos(q2) / 1890)
 
 
@@ -160,7 +161,7 @@ def test_inertia_rows_are_those_of_the_mass_matrix_without_gravity(
         velocity=1.0,
         acceleration=8.0,
     )
-    row = observations(of(small_plan, item), manutec, "diagonal")[0] * 210
+    row = group_observations(of(small_plan, item), manutec, "diagonal")[0] * 210
     assert sorted(np.abs(row[np.abs(row) > 1e-12])) == pytest.approx(
         sorted([1.0, math.sin(0.6) ** 2, math.cos(0.6) ** 2])
     )
@@ -171,7 +172,7 @@ def test_coupling_rows_relate_the_creeping_axis_to_its_partner(
 ) -> None:
     coupling = small_plan.measurements[2]
     assert isinstance(coupling, Coupling)
-    row = observations(of(small_plan, coupling), manutec, "off_diagonal")
+    row = group_observations(of(small_plan, coupling), manutec, "off_diagonal")
     assert row.shape == (1, 1)
     assert abs(row[0, 0]) > 1e-6
 
@@ -183,9 +184,9 @@ def test_one_configuration_cannot_tell_three_parameters_apart(
     groups = {group.group: group for group in dry_run(plan, manutec).groups}
     assert groups["gravity"].rank == 1
     assert not groups["gravity"].complete
-    assert groups["gravity"].weak == ("p5", "p8", "p13")
+    assert groups["gravity"].poorly_identifiable == ("p5", "p8", "p13")
     assert groups["diagonal"].rows == 0
-    assert len(groups["diagonal"].weak) == 10
+    assert len(groups["diagonal"].poorly_identifiable) == 10
 
 
 def test_several_configurations_identify_gravity(small_plan: Plan, manutec: Robot) -> None:
@@ -194,7 +195,7 @@ def test_several_configurations_identify_gravity(small_plan: Plan, manutec: Robo
     gravity = dry_run(gravity_plan(small_plan, 2, *configurations), manutec).groups[0]
     assert gravity.complete
     assert 1 < gravity.condition < 20
-    assert gravity.weak == ()
+    assert gravity.poorly_identifiable == ()
 
 
 def test_a_parameter_that_nothing_excites_is_named(small_plan: Plan, manutec: Robot) -> None:
@@ -202,13 +203,18 @@ def test_a_parameter_that_nothing_excites_is_named(small_plan: Plan, manutec: Ro
     angles = [(0.0, a, b, 0.0, 0.0, 0.0) for a in (-0.8, 0.1, 0.9) for b in (-1.0, 0.2, 1.2)]
     gravity = dry_run(gravity_plan(small_plan, 2, *angles), manutec).groups[0]
     assert gravity.rank == 2
-    assert "p13" in gravity.weak
-    assert "p5" not in gravity.weak
+    assert "p13" in gravity.poorly_identifiable
+    assert "p5" not in gravity.poorly_identifiable
 
 
 def test_the_answer_is_rendered_with_costs_and_gains(small_plan: Plan, manutec: Robot) -> None:
     stream = io.StringIO()
     render(dry_run(small_plan, manutec), Console(file=stream, width=120))
     text = stream.getvalue()
-    for words in ("bus load 21.6%", "total", "off-diagonal", "weak in gravity: p5, p8, p13"):
+    for words in (
+        "bus load 21.6%",
+        "total",
+        "off-diagonal",
+        "poorly identifiable in gravity: p5, p8, p13",
+    ):
         assert words in text

@@ -8,8 +8,12 @@ from hypothesis import strategies as st
 
 from checked_files.yaml_file import FileError, parse_yaml
 from hil.model.robot import Robot
-from hil.planning.measurement import Coupling, Gravity, Inertia, Partner
+from hil.planning.measurement import KINDS, Coupling, Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
+from hil.planning.strokes import Partner
+
+PLANS = Path(__file__).parent / "plans"
+"""A plan of each kind of measurement, as it was written when the kind was new."""
 
 angles = st.floats(-10, 10)
 sizes = st.floats(1e-3, 100)
@@ -43,6 +47,14 @@ plans = st.builds(
 @given(plans)
 def test_a_plan_read_back_equals_the_plan_written(plan: Plan) -> None:
     assert parse_yaml(dump_plan(plan), Plan, "plan.yaml") == plan
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_plan_on_disk_is_written_again_byte_for_byte(kind: str) -> None:
+    text = (PLANS / f"{kind}.yaml").read_text(encoding="utf-8")
+    plan = parse_yaml(text, Plan, "plan.yaml")
+    assert {measurement.kind for measurement in plan.measurements} == {kind}
+    assert dump_plan(plan) == text
 
 
 def test_a_measurement_is_one_short_block(small_plan: Plan) -> None:

@@ -24,7 +24,7 @@ DRAWS = 600
 
 @pytest.fixture(scope="module")
 def plan(manutec):
-    return design(manutec, (8, 16, 2))
+    return design(manutec, {"gravity": 8, "inertia": 16, "coupling": 2})
 
 
 @pytest.fixture(scope="module")
@@ -126,8 +126,8 @@ def test_what_nothing_tells_is_infinitely_uncertain(manutec, plan):
     told = dict(zip(found.names, np.isfinite(found.deviation), strict=True))
     assert told.pop("p14")
     assert not any(told.values())
-    assert not found.weak[found.names.index("p14")]
-    assert found.weak[found.names.index("p1")]
+    assert not found.imprecise[found.names.index("p14")]
+    assert found.imprecise[found.names.index("p1")]
 
 
 def test_a_unit_of_a_parameter_weighs_most_where_limits_are_small(manutec):

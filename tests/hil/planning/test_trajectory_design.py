@@ -21,7 +21,8 @@ from hil.planning.design.trajectories import (
 )
 from hil.planning.dry_run import bus_load, dry_run
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
-from hil.planning.trajectory import REST, Trajectory
+from hil.planning.strokes import REST
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

@@ -107,19 +107,19 @@ def test_narrowed_ranges_are_kept_by_the_dry_run(small_plan: Plan, manutec: Robo
 
 
 def test_the_planner_chooses_clear_configurations_and_travels(manutec: Robot) -> None:
-    counts = (9, 22, 1)
+    counts = {"gravity": 9, "inertia": 22, "coupling": 1}
     unguarded = design(manutec, counts)
     assert dry_run(unguarded.model_copy(update={"workspace": CELL}), manutec).problems
     plan = design(manutec, counts, workspace=CELL)
     assert not dry_run(plan, manutec).problems
-    assert len(plan.measurements) == sum(counts)
+    assert len(plan.measurements) == sum(counts.values())
     assert plan.workspace == CELL
 
 
 def test_a_cell_without_room_is_told_by_the_planner(manutec: Robot) -> None:
     full = Workspace(boxes=(Box(name="wall", low=(-2, -2, -2), high=(2, 2, 2)),))
     with pytest.raises(ValueError, match="no configuration with axis 2 in motion keeps clear"):
-        design(manutec, (9, 22, 1), workspace=full)
+        design(manutec, {"gravity": 9, "inertia": 22, "coupling": 1}, workspace=full)
 
 
 def test_a_plan_with_a_workspace_reads_back_as_written(small_plan: Plan) -> None:

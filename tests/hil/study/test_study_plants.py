@@ -89,7 +89,7 @@ class TestCampaigns:
     def test_they_are_kept_and_those_there_are_taken_as_they_are(
         self, manutec: Robot, tmp_path: Path
     ) -> None:
-        own = design(manutec, (40, 60, 6))
+        own = design(manutec, {"gravity": 40, "inertia": 60, "coupling": 6})
         put({"two-step": own}, tmp_path)
         found = campaigns(manutec, 1.0, tmp_path)
         assert load_plan(tmp_path / "two-step.yaml") == found["two-step"] == own

@@ -1,0 +1,183 @@
+"""Motions on a `DriveBus` that record nothing: travels between configurations, passing a stroke.
+
+Time passes only in `bus.sample()`, and every time-out counts in the bus's time. A travel moves all
+axes at once, each with its own trapezoid, so the robot stays inside the box in joint space that
+start and target span; a box inside the limits is all that has to be checked, and in a guarded
+workspace the path within it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import LimitExceeded, Move, MoveFailed
+from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.planning.path_clearance import refuse_travel
+from hil.planning.timetable import travel_time
+from hil.planning.workspace import narrowed
+from hil.runs.recording import Recorder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from drivers.drive_bus import DriveBus, Sample
+    from hil.model.robot import Robot
+    from hil.planning.trapezoid import Trapezoid
+    from hil.planning.workspace import Workspace
+
+OVERDUE = 1.5
+"""A move may take this many times its expected duration, plus `GRACE`."""
+GRACE = 5.0
+"""Time for handshake and settling before a move counts as failed [s]."""
+SLACK = 2e-3
+"""A robot may stand this far outside its limits and still travel back inside [rad]."""
+
+
+def locate(bus: DriveBus) -> Sample:
+    """Find out where the axes stand.
+
+    Raises
+    ------
+    MoveFailed
+        An axis tells no position within 20 samples.
+    """
+    for _ in range(20):
+        sample = bus.sample()
+        if all(math.isfinite(q) for q in sample.q):
+            return sample
+    silent = ", ".join(str(i + 1) for i, q in enumerate(sample.q) if not math.isfinite(q))
+    raise MoveFailed(
+        f"axis {silent}: no position in 20 samples, so nothing was moved; check wiring and PDO"
+        " mapping of that drive"
+    )
+
+
+def travel(
+    bus: DriveBus,
+    robot: Robot,
+    target: Sequence[float],
+    fraction: float,
+    workspace: Workspace | None = None,
+    slow: float = 1.0,
+) -> Sample:
+    """Move all axes at once to `target` [rad] and wait until they stand still.
+
+    Parameters
+    ----------
+    fraction : float
+        Share of the velocity and acceleration limits.
+    workspace : Workspace, optional
+        What the arm must keep clear of.
+    slow : float
+        Pace at which the same path is passed; 0.5 takes twice as long.
+
+    Returns
+    -------
+    Sample
+        The first one at rest.
+
+    Raises
+    ------
+    LimitExceeded
+        The path leaves the robot's limits or the workspace; nothing was commanded.
+    MoveFailed
+        Not at rest at the target in time.
+    Tripped
+        An encoder jumped.
+    """
+    here = locate(bus)
+    _check_box(narrowed(robot, workspace), here.q, target)
+    refuse_travel(robot, workspace, here.q, target, fraction)
+    moves = {
+        index: Move(
+            float(target[index]),
+            slow * fraction * float(robot.velocity_limit[index]),
+            slow**2 * fraction * float(robot.acceleration_limit[index]),
+        )
+        for index in range(robot.n_joints)
+    }
+    bus.move(moves)
+    expected = travel_time(robot, here.q, target, fraction) / slow
+    recorder = Recorder()
+    last = until_reached(bus, recorder.add, here.time, expected, "travel")
+    highest = max(move.acceleration for move in moves.values())
+    refuse_jumps(recorder.finish(), highest, resolution(bus))
+    return last
+
+
+def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Sample:
+    """Move one axis along `profile`, recording nothing; return the first sample at rest.
+
+    Raises
+    ------
+    MoveFailed
+        Not at rest at the end in time; `what` says what it was for.
+    Tripped
+        An encoder jumped.
+    """
+    recorder = Recorder()
+    begin = locate(bus).time
+    bus.move({index: Move(profile.end, profile.velocity, profile.acceleration)})
+    last = until_reached(bus, recorder.add, begin, profile.duration, what)
+    refuse_jumps(recorder.finish(), profile.acceleration, resolution(bus))
+    return last
+
+
+def stand(bus: DriveBus, duration: float) -> Sample:
+    """Let `duration` [s] pass without a motion; return the last sample."""
+    begin = last = locate(bus)
+    while last.time - begin.time < duration:
+        last = bus.sample()
+    return last
+
+
+def until_reached(
+    bus: DriveBus,
+    each: Callable[[Sample], None],
+    begin: float,
+    expected: float,
+    what: str,
+) -> Sample:
+    """Pass every sample to `each` until all axes are at rest at their targets; return that one.
+
+    Raises
+    ------
+    MoveFailed
+        Not in time, counted from `begin` [s]; `what` says what the motion is.
+    """
+    deadline = begin + OVERDUE * expected + GRACE
+    next_sample = bus.sample
+    while True:
+        sample = next_sample()
+        each(sample)
+        if sample.reached:
+            return sample
+        if sample.time > deadline:
+            bus.halt()
+            raise MoveFailed(
+                f"{what}: not at rest at the target after {sample.time - begin:.3g} s, expected"
+                f" {expected:.3g} s; see whether an axis is blocked or its position window and"
+                " velocity limit are too small"
+            )
+
+
+def resolution(bus: DriveBus) -> list[float]:
+    """Steps of the encoders [rad]."""
+    return [axis.position_resolution for axis in bus.axes]
+
+
+def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> None:
+    limits = zip(robot.q_min, robot.q_max, strict=True)
+    for index, (low, high) in enumerate(limits):
+        if not low <= target[index] <= high:
+            raise LimitExceeded(
+                f"axis {index + 1}: target {target[index]:.4g} rad is outside {low:.4g} ..."
+                f" {high:.4g} rad; correct the plan"
+            )
+        if not low - SLACK <= here[index] <= high + SLACK:
+            raise LimitExceeded(
+                f"axis {index + 1}: stands at {here[index]:.4g} rad, outside {low:.4g} ..."
+                f" {high:.4g} rad; bring it inside with the drive's own tool, or check its"
+                " position offset in drives.yaml"
+            )

@@ -1,0 +1,133 @@
+"""A kind of measurement has one home: a row of the table, and an entry in each stage's registry.
+
+Adding a kind touches the five files of `HOMES` and no other: nowhere else is a kind named.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import pytest
+
+import hil
+from hil.estimation.local_fits import ELSEWHERE, LOCAL_FITS
+from hil.measuring.checks.recording_checks import CHECKS
+from hil.measuring.motion import MANNERS
+from hil.model.dependencies import GROUPS
+from hil.planning.design.measurable_elements import ELEMENTS
+from hil.planning.measurement import ELEMENT_KINDS, KEYS, KINDS, Measurement
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+ROOT = Path(hil.__file__).parent
+HOMES = {
+    "planning/measurement.py",
+    "planning/design/measurable_elements.py",
+    "measuring/motion.py",
+    "measuring/checks/recording_checks.py",
+    "estimation/local_fits.py",
+}
+"""The files that a further kind touches."""
+OWN = {
+    "friction": (
+        "planning/design/friction.py",
+        "estimation/friction/points.py",
+        "results/friction.py",
+        "report/friction.py",
+    ),
+    "trajectory": (
+        "planning/trajectory.py",
+        "planning/trajectory_check.py",
+        "planning/design/trajectories.py",
+        "measuring/streaming.py",
+        "estimation/conventional/products.py",
+        "estimation/conventional/variants.py",
+    ),
+}
+"""Files about one kind alone, which may name it."""
+OTHERWISE = {
+    ("gravity", "model/dependencies.py"): "a group of base parameters",
+    ("gravity", "model/robot_file.py"): "the acceleration of gravity",
+    ("friction", "report/plots/campaign.py"): "a plot of the levels in all kinds",
+    ("friction", "cli/__init__.py"): "a family of commands",
+    ("trajectory", "cli/__init__.py"): "a family of commands",
+    ("trajectory", "cli/trajectory.py"): "the same",
+    ("friction", "cli/friction.py"): "the same",
+    ("friction", "study/scenarios.py"): "a key of a plant's file",
+    ("trajectory", "study/campaigns.py"): "a campaign of a study",
+    ("trajectory", "study/cell.py"): "the same",
+    ("gravity", "cli/planning.py"): "the option for its count",
+    ("inertia", "cli/planning.py"): "the option for its count",
+    ("coupling", "cli/planning.py"): "the option for its count",
+}
+"""Where a kind's name means something else."""
+REGISTRIES: dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
+    "how it moves": (MANNERS, KINDS),
+    "what its recordings must show": (CHECKS, KINDS),
+    "what an estimate makes of it": (LOCAL_FITS | ELSEWHERE, KINDS),
+    "what is estimated from it alone": (LOCAL_FITS, ELEMENT_KINDS),
+    "where it can be measured": (ELEMENTS, ELEMENT_KINDS),
+}
+
+
+@pytest.mark.parametrize("stage", REGISTRIES)
+def test_every_kind_has_its_entry_in_every_stage(stage: str) -> None:
+    registry, kinds = REGISTRIES[stage]
+    assert set(registry) == set(kinds)
+
+
+def test_the_table_holds_every_model_that_a_plan_may_state() -> None:
+    union, _ = get_args(Measurement)
+    assert {kind.model for kind in KINDS.values()} == set(get_args(union))
+
+
+def test_every_group_of_base_parameters_is_served_and_ids_tell_kinds_apart() -> None:
+    assert {kind.group for kind in ELEMENT_KINDS.values()} == set(GROUPS)
+    letters = [kind.letter for kind in ELEMENT_KINDS.values()]
+    assert len(set(letters)) == len(letters)
+
+
+def test_every_key_of_every_kind_has_its_place_in_a_plan_s_file() -> None:
+    keys = {key for kind in KINDS.values() for key in kind.model.model_fields}
+    assert keys == set(KEYS)
+    assert len(keys) == len(KEYS)
+
+
+def named_in(tree: ast.AST) -> set[str]:
+    """Names of kinds that a module has as a class's name or as a string of its own."""
+    models = {kind.model.__name__: name for name, kind in KINDS.items()}
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and node.value in KINDS:
+            found.add(str(node.value))
+        if isinstance(node, ast.alias | ast.Name | ast.Attribute):
+            name = {ast.alias: "name", ast.Name: "id", ast.Attribute: "attr"}[type(node)]
+            found.update({models[word] for word in [getattr(node, name)] if word in models})
+    return found
+
+
+def test_a_kind_is_named_in_no_other_file() -> None:
+    strangers = {
+        (kind, path)
+        for file in ROOT.rglob("*.py")
+        if (path := file.relative_to(ROOT).as_posix()) not in HOMES
+        for kind in named_in(ast.parse(file.read_text(encoding="utf-8")))
+        if path not in OWN.get(kind, ())
+    }
+    assert strangers == set(OTHERWISE)
+
+
+def test_the_home_of_a_kind_is_five_files_that_name_every_kind_they_serve() -> None:
+    for path in HOMES:
+        found = named_in(ast.parse((ROOT / path).read_text(encoding="utf-8")))
+        assert found >= set(ELEMENT_KINDS), path
+
+
+def test_templates_name_no_kind_that_is_drawn() -> None:
+    for template in (ROOT / "report" / "templates").iterdir():
+        quoted = set(re.findall(r"\"([a-z]+)\"", template.read_text(encoding="utf-8")))
+        assert not quoted & set(ELEMENT_KINDS), template.name
