@@ -34,15 +34,17 @@ def identify(
     ] = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil.cli import estimate_view, friction_view
+    from hil.cli import estimate_view
     from hil.estimation.friction.symmetry import of_local_values
     from hil.model.robot import load_robot
     from hil.results import model_file
+    from hil.results.tables.friction import symmetry
+    from hil.results.tables.terminal import show
 
     begun = perf_counter()
     found = model_file.identify(folder, method.value, others or ())
     estimate_view.render(found, load_robot(folder / "robot.yaml"), out)
-    friction_view.render_symmetry(of_local_values(found.local), out)
+    show(symmetry(of_local_values(found.local)), out)
     for each in (folder, *(others or ())):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
@@ -97,8 +99,8 @@ def payload(
     from hil.results import payload, payload_file
 
     found = payload.find_load(without, loaded, mass)
-    payload_view.render(found, out)
-    _show_place("load", payload_file.write_load(without, loaded, found), loaded)
+    payload_view.render(payload_file.write_load(without, loaded, found), out)
+    _show_place("load", loaded / payload_file.NAME)
 
 
 @commands.command()
@@ -111,10 +113,10 @@ def diagnose(folder: RunPath) -> None:
     from hil.results import diagnosis, diagnosis_file
 
     found = diagnosis.diagnose(folder)
-    diagnosis_view.render(found, out)
+    diagnosis_view.render(diagnosis_file.write_diagnosis(folder, found), found.estimate, out)
     plots = write_diagnosis_plots(folder, found)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
-    _show_place("diagnosis", diagnosis_file.write_diagnosis(folder, found), folder)
+    _show_place("diagnosis", folder / diagnosis_file.NAME)
 
 
 def _show_shortfall(folder: Path) -> None:
@@ -125,5 +127,7 @@ def _show_shortfall(folder: Path) -> None:
         out.print(f"[yellow]{shortfall}[/]", soft_wrap=True)
 
 
-def _show_place(what: str, path: Path, folder: Path) -> None:
-    out.print(f"{what} in {path}; hil report {folder} shows it", highlight=False, soft_wrap=True)
+def _show_place(what: str, path: Path) -> None:
+    out.print(
+        f"{what} in {path}; hil report {path.parent} shows it", highlight=False, soft_wrap=True
+    )

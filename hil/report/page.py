@@ -1,46 +1,36 @@
 """A run's report: one HTML file with everything in it, made from the recordings alone.
 
 It can be written again at any time, without hardware and without the network; what `hil identify`
-wrote before is only mentioned. Plots are embedded as SVG. The text is in `templates/report.html`,
-the figures that stand in it come from `hil.report.campaign_rows`. What `hil payload` and `hil
-diagnose` found is shown as they wrote it (`hil.report.findings`).
+wrote before is only mentioned. Plots are embedded as SVG. What stands in it, and in which order, is
+the registry of `hil.report.sections`.
 """
 
 from __future__ import annotations
 
-import base64
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-from checked_files.yaml_file import FileError, load_yaml
-from hil.estimation import signals
-from hil.estimation.identify import NotIdentifiable, estimates
-from hil.planning.measurement import ELEMENT_KINDS, element_measurements
-from hil.regression import terms, window
-from hil.report import campaign_rows, findings, findings_rows, friction
-from hil.report.campaign_rows import Result
-from hil.report.plots import campaign
-from hil.report.plots.style import drawn, image
-from hil.results.advice import advice
-from hil.results.model_file import NAME as MODEL_NAME
-from hil.results.model_file import ModelFile, recorded
-from hil.results.prediction import predict
+from hil.report import header
+from hil.report.friction_of_run import friction_alone
+from hil.report.header import when
+from hil.report.plots.style import drawn
+from hil.report.reported_run import identified, read
+from hil.report.sections import OF_CAMPAIGN, OF_FRICTION
+from hil.results.tables.html import environment
 from hil.runs.atomic_file import operator_told, write_file
 from hil.runs.journal import now, versions
 from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-    from matplotlib.figure import Figure
+    from jinja2 import Environment
 
-    from hil.report.findings import Findings
-    from hil.runs.recording_file import Measured
+    from hil.report.header import Header
+    from hil.report.section import Plot, Section
 
 NAME = "report.html"
-_TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = tuple(Path(__file__).parent / folder for folder in ("templates", "sections"))
 
 
 def report(run_folder: Path | str, figures: Path | None = None) -> Path:
@@ -62,114 +52,46 @@ def report(run_folder: Path | str, figures: Path | None = None) -> Path:
         No run folder, a damaged recording, measurements that do not suffice, a full disk.
     """
     folder = RunFolder.open(run_folder)
-    if friction.friction_only(folder):
-        return _friction(folder, figures)
-    campaign = list(folder)
-    result = _evaluate(folder, campaign)
+    top, sections = _content(folder)
     path = folder.path / NAME
     with drawn():
-        shown = findings.of_campaign(folder, result.estimate)
-        drawings = _draw(folder, result) | findings.drawings(shown)
-        write_file(path, _html(folder, campaign, result, shown, drawings).encode())
+        write_file(path, _html(folder, top, sections).encode())
         if figures is not None:
-            _write_figures(figures, drawings)
+            _write_figures(figures, [plot for each in sections for plot in each.plots])
     return path
 
 
-def _friction(folder: RunFolder, figures: Path | None) -> Path:
-    path = folder.path / NAME
-    with drawn():
-        html, drawings = friction.page(folder)
-        write_file(path, html.encode())
-        if figures is not None:
-            _write_figures(figures, drawings)
-    return path
+def _content(folder: RunFolder) -> tuple[Header, list[Section]]:
+    run = read(folder)
+    if friction_alone(folder):
+        return header.of_friction(run), _present(each(run) for each in OF_FRICTION)
+    found = identified(run)
+    return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN)
 
 
-def _evaluate(folder: RunFolder, campaign: Sequence[Measured]) -> Result:
-    recordings = list(recorded(campaign))
-    try:
-        found = estimates(folder.robot, recordings)
-    except NotIdentifiable as error:
-        raise FileError(f"{folder.path}: {error}") from error
-    best = found["improved"]
-    prediction = predict(best, folder.robot)
-    return Result(
-        robot=folder.robot,
-        estimate=best,
-        printed=found["printed"],
-        prediction=prediction,
-        advice=advice(best, prediction, folder.robot, folder.plan, campaign),
-        robot_time=max(float(recording.time[-1]) for _, recording in recordings),
-    )
+def _present(sections: Iterable[Section | None]) -> list[Section]:
+    return [section for section in sections if section is not None]
 
 
-def _draw(folder: RunFolder, result: Result) -> dict[str, Figure]:
-    planned = {each.id: each for each in element_measurements(folder.plan.measurements)}
-    evidence = campaign.Evidence(result.estimate, folder.robot, planned)
-    return {name: draw(evidence) for name, draw in campaign.PLOTS.items()}
-
-
-def _html(
-    folder: RunFolder,
-    campaign: Sequence[Measured],
-    result: Result,
-    findings: Findings,
-    drawings: dict[str, Figure],
-) -> str:
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters.update(symbols=campaign_rows.symbols, when=campaign_rows.when)
-    return environment.get_template(NAME).render(
-        result=result,
+def _html(folder: RunFolder, top: Header, sections: Sequence[Section]) -> str:
+    templates = environment(*TEMPLATES)
+    templates.filters["when"] = when
+    return templates.get_template(NAME).render(
+        top=top,
+        sections=[(section.heading, _text(templates, section)) for section in sections],
         folder=folder,
-        journal=folder.journal,
-        campaign=campaign,
-        content=campaign_rows,
-        kinds=ELEMENT_KINDS,
-        plots={name: _data_uri(image(figure, "svg")) for name, figure in drawings.items()},
-        model_note=_model_note(folder),
-        findings=findings,
-        findings_content=findings_rows,
         written=now(),
         version=versions()["canopen-robot-identification"],
-        signals=signals,
-        smoothing=window,
-        columns=terms,
-        **friction.of_campaign(folder, list(recorded(campaign)), result.estimate),
     )
 
 
-def _data_uri(svg: bytes) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
+def _text(templates: Environment, section: Section) -> str:
+    plots = {plot.name: plot for plot in section.plots}
+    return templates.get_template(section.template).render(plots=plots, **section.values)
 
 
-def _model_note(folder: RunFolder) -> str:
-    """What `model.yaml` has to do with this report."""
-    path = folder.path / MODEL_NAME
-    if not path.exists():
-        return f"There is no {MODEL_NAME} yet; hil identify writes these parameters into one."
-    try:
-        model = load_yaml(path, ModelFile)
-    except FileError as error:
-        return f"{MODEL_NAME} cannot be used: {error}"
-    if model.provenance.together_with:
-        return (
-            f"{MODEL_NAME} was identified from this run together with"
-            f" {', '.join(model.provenance.together_with)}; here the run stands alone."
-        )
-    if model.provenance.method != "improved":
-        return (
-            f"{MODEL_NAME} holds the parameters of the {model.provenance.method} method, not these;"
-            " hil identify writes it anew."
-        )
-    return f"{MODEL_NAME} holds the parameters of the same method, with their covariance."
-
-
-def _write_figures(folder: Path, drawings: dict[str, Figure]) -> None:
+def _write_figures(folder: Path, plots: Iterable[Plot]) -> None:
     with operator_told(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in drawings.items():
-        write_file(folder / f"{name}.png", image(figure, "png"))
+    for plot in plots:
+        write_file(folder / f"{plot.name}.png", plot.image("png"))

@@ -31,7 +31,7 @@ class Diagnosis:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class AbsenceEvidence:
     """What a run says about one left-out parameter.
 
     Attributes
@@ -76,7 +76,7 @@ def diagnose(run_folder: Path) -> Diagnosis:
     return Diagnosis(robot, best, errors, shifted)
 
 
-def evidence_for(found: Diagnosis, name: str) -> Evidence:
+def evidence_for(found: Diagnosis, name: str) -> AbsenceEvidence:
     """Tell the rank and the evidence of one left-out parameter, such as ``sy4``.
 
     Raises
@@ -89,7 +89,7 @@ def evidence_for(found: Diagnosis, name: str) -> Evidence:
     if tested is None:
         names = ", ".join(c.label for c in errors.alone)
         raise ValueError(f"{name} was not tested, only {names}; see ModelErrors for why")
-    return Evidence(
+    return AbsenceEvidence(
         first=tested is errors.alone[0],
         significant=any(name in c.names for c in errors.found),
         value=tested.value,

@@ -118,13 +118,13 @@ class DiagnosisFile(FileModel):
         return self.of.change(folder) or same_parameters(self.p, estimate.p)
 
 
-def write_diagnosis(run_folder: Path, found: Diagnosis) -> Path:
-    """Write `diagnosis.yaml` into the run's folder, whole or not at all."""
+def write_diagnosis(run_folder: Path, found: Diagnosis) -> DiagnosisFile:
+    """Write `diagnosis.yaml` into the run's folder, whole or not at all, and return it."""
     folder = RunFolder.open(run_folder)
-    path = folder.path / NAME
-    content = _content(folder, found).model_dump(mode="json")
-    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
-    return path
+    kept = _content(folder, found)
+    text = yaml.safe_dump(kept.model_dump(mode="json"), sort_keys=False, width=100)
+    write_file(folder.path / NAME, text.encode())
+    return kept
 
 
 def load_diagnosis(folder: RunFolder) -> DiagnosisFile | None:
@@ -139,7 +139,7 @@ def load_diagnosis(folder: RunFolder) -> DiagnosisFile | None:
     return load_yaml(path, DiagnosisFile) if path.exists() else None
 
 
-def needless(found: Diagnosis) -> tuple[Needless, ...]:
+def _needless(found: Diagnosis) -> tuple[Needless, ...]:
     """Stated parameters that the data do not need."""
     base = base_parameters(found.robot)
     return tuple(
@@ -160,7 +160,7 @@ def _content(folder: RunFolder, found: Diagnosis) -> DiagnosisFile:
         threshold=errors.threshold,
         candidates=tuple(_candidate(c, beside.get(c.names)) for c in errors.alone),
         found=tuple(c.label for c in errors.found),
-        needless=needless(found),
+        needless=_needless(found),
         absorbed=errors.absorbed,
         unmeasured=errors.unmeasured,
         phase=_phase(found.phase) if found.phase else None,

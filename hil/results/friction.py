@@ -15,7 +15,7 @@ from hil.estimation.friction.model_choice import choose
 from hil.estimation.friction.points import GravityModel, points
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import Friction, recorded_as
-from hil.results.model_file import load_model, recorded
+from hil.results.model_file import load_model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from hil.estimation.friction.symmetry import Symmetry
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.runs.recording import Recording
     from hil.runs.run_folder import RunFolder
 
 
@@ -75,13 +77,18 @@ class FrictionResult:
 
 
 def evaluate(
-    folder: RunFolder, model_folder: Path | None = None, bound: float = symmetry.BOUND
+    folder: RunFolder,
+    recordings: Sequence[tuple[Measurement, Recording]],
+    model_folder: Path | None = None,
+    bound: float = symmetry.BOUND,
 ) -> FrictionResult:
     """Evaluate the friction measurements of a run.
 
     Parameters
     ----------
     folder : RunFolder
+    recordings : sequence of (Measurement, Recording)
+        All of the run, as `hil.runs.pooling.recorded` gives them.
     model_folder : path, optional
         Folder of an identified run whose model compensates gravity; without it half-differences of
         both directions do.
@@ -91,11 +98,10 @@ def evaluate(
     Raises
     ------
     FileError
-        No friction measurements, a damaged recording, or a model of another robot.
+        No friction measurements, or a model of another robot.
     """
     robot = folder.robot
-    everything = list(recorded(folder))
-    chosen = recorded_as(Friction, everything)
+    chosen = recorded_as(Friction, recordings)
     if not chosen:
         raise FileError(
             f"{folder.path}: holds no friction measurements; plan some with: hil friction plan"
@@ -105,7 +111,7 @@ def evaluate(
     axes = sorted({point.axis for point in found})
     own = {axis: [point for point in found if point.axis == axis] for axis in axes}
     fits = [choose(axis, own[axis], float(robot.velocity_limit[axis])) for axis in axes]
-    past = history(robot, everything)
+    past = history(robot, recordings)
     drifts = [drift(axis, _levels(robot, own[axis]), past) for axis in axes]
     return FrictionResult(
         robot=robot,

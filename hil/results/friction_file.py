@@ -19,6 +19,7 @@ from hil.estimation.friction.symmetry import BOUND
 from hil.results.friction import FrictionResult, evaluate
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
+from hil.runs.pooling import recorded
 from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def fit(
 ) -> FrictionResult:
     """Evaluate a run's friction and write `friction.yaml` into its folder; see `evaluate`."""
     folder = RunFolder.open(run_folder)
-    result = evaluate(folder, model_folder, bound)
+    result = evaluate(folder, list(recorded(folder)), model_folder, bound)
     text = yaml.safe_dump(
         _content(folder, result).model_dump(mode="json"), sort_keys=False, width=200
     )

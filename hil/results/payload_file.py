@@ -127,13 +127,13 @@ class LoadFile(FileModel):
         )
 
 
-def write_load(without: Path, loaded: Path, found: Load) -> Path:
-    """Write `payload.yaml` into the loaded run's folder, whole or not at all."""
+def write_load(without: Path, loaded: Path, found: Load) -> LoadFile:
+    """Write `payload.yaml` into the loaded run's folder, whole or not at all, and return it."""
     folders = RunFolder.open(without), RunFolder.open(loaded)
-    path = folders[1].path / NAME
-    content = _content(*folders, found).model_dump(mode="json")
-    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
-    return path
+    kept = _content(*folders, found)
+    text = yaml.safe_dump(kept.model_dump(mode="json"), sort_keys=False, width=100)
+    write_file(folders[1].path / NAME, text.encode())
+    return kept
 
 
 def load_payload(folder: RunFolder) -> LoadFile | None:

@@ -212,7 +212,10 @@ def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
     folder = RunFolder.open(run)
     if folder.missing:  # what is judged stays, so it must not rest on a part of them
         raise FileError(f"{run}: {folder.shortfall}")
-    fits = {each.axis: each.models[each.chosen] for each in evaluate(folder).axes}
+    fits = {
+        each.axis: each.models[each.chosen]
+        for each in evaluate(folder, list(recorded(folder))).axes
+    }
     missing = [str(axis + 1) for axis in range(robot.n_joints) if axis not in fits]
     if missing:
         raise FileError(f"{run}: no friction model of axis {', '.join(missing)}")

@@ -1,12 +1,10 @@
 """Run folders with known parameters, written in a moment: recordings without a plant."""
 
 import numpy as np
-from matplotlib.figure import Figure
 from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
 from hil.planning.design.by_counts import design
-from hil.report.plots.campaign import PLOTS
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
 
@@ -37,6 +35,4 @@ def write_run(path, robot, truth=None, seed=1):
 
 def empty_plots(monkeypatch):
     """Let reports have all their pictures, with nothing drawn."""
-    blank = dict.fromkeys(PLOTS, lambda _evidence: Figure())
-    monkeypatch.setattr("hil.report.plots.campaign.PLOTS", blank)
-    monkeypatch.setattr("hil.report.page.image", lambda _figure, _kind: b"<svg/>")
+    monkeypatch.setattr("hil.report.section.Plot.image", lambda _plot, _kind: b"<svg/>")
