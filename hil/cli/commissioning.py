@@ -202,7 +202,7 @@ def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool
     """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
     import numpy as np
 
-    from drivers.can_bus.kernel_sync import can_send_sync
+    from drivers.can_bus.capabilities import capabilities_of
     from drivers.operator_tools import wake_ups
 
     found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
@@ -217,7 +217,7 @@ def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool
         classes.tolist(),
     )
     jitter_view.render(jitter, out)
-    by_kernel = can_send_sync(bus)
+    by_kernel = capabilities_of(bus).kernel_sync
     return [wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=by_kernel)]
 
 
