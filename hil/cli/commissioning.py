@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from contextlib import closing
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -185,17 +184,15 @@ def home(
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
     """Return the torques that hold the robot of an identified run at rest."""
-    from hil.model.dynamics import gravity_torque
-    from hil.results.model_file import load_model
-    from hil.runs.run_folder import RunFolder
+    from hil.results.model import Model
 
-    robot, p = RunFolder.open(run).robot, load_model(run).p
-    if robot.n_joints != len(drives.axes):
+    model = Model.load(run)
+    if model.robot.n_joints != len(drives.axes):
         raise typer.BadParameter(
-            f"--model: {run} has {robot.n_joints} joints and {len(drives.axes)} axes are checked; "
-            "check all axes of its robot together"
+            f"--model: {run} has {model.robot.n_joints} joints and {len(drives.axes)} axes are"
+            " checked; check all axes of its robot together"
         )
-    return partial(gravity_torque, robot, p)
+    return model.gravity
 
 
 def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:

@@ -23,7 +23,7 @@ SHOWN = 8
 def render(found: Diagnosis, console: Console) -> None:
     """Print the candidates, the verdict, the phase, needless parameters, lags."""
     console.print(_candidates(found))
-    for line in [_verdict(found), *_phase(found), *_needless(found), _lags(found)]:
+    for line in [_verdict(found), *_phase(found), *_needless(found), *_lags(found)]:
         console.print(line, highlight=False, soft_wrap=True)
 
 
@@ -69,10 +69,13 @@ def _needless(found: Diagnosis) -> list[str]:
     return [f"not needed by the data: {', '.join(names)}"] if names else []
 
 
-def _lags(found: Diagnosis) -> str:
-    pairs = zip(found.estimate.lag, found.estimate.lag_error, strict=True)
+def _lags(found: Diagnosis) -> list[str]:
+    lags = found.estimate.lags
+    if lags is None:
+        return []
+    pairs = zip(lags.lag, lags.standard_error, strict=True)
     text = ", ".join(
         "not told" if math.isnan(error) else signed(f"{1e3 * lag:.2f} ± {1e3 * error:.2f}")
         for lag, error in pairs
     )
-    return f"torque read late by, in ms axis by axis, compensated: {text}"
+    return [f"torque read late by, in ms axis by axis, compensated: {text}"]

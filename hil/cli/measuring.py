@@ -126,8 +126,9 @@ def run(
 
 def _gate(folder: Path, the_robot: Robot) -> None:
     from hil.results.friction_gate import refuse_asymmetric
+    from hil.runs.run import Run
 
-    for line in refuse_asymmetric(folder, the_robot):
+    for line in refuse_asymmetric(Run.open(folder), the_robot):
         out.print(line, style="yellow", highlight=False, soft_wrap=True)
 
 

@@ -13,10 +13,10 @@ from hil.results.rounding import rounded, signed
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from hil.results.payload import Load
+    from hil.results.payload import FoundPayload
 
 
-def render(load: Load, console: Console) -> None:
+def render(load: FoundPayload, console: Console) -> None:
     """Print what was found, and how well a rigid load explains it."""
     console.print(_changes(load))
     console.print(_load(load))
@@ -37,7 +37,7 @@ def render(load: Load, console: Console) -> None:
         console.print(_gains(load))
 
 
-def _changes(load: Load) -> Table:
+def _changes(load: FoundPayload) -> Table:
     base, found = base_parameters(load.robot), load.payload
     table = Table(title=f"{load.robot.name}: change by the load", box=box.SIMPLE_HEAD,
                   pad_edge=False)  # fmt: skip
@@ -55,7 +55,7 @@ def _changes(load: Load) -> Table:
     return table
 
 
-def _load(load: Load) -> Table:
+def _load(load: FoundPayload) -> Table:
     table = Table(title="the load, in the last link's frame", box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("")
     for heading in ("value", "std. error"):
@@ -63,11 +63,11 @@ def _load(load: Load) -> Table:
     table.add_column("unit")
     for q in load.payload.quantities():
         s = q.standard_error
-        table.add_row(q.name, rounded(q.value, s), rounded(s, s), q.unit)
+        table.add_row(q.name, rounded(q.value, s), rounded(s, s) if s else "stated", q.unit)
     return table
 
 
-def _gains(load: Load) -> Table:
+def _gains(load: FoundPayload) -> Table:
     gains = load.gains
     table = Table(title="torque constants, by the known mass", box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("axis")

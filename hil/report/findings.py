@@ -15,7 +15,7 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.plots.findings import shifted_sinusoid, with_and_without_load
 from hil.results import diagnosis_file, payload_file
 from hil.results.diagnosis_file import DiagnosisFile, load_diagnosis
-from hil.results.payload_file import LoadFile, load_payload
+from hil.results.payload_file import PayloadFile, read_payload
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hil.estimation.estimate import Estimate
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,30 +32,30 @@ class Findings:
 
     Attributes
     ----------
-    load : LoadFile or None
+    load : PayloadFile or None
     load_note : str
     diagnosis : DiagnosisFile or None
     diagnosis_note : str
     """
 
-    load: LoadFile | None
+    load: PayloadFile | None
     load_note: str
     diagnosis: DiagnosisFile | None
     diagnosis_note: str
 
 
 class _Kept(Protocol):
-    def stale(self, folder: RunFolder, estimate: Estimate) -> str:
+    def stale(self, folder: Run, estimate: Estimate) -> str:
         """Why it is stale."""
 
 
 K = TypeVar("K", bound=_Kept)
 
 
-def of_campaign(folder: RunFolder, estimate: Estimate) -> Findings:
+def of_campaign(folder: Run, estimate: Estimate) -> Findings:
     """Read what is kept in the folder and hold it against `estimate`."""
     load, load_note = _current(
-        load_payload, folder, estimate, payload_file.NAME, f"hil payload WITHOUT {folder.path}"
+        read_payload, folder, estimate, payload_file.NAME, f"hil payload WITHOUT {folder.path}"
     )
     diagnosis, diagnosis_note = _current(
         load_diagnosis, folder, estimate, diagnosis_file.NAME, f"hil diagnose {folder.path}"
@@ -64,8 +64,8 @@ def of_campaign(folder: RunFolder, estimate: Estimate) -> Findings:
 
 
 def _current(
-    read: Callable[[RunFolder], K | None],
-    folder: RunFolder,
+    read: Callable[[Run], K | None],
+    folder: Run,
     estimate: Estimate,
     name: str,
     command: str,

@@ -10,7 +10,7 @@ from hil.results.rounding import rounded, signed
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.results.diagnosis_file import DiagnosisFile
-    from hil.results.payload_file import LoadFile
+    from hil.results.payload_file import PayloadFile
 
     Row = tuple[str, ...]
 
@@ -20,7 +20,7 @@ MISFIT = 0.001
 """p-value below which something else than a rigid load changed."""
 
 
-def table_3(load: LoadFile) -> tuple[tuple[Row, ...], tuple[tuple[str, tuple[Row, ...]], ...]]:
+def table_3(load: PayloadFile) -> tuple[tuple[Row, ...], tuple[tuple[str, tuple[Row, ...]], ...]]:
     """The paper's Table 3: halves of it, each with its head and its rows of figures.
 
     Returns
@@ -52,25 +52,25 @@ def table_3(load: LoadFile) -> tuple[tuple[Row, ...], tuple[tuple[str, tuple[Row
     return heads, cells
 
 
-def shares(load: LoadFile) -> str:
+def shares(load: PayloadFile) -> str:
     """What of the load stands in each base parameter that it changes."""
     return ", ".join(f"{each.name}: {each.share}" for each in load.changes if each.share != "0")
 
 
-def load_rows(load: LoadFile) -> list[Row]:
+def load_rows(load: PayloadFile) -> list[Row]:
     """Figures of the load."""
     return [
         (
             q.name,
             rounded(q.value, q.standard_error),
-            rounded(q.standard_error, q.standard_error),
+            rounded(q.standard_error, q.standard_error) if q.standard_error else "stated",
             q.unit.replace("m2", "m²"),
         )
         for q in load.load
     ]
 
 
-def goodness_of_fit(load: LoadFile) -> str:
+def goodness_of_fit(load: PayloadFile) -> str:
     """Tell how well a rigid load explains the changes, and what of it is not seen."""
     p = load.p_value
     verdict = "" if p > MISFIT else ": something else changed between the runs"
@@ -86,7 +86,7 @@ def goodness_of_fit(load: LoadFile) -> str:
     )
 
 
-def gain_rows(load: LoadFile) -> list[Row]:
+def gain_rows(load: PayloadFile) -> list[Row]:
     """Torque constants by the known mass."""
     rows: list[Row] = []
     for gain in load.gains:
@@ -140,10 +140,12 @@ def verdict(found: DiagnosisFile) -> str:
 
 def lag_rows(estimate: Estimate) -> list[Row]:
     """By how much each axis's current was read late [ms]; empty where none was estimated."""
-    if estimate.method != "improved":
+    if estimate.lags is None:
         return []
     rows: list[Row] = []
-    for axis, (lag, error) in enumerate(zip(estimate.lag, estimate.lag_error, strict=True)):
+    for axis, (lag, error) in enumerate(
+        zip(estimate.lags.lag, estimate.lags.standard_error, strict=True)
+    ):
         ms, s = 1e3 * float(lag), 1e3 * float(error)
         known = not math.isnan(s)
         told = (rounded(ms, s), rounded(s, s)) if known else ("not told", "")

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from checked_files.yaml_file import FileError
+from hil.errors import FileError, Mismatch
 from hil.estimation.friction.history import history
-from hil.estimation.friction.symmetry import of_local_values
+from hil.estimation.friction.symmetry import BOUND, of_local_values
 from hil.planning.measurement import Friction, of_kind, recorded_as
 from hil.report import friction_rows
 from hil.report.campaign_rows import when
@@ -29,26 +29,28 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
     from hil.results.friction import FrictionResult
     from hil.runs.recording import Recording
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
+
+    Recordings = Sequence[tuple[Measurement, Recording]]
 
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-def friction_only(folder: RunFolder) -> bool:
+def friction_only(run: Run) -> bool:
     """Whether a run measures nothing but friction."""
-    planned = folder.plan.measurements
+    planned = run.plan.measurements
     return len(of_kind(Friction, planned)) == len(planned)
 
 
-def page(folder: RunFolder) -> tuple[str, dict[str, Figure]]:
+def page(run: Run, recordings: Recordings) -> tuple[str, dict[str, Figure]]:
     """HTML and plots of a run about friction alone; call within `plot_style.drawn`.
 
     Raises
     ------
-    FileError
-        No recordings, or damaged ones.
+    NotEnoughData
+        No recordings.
     """
-    result = _evaluated(folder)
+    result = _evaluated(run, recordings)
     drawn = friction.drawings(result)
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined,
@@ -59,21 +61,19 @@ def page(folder: RunFolder) -> tuple[str, dict[str, Figure]]:
         result=result,
         content=friction_rows,
         plots=_uris(drawn),
-        journal=folder.journal,
-        planned=len(folder.plan.measurements),
+        journal=run.journal,
+        planned=len(run.plan.measurements),
         written=now(),
         version=versions()["canopen-robot-identification"],
     )
     return html, drawn
 
 
-def of_campaign(
-    folder: RunFolder, recordings: Sequence[tuple[Measurement, Recording]], estimate: Estimate
-) -> dict[str, Any]:
+def of_campaign(run: Run, recordings: Recordings, estimate: Estimate) -> dict[str, Any]:
     """What the report of a campaign says about friction besides; call within `drawn`."""
-    result = evaluate(folder) if recorded_as(Friction, recordings) else None
+    result = _evaluated(run, recordings) if recorded_as(Friction, recordings) else None
     drawn = friction.drawings(result) if result else {}
-    drifts = campaign_drifts(folder.robot, estimate.local, history(folder.robot, recordings))
+    drifts = campaign_drifts(run.robot, estimate.local, history(run.robot, recordings))
     return {
         "friction_result": result,
         "friction_content": friction_rows,
@@ -83,13 +83,14 @@ def of_campaign(
     }
 
 
-def _evaluated(folder: RunFolder) -> FrictionResult:
-    """As `hil friction fit` did it last, with the same model of gravity, if it is still there."""
+def _evaluated(run: Run, recordings: Recordings) -> FrictionResult:
+    """As `hil friction fit` did it last: by the same model of gravity, with the same bound."""
     try:
-        model = load_friction(folder.path).model_folder
-        return evaluate(folder, Path(model) if model else None)
-    except FileError:
-        return evaluate(folder)
+        kept = load_friction(run)
+        model = Path(kept.model_folder) if kept.model_folder else None
+        return evaluate(run, recordings, model, BOUND if kept.bound is None else kept.bound)
+    except (FileError, Mismatch):  # nothing was fitted, or its model is gone
+        return evaluate(run, recordings)
 
 
 def _uris(drawn: dict[str, Figure]) -> dict[str, str | None]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import base64
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from checked_files.yaml_file import FileError, load_yaml
+from hil.errors import FileError
 from hil.estimation import signals
-from hil.estimation.identify import NotIdentifiable, estimates
+from hil.estimation.identify import estimates
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 from hil.regression import terms, window
 from hil.report import campaign_rows, findings, findings_rows, friction
@@ -24,26 +24,32 @@ from hil.report.campaign_rows import Result
 from hil.report.plots import campaign
 from hil.report.plots.style import drawn, image
 from hil.results.advice import advice
+from hil.results.model import Model
 from hil.results.model_file import NAME as MODEL_NAME
-from hil.results.model_file import ModelFile, recorded
+from hil.results.naming import named
 from hil.results.prediction import predict
 from hil.runs.atomic_file import operator_told, write_file
 from hil.runs.journal import now, versions
-from hil.runs.run_folder import RunFolder
+from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.figure import Figure
 
+    from hil.planning.measurement import Measurement
     from hil.report.findings import Findings
+    from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
+    from hil.runs.run import Run
+
+    Recordings = Sequence[tuple[Measurement, Recording]]
 
 NAME = "report.html"
 _TEMPLATES = Path(__file__).parent / "templates"
 
 
-def report(run_folder: Path | str, figures: Path | None = None) -> Path:
+def report(run: Run, figures: Path | None = None) -> Path:
     """Estimate a run anew by both methods and write its report into its folder.
 
     Parameters
@@ -59,63 +65,64 @@ def report(run_folder: Path | str, figures: Path | None = None) -> Path:
     Raises
     ------
     FileError
-        No run folder, a damaged recording, measurements that do not suffice, a full disk.
+        A damaged recording, or a full disk.
+    NotIdentifiable
+        Measurements that do not suffice.
     """
-    folder = RunFolder.open(run_folder)
-    if friction.friction_only(folder):
-        return _friction(folder, figures)
-    campaign = list(folder)
-    result = _evaluate(folder, campaign)
-    path = folder.path / NAME
+    campaign = list(run)
+    recordings = list(recorded(campaign))
+    if friction.friction_only(run):
+        return _friction(run, recordings, figures)
+    result = _evaluate(run, campaign, recordings)
+    path = run.path / NAME
     with drawn():
-        shown = findings.of_campaign(folder, result.estimate)
-        drawings = _draw(folder, result) | findings.drawings(shown)
-        write_file(path, _html(folder, campaign, result, shown, drawings).encode())
+        shown = findings.of_campaign(run, result.estimate)
+        drawings = _draw(run, result) | findings.drawings(shown)
+        about = friction.of_campaign(run, recordings, result.estimate)
+        write_file(path, _html(run, campaign, result, shown, drawings, about).encode())
         if figures is not None:
             _write_figures(figures, drawings)
     return path
 
 
-def _friction(folder: RunFolder, figures: Path | None) -> Path:
-    path = folder.path / NAME
+def _friction(run: Run, recordings: Recordings, figures: Path | None) -> Path:
+    path = run.path / NAME
     with drawn():
-        html, drawings = friction.page(folder)
+        html, drawings = friction.page(run, recordings)
         write_file(path, html.encode())
         if figures is not None:
             _write_figures(figures, drawings)
     return path
 
 
-def _evaluate(folder: RunFolder, campaign: Sequence[Measured]) -> Result:
-    recordings = list(recorded(campaign))
-    try:
-        found = estimates(folder.robot, recordings)
-    except NotIdentifiable as error:
-        raise FileError(f"{folder.path}: {error}") from error
+def _evaluate(run: Run, campaign: Sequence[Measured], recordings: Recordings) -> Result:
+    with named(run):
+        found = estimates(run.robot, recordings)
     best = found["improved"]
-    prediction = predict(best, folder.robot)
+    prediction = predict(best, run.robot)
     return Result(
-        robot=folder.robot,
+        robot=run.robot,
         estimate=best,
         printed=found["printed"],
         prediction=prediction,
-        advice=advice(best, prediction, folder.robot, folder.plan, campaign),
+        advice=advice(best, prediction, run.robot, run.plan, campaign),
         robot_time=max(float(recording.time[-1]) for _, recording in recordings),
     )
 
 
-def _draw(folder: RunFolder, result: Result) -> dict[str, Figure]:
-    planned = {each.id: each for each in element_measurements(folder.plan.measurements)}
-    evidence = campaign.Evidence(result.estimate, folder.robot, planned)
+def _draw(run: Run, result: Result) -> dict[str, Figure]:
+    planned = {each.id: each for each in element_measurements(run.plan.measurements)}
+    evidence = campaign.Evidence(result.estimate, run.robot, planned)
     return {name: draw(evidence) for name, draw in campaign.PLOTS.items()}
 
 
 def _html(
-    folder: RunFolder,
+    run: Run,
     campaign: Sequence[Measured],
     result: Result,
     findings: Findings,
     drawings: dict[str, Figure],
+    about_friction: dict[str, Any],
 ) -> str:
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
@@ -124,13 +131,13 @@ def _html(
     environment.filters.update(symbols=campaign_rows.symbols, when=campaign_rows.when)
     return environment.get_template(NAME).render(
         result=result,
-        folder=folder,
-        journal=folder.journal,
+        folder=run,
+        journal=run.journal,
         campaign=campaign,
         content=campaign_rows,
         kinds=ELEMENT_KINDS,
         plots={name: _data_uri(image(figure, "svg")) for name, figure in drawings.items()},
-        model_note=_model_note(folder),
+        model_note=_model_note(run),
         findings=findings,
         findings_content=findings_rows,
         written=now(),
@@ -138,7 +145,7 @@ def _html(
         signals=signals,
         smoothing=window,
         columns=terms,
-        **friction.of_campaign(folder, list(recorded(campaign)), result.estimate),
+        **about_friction,
     )
 
 
@@ -146,23 +153,23 @@ def _data_uri(svg: bytes) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
 
 
-def _model_note(folder: RunFolder) -> str:
+def _model_note(run: Run) -> str:
     """What `model.yaml` has to do with this report."""
-    path = folder.path / MODEL_NAME
+    path = run.path / MODEL_NAME
     if not path.exists():
         return f"There is no {MODEL_NAME} yet; hil identify writes these parameters into one."
     try:
-        model = load_yaml(path, ModelFile)
+        origin = Model.load(path).provenance
     except FileError as error:
         return f"{MODEL_NAME} cannot be used: {error}"
-    if model.provenance.together_with:
+    if origin.together_with:
         return (
             f"{MODEL_NAME} was identified from this run together with"
-            f" {', '.join(model.provenance.together_with)}; here the run stands alone."
+            f" {', '.join(origin.together_with)}; here the run stands alone."
         )
-    if model.provenance.method != "improved":
+    if origin.method != "improved":
         return (
-            f"{MODEL_NAME} holds the parameters of the {model.provenance.method} method, not these;"
+            f"{MODEL_NAME} holds the parameters of the {origin.method} method, not these;"
             " hil identify writes it anew."
         )
     return f"{MODEL_NAME} holds the parameters of the same method, with their covariance."

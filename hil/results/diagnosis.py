@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
 from hil.estimation.absent_parameters import examine
 from hil.estimation.gravity_phase import Phase, shifted_most
-from hil.estimation.identify import NotIdentifiable, estimate, prepared_for
-from hil.results.model_file import recorded
-from hil.runs.run_folder import RunFolder
+from hil.estimation.identify import estimate, prepared_for
+from hil.results.naming import named
+from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
+    from hil.runs.run import Run
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +29,7 @@ class Diagnosis:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class AbsenceEvidence:
     """What a run says about one left-out parameter.
 
     Attributes
@@ -56,27 +54,24 @@ class Evidence:
     phase: float | None
 
 
-def diagnose(run_folder: Path) -> Diagnosis:
+def diagnose(run: Run) -> Diagnosis:
     """Estimate a run anew and test its robot file.
 
     Raises
     ------
-    FileError
+    NotIdentifiable
         Measurements that do not suffice.
     """
-    folder = RunFolder.open(run_folder)
-    recordings = list(recorded(folder))
-    robot = folder.robot
-    try:
+    recordings = list(recorded(run))
+    robot = run.robot
+    with named(run):
         best = estimate(robot, recordings)
-    except NotIdentifiable as error:
-        raise FileError(f"{folder.path}: {error}") from error
     errors = examine(robot, prepared_for(best, recordings))
     shifted = shifted_most(best, errors, robot.torque_limit) if errors.found else None
     return Diagnosis(robot, best, errors, shifted)
 
 
-def evidence_for(found: Diagnosis, name: str) -> Evidence:
+def evidence_for(found: Diagnosis, name: str) -> AbsenceEvidence:
     """Tell the rank and the evidence of one left-out parameter, such as ``sy4``.
 
     Raises
@@ -89,7 +84,7 @@ def evidence_for(found: Diagnosis, name: str) -> Evidence:
     if tested is None:
         names = ", ".join(c.label for c in errors.alone)
         raise ValueError(f"{name} was not tested, only {names}; see ModelErrors for why")
-    return Evidence(
+    return AbsenceEvidence(
         first=tested is errors.alone[0],
         significant=any(name in c.names for c in errors.found),
         value=tested.value,

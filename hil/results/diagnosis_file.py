@@ -18,7 +18,6 @@ from hil.model.base_parameters import base_parameters
 from hil.results.stamp import RunStamp, same_parameters
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
-from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from hil.estimation.absent_parameters import Candidate
     from hil.estimation.estimate import Estimate
     from hil.results.diagnosis import Diagnosis
+    from hil.runs.run import Run
 
 NAME = "diagnosis.yaml"
 NEEDLESS = 0.05
@@ -113,21 +113,20 @@ class DiagnosisFile(FileModel):
     unmeasured: tuple[str, ...]
     phase: PhaseRecord | None
 
-    def stale(self, folder: RunFolder, estimate: Estimate) -> str:
+    def stale(self, folder: Run, estimate: Estimate) -> str:
         """Why it does not belong to this run as it is now; empty if it does."""
         return self.of.change(folder) or same_parameters(self.p, estimate.p)
 
 
-def write_diagnosis(run_folder: Path, found: Diagnosis) -> Path:
+def write_diagnosis(run: Run, found: Diagnosis) -> Path:
     """Write `diagnosis.yaml` into the run's folder, whole or not at all."""
-    folder = RunFolder.open(run_folder)
-    path = folder.path / NAME
-    content = _content(folder, found).model_dump(mode="json")
+    path = run.path / NAME
+    content = _content(run, found).model_dump(mode="json")
     write_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
     return path
 
 
-def load_diagnosis(folder: RunFolder) -> DiagnosisFile | None:
+def load_diagnosis(folder: Run) -> DiagnosisFile | None:
     """Read the diagnosis of a run, if there is one.
 
     Raises
@@ -149,7 +148,7 @@ def needless(found: Diagnosis) -> tuple[Needless, ...]:
     )
 
 
-def _content(folder: RunFolder, found: Diagnosis) -> DiagnosisFile:
+def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
     errors = found.errors
     beside = {c.names: c.t for c in errors.after} if errors.found else {}
     return DiagnosisFile(

@@ -30,7 +30,6 @@ from hil.report.plots.style import (
     legend,
     panels_in_rows,
 )
-from hil.results.advice import correlation
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
@@ -151,7 +150,7 @@ def correlations(evidence: Evidence) -> Figure:
     """Correlation matrix of the parameters' errors, parameters in the order of their groups."""
     base = base_parameters(evidence.robot)
     order = [k for members in base.groups.values() for k in members]
-    found = correlation(evidence.estimate)[np.ix_(order, order)]
+    found = evidence.estimate.correlation[np.ix_(order, order)]
     n = len(order)
     figure = Figure(figsize=(0.58 * WIDTH, 0.48 * WIDTH))
     panel = figure.add_axes((0.08, 0.06, 0.76, 0.917))

@@ -18,8 +18,8 @@ from hil.report.findings import of_campaign
 from hil.report.page import report
 from hil.results.diagnosis import diagnose, evidence_for
 from hil.results.diagnosis_file import DiagnosisFile, write_diagnosis
-from hil.results.payload_file import LoadFile
-from hil.runs.run_folder import RunFolder
+from hil.results.payload_file import PayloadFile
+from hil.runs.run import Run
 
 LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
 OFFSET = 0.06
@@ -55,14 +55,14 @@ def runs(manutec, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def diagnosis(runs):
-    return diagnose(runs / "offset")
+    return diagnose(Run.open(runs / "offset"))
 
 
 def page_of(path):
     """The report of a run, its plots empty."""
     with pytest.MonkeyPatch.context() as patched:
         empty_plots(patched)
-        return report(path).read_text()
+        return report(Run.open(path)).read_text()
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def copies(runs, tmp_path):
 def kept(runs):
     """What the command found of the load."""
     hil("payload", runs / "bare", runs / "loaded", "--mass", 10.86)
-    return load_yaml(runs / "loaded" / "payload.yaml", LoadFile)
+    return load_yaml(runs / "loaded" / "payload.yaml", PayloadFile)
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ class TestLoad:
 
     def noted(self, place, kept):
         """What a report of the loaded run would show and tell, were the estimate as it was."""
-        folder = RunFolder.open(place / "loaded")
+        folder = Run.open(place / "loaded")
         then = [each.loaded for each in kept.changes]
         return of_campaign(folder, SimpleNamespace(p=np.array(then)))
 
@@ -183,7 +183,7 @@ class TestDiagnosis:
         assert "Ranked by evidence" in section
 
     def test_one_of_another_estimate_is_stale(self, copies, diagnosis):
-        path = write_diagnosis(copies / "offset", diagnosis)
+        path = write_diagnosis(Run.open(copies / "offset"), diagnosis)
         kept = load_yaml(path, DiagnosisFile)
         path.write_text(path.read_text().replace(repr(kept.p[0]), repr(kept.p[0] + 0.01)))
         text = text_of(page_of(copies / "offset"))
