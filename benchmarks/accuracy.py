@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.identify import METHODS, Method, estimates
-from hil.results.model_file import recorded
+from hil.estimation.identify import TWO_STEP_METHODS, TwoStepMethod, estimates
 from hil.results.rounding import clock
-from hil.runs.run_folder import RunFolder
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
 from hil.study.comparison import Comparison, comparison
 from hil.study.truth import true_parameters
 
@@ -55,10 +55,10 @@ def measure(seed: int, folder: Path) -> Path:
 
 
 def judge(
-    run: Path, methods: Sequence[Method], plant: Path | str = ROBOT
-) -> tuple[dict[Method, Comparison], str]:
+    run: Path, methods: Sequence[TwoStepMethod], plant: Path | str = ROBOT
+) -> tuple[dict[TwoStepMethod, Comparison], str]:
     """Set every method's estimate against the truth; also tell measurements and robot time."""
-    folder = RunFolder.open(run)
+    folder = Run.open(run)
     recordings = list(recorded(folder))
     truth = true_parameters(folder.robot, plant)
     found = {
@@ -70,7 +70,7 @@ def judge(
     return found, f"{counts} measurements in {clock(recordings[-1][1].time[-1])} of robot time"
 
 
-def summarise(method: Method, results: list[Comparison]) -> None:
+def summarise(method: TwoStepMethod, results: list[Comparison]) -> None:
     """Print one method's figures over all seeds, beside the targets."""
     print(f"\n{method} method, {len(results)} seeds{'':17}reached    target")
     for group, target in TARGETS.items():
@@ -98,10 +98,10 @@ def main() -> None:
     """Measure, estimate, compare, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--seeds", type=int, default=5, help="plants 1 to this")
-    parser.add_argument("--method", choices=METHODS, help="one of both [both]")
+    parser.add_argument("--method", choices=TWO_STEP_METHODS, help="one of both [both]")
     parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")
     given = parser.parse_args()
-    methods: list[Method] = [given.method] if given.method else list(METHODS)
+    methods: list[TwoStepMethod] = [given.method] if given.method else list(TWO_STEP_METHODS)
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ import time
 from rich.console import Console
 from rich.table import Table
 
-from hil import load_robot
+from hil import Robot
 
 TIMED = """
 import sys, time
@@ -37,7 +37,7 @@ def measure(text: str) -> tuple[int, float, float]:
 
 def main() -> None:
     """Print the table."""
-    own = load_robot("manutec-r15").text
+    own = Robot.load("manutec-r15").text
     full = re.sub(r"(?s)\nties:.*", "", re.sub(r"\n    parameters:.*", "", own))
     table = Table(
         "link parameters", "base parameters", "regrouping", "process", title="Base parameters"

@@ -30,8 +30,9 @@ from rich.console import Console
 from rich.table import Table
 
 from drivers.canopen.process_data import SyncProcessData
-from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
+from drivers.canopen_bus import CanopenDriveBus
 from drivers.drives_file import load_drives
+from drivers.open_drive_bus import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished, Started
 from hil.model.robot import ROBOTS, load_robot

@@ -29,13 +29,13 @@ import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 
 from hil.estimation.cramer_rao import cramer_rao
-from hil.estimation.identify import METHODS
+from hil.estimation.identify import TWO_STEP_METHODS
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.results.diagnosis import diagnose, evidence_for
-from hil.results.model_file import recorded
-from hil.results.payload import find_load
-from hil.runs.run_folder import RunFolder
+from hil.results.payload import find_payload
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
 from hil.study.scenarios import SCENARIOS, Scenario, write_plant
 from hil.study.summary import GROUPS
 from hil.study.truth import true_parameters
@@ -117,7 +117,7 @@ def make_plant(name: str, seed: int, path: Path) -> Path:
 def measure(folder: Path, name: str, seed: int) -> Path:
     """Run the campaign of one case and seed, unless it was before."""
     run = folder / name / f"seed-{seed}"
-    if run.exists() and not RunFolder.open(run).missing:
+    if run.exists() and not Run.open(run).missing:
         return run
     run.parent.mkdir(exist_ok=True)
     plan = folder / ("half.yaml" if CASES[name].half else "plan.yaml")
@@ -129,8 +129,8 @@ def measure(folder: Path, name: str, seed: int) -> Path:
 
 def tell(name: str, runs: Sequence[Path]) -> None:
     """Print the errors of one case."""
-    judged = [judge(run, METHODS, run.with_suffix(".yaml"))[0] for run in runs]
-    for method in METHODS:
+    judged = [judge(run, TWO_STEP_METHODS, run.with_suffix(".yaml"))[0] for run in runs]
+    for method in TWO_STEP_METHODS:
         found = [each[method] for each in judged]
         errors = {g: rms([100 * c.group_error[g] for c in found]) for g in GROUPS}
         errors["torque"] = rms([100 * c.mean_torque_error for c in found])
@@ -147,7 +147,7 @@ def tell(name: str, runs: Sequence[Path]) -> None:
 
 def tell_efficiency(run: Path, found: Sequence[Comparison]) -> None:
     """Print the scatter of the improved method over the Cramer-Rao bound."""
-    folder = RunFolder.open(run)
+    folder = Run.open(run)
     variance = noise(run.with_suffix(".yaml"))
     scatter = np.sqrt(np.mean([c.error**2 for c in found], axis=0))
     for known in (False, True):
@@ -175,7 +175,8 @@ def tell_payload(folder: Path, seeds: Sequence[int]) -> None:
     change, mass, distance, inside = [], [], [], []
     for k, seed in enumerate(seeds):
         loaded = folder / "payload" / f"seed-{seed}"
-        found = find_load(folder / "default" / f"seed-{seeds[k - 1]}", loaded).payload
+        bare_run = Run.open(folder / "default" / f"seed-{seeds[k - 1]}")
+        found = find_payload(bare_run, Run.open(loaded)).payload
         truth = true_parameters(robot, loaded.with_suffix(".yaml")) - bare
         change.append(100 * float(np.linalg.norm(found.change - truth) / np.linalg.norm(truth)))
         load = dict(zip(LINK_PARAMETERS, found.phi, strict=True))
@@ -191,7 +192,7 @@ def tell_payload(folder: Path, seeds: Sequence[int]) -> None:
 
 def tell_offset(runs: Sequence[Path]) -> None:
     """Print how often the offset is ranked first."""
-    found = [evidence_for(diagnose(run), "sy4") for run in runs]
+    found = [evidence_for(diagnose(Run.open(run)), "sy4") for run in runs]
     first = sum(each.first and each.significant for each in found)
     values = np.array([each.value for each in found])
     print(

@@ -45,7 +45,7 @@ from hil.cli import main as hil
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.plan import Plan, dump_plan
-from hil.results.model_file import identify
+from hil.results.identification import identify
 from hil.runs.recording import Recording
 from hil.runs.run_folder import RunFolder
 from sim_plant.serving.bus import PlantBus
@@ -224,8 +224,8 @@ def judge(
             found.wrong += 1
         else:
             fresh.write(truth)
-    ours, undisturbed = identify(folder), identify(fresh.path)
-    same = np.array_equal(ours.p, undisturbed.p)
+    ours, undisturbed = identify(run), identify(fresh)
+    same = np.array_equal(ours.values, undisturbed.values)
     found.estimates += not (same and np.array_equal(ours.covariance, undisturbed.covariance))
     found.campaigns += 1
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import AxisScale
-from drivers.canopen_bus import open_drive_bus
 from drivers.drives_file import load_drives
+from drivers.open_drive_bus import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.measurement import Gravity

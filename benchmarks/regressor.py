@@ -14,12 +14,10 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
-from hil import load_robot, regressor
+from hil import Robot, regressor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from hil.model.robot import Robot
 
 N_SAMPLES = 100_000
 REPEATS = 5
@@ -48,7 +46,7 @@ def best(task: Callable[[], object]) -> float:
 
 def main() -> None:
     """Time everything in one process and print the table."""
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     model = pinocchio_arm(robot)
     data = model.createData()
     q, qd, qdd = np.random.default_rng(0).uniform(-2.0, 2.0, (3, N_SAMPLES, robot.n_joints))

@@ -13,8 +13,8 @@ import sys
 import time
 from pathlib import Path
 
-from drivers.canopen_bus import open_drive_bus
 from drivers.drives_file import load_drives
+from drivers.open_drive_bus import open_drive_bus
 from hil.model.robot import ROBOTS
 
 DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml")

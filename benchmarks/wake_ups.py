@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.canopen_bus import open_drive_bus
 from drivers.drive_bus import SampleFlag
 from drivers.drives_file import load_drives
+from drivers.open_drive_bus import open_drive_bus
 from drivers.realtime import PRIORITY, real_time
 from hil.model.robot import ROBOTS
 

@@ -20,11 +20,13 @@ from typing import TYPE_CHECKING, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from checked_files.errors import HilError
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-class FileError(Exception):
+class FileError(HilError):
     """A file that cannot be used; one line a problem, each with its place."""
 
 
@@ -149,21 +151,40 @@ def _shown(value: object) -> str:
     return text if len(text) <= _SHOWN_MAX else f"{text[:_SHOWN_MAX]}..."
 
 
+def problems(error: ValidationError) -> list[str]:
+    """State what is wrong with values that come from no file, one line a problem."""
+    return [f"{place(_location(each))}: {_message(each)}" for each in error.errors()]
+
+
+def place(location: tuple[str | int, ...]) -> str:
+    """Write where a value stands: its keys, joined by dots."""
+    return ".".join(str(part) for part in location)
+
+
 def _describe(problem: object, root: yaml.Node | None, source: str) -> str:
+    location = _location(problem)
+    at = f"{place(location)}: " if location else ""
+    return f"{source}:{_line(root, location)}: {at}{_message(problem)}"
+
+
+def _location(problem: object) -> tuple[str | int, ...]:
     assert isinstance(problem, dict)  # noqa: S101 - pydantic's ErrorDetails
-    location = tuple(problem["loc"])
+    return tuple(problem["loc"])
+
+
+def _message(problem: object) -> str:
+    assert isinstance(problem, dict)  # noqa: S101 - pydantic's ErrorDetails
     message = str(problem["msg"]).removeprefix("Value error, ")
     message = re.sub(r"^\w+ should (be|have|match)\b", r"must \1", message)
     if problem["type"] == "extra_forbidden":
-        message = "unknown key; remove it or correct its spelling"
-    elif problem["type"] == "missing":
-        message = "missing; add this key"
-    elif isinstance(problem["input"], str | int | float | bool) and "Value error" not in str(
+        return "unknown key; remove it or correct its spelling"
+    if problem["type"] == "missing":
+        return "missing; add this key"
+    if isinstance(problem["input"], str | int | float | bool) and "Value error" not in str(
         problem["msg"]
     ):
-        message = f"{_shown(problem['input'])}: {message[:1].lower()}{message[1:]}"
-    place = ".".join(str(part) for part in location)
-    return f"{source}:{_line(root, location)}: {place + ': ' if place else ''}{message}"
+        return f"{_shown(problem['input'])}: {message[:1].lower()}{message[1:]}"
+    return message
 
 
 def _line(node: yaml.Node | None, location: tuple[str | int, ...]) -> int:

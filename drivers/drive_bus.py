@@ -27,13 +27,15 @@ import enum
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
+from checked_files.errors import HilError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import TracebackType
     from typing import Self
 
 
-class DriveError(Exception):
+class DriveError(HilError):
     """What the operator must know about a drive or the bus; the message names the remedy."""
 
 

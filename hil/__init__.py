@@ -1,5 +1,15 @@
 """Identification of robot dynamics and friction on the machine itself.
 
+::
+
+    run = hil.Run.open("runs/first")
+    model = hil.identify(run)
+    model.torque(q, qd, qdd)
+
+A `Robot` states what is known beforehand, a `Run` is what was measured, a `Model` what was
+identified. The functions beside them calculate with any base parameters p. All errors are of the
+family `hil.errors.HilError`.
+
 Everything is imported when it is first used, so that ``import hil`` is quick and the program `hil`
 has its signals in hand before anything heavy is loaded.
 """
@@ -10,33 +20,52 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hil import errors
     from hil.model.base_parameters import base_parameters
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
-    from hil.model.robot import load_robot
-    from hil.results.model_file import identify
+    from hil.model.motors import motor_torque
+    from hil.model.robot import Robot, available_robots
+    from hil.results.identification import identify
+    from hil.results.model import Model
+    from hil.runs.run import Run
 
 __all__ = [
+    "Model",
+    "Robot",
+    "Run",
+    "available_robots",
     "base_parameters",
+    "errors",
     "gravity_torque",
     "identify",
     "inverse_dynamics",
-    "load_robot",
     "mass_matrix",
+    "motor_torque",
     "regressor",
 ]
 
 _LATER = {
+    "Model": "hil.results.model",
+    "Robot": "hil.model.robot",
+    "Run": "hil.runs.run",
+    "available_robots": "hil.model.robot",
     "base_parameters": "hil.model.base_parameters",
     "gravity_torque": "hil.model.dynamics",
-    "identify": "hil.results.model_file",
+    "identify": "hil.results.identification",
     "inverse_dynamics": "hil.model.dynamics",
-    "load_robot": "hil.model.robot",
     "mass_matrix": "hil.model.dynamics",
+    "motor_torque": "hil.model.motors",
     "regressor": "hil.model.dynamics",
 }
 
 
 def __getattr__(name: str) -> object:
+    if name == "errors":
+        return import_module("hil.errors")
     if name not in _LATER:
         raise AttributeError(f"module 'hil' has no attribute {name!r}")
     return getattr(import_module(_LATER[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,16 +1,17 @@
 """Frames by the block: what a bus hands over at once is looked at at once.
 
-A bus may offer all frames that answer a SYNC as one block of ``struct can_frame``, the kernel's own
-layout: identifier, length, three bytes of padding, eight of data. When every frame of the block is
-one that is expected, one struct takes all values out of it; building a message object for each
-frame would cost several times as much. Any other block is taken apart frame by frame.
+A bus (`drivers.can_bus.capabilities.BlockSource`) may offer all frames that answer a SYNC as one
+block of ``struct can_frame``, the kernel's own layout: identifier, length, three bytes of padding,
+eight of data. When every frame of the block is one that is expected, one struct takes all values
+out of it; building a message object for each frame would cost several times as much. Any other
+block is taken apart frame by frame.
 """
 
 from __future__ import annotations
 
 import struct
 from operator import itemgetter
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING
 
 import can
 
@@ -19,21 +20,6 @@ if TYPE_CHECKING:
 
 _FRAME = struct.Struct("=IB3x8s")
 _DATA_MAX = 8
-
-
-class BlockSource(Protocol):
-    """A bus that hands over frames by the block."""
-
-    def recv_block(self) -> bytes | None:
-        """Take the block that waits, None if frames wait that are no block, or nothing."""
-
-    def idle(self) -> bool:
-        """Tell whether nothing waits behind the block."""
-
-
-def block_source(bus: can.BusABC) -> BlockSource | None:
-    """Return the bus if it hands over frames by the block."""
-    return cast("BlockSource", bus) if hasattr(bus, "recv_block") else None
 
 
 def messages(block: bytes) -> Iterator[can.Message]:

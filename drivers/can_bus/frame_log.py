@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import can
 
 from checked_files.yaml_file import FileError
+from drivers.can_bus.capabilities import Capabilities, capabilities_of
 from drivers.can_bus.replay_log import is_heartbeat
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class FrameLog(can.BusABC):
         self._path = path
         self._writer = _open_writer(path)
         self._bus = bus
-        self.lock_step = getattr(bus, "lock_step", False) is True
+        self.lock_step = capabilities_of(bus).lock_step
         self.channel_info = bus.channel_info
         self._name = "_".join(bus.channel_info.split())
         self._epoch = 0.0 if self.lock_step else round(time.time(), 6)
@@ -81,7 +82,17 @@ class FrameLog(can.BusABC):
         self._closing = Event()
         self._thread = Thread(target=self._write, name=str(path), daemon=True)
         super().__init__(self._name)
-        self._thread.start()
+        try:
+            self._thread.start()
+        except BaseException:
+            super().shutdown()
+            self._writer.stop()
+            raise
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What can be logged and done again: no blocks, and SYNC only where we send it."""
+        return Capabilities(lock_step=self.lock_step, clock=self.clock)
 
     def clock(self) -> float:
         """Time since this was first called, in whole microseconds [s]."""
@@ -212,10 +223,10 @@ class FrameLog(can.BusABC):
 
 
 def logged(bus: can.BusABC, path: Path) -> FrameLog:
-    """Put a log on a bus, which is shut down where the file cannot be written (`FileError`)."""
+    """Put a log on a bus, which is shut down where that fails (`FileError`: see `FrameLog`)."""
     try:
         return FrameLog(bus, path)
-    except FileError:
+    except BaseException:
         bus.shutdown()
         raise
 

@@ -16,8 +16,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import can
-from can.interfaces.socketcan import SocketcanBus
 
+from drivers.can_bus.capabilities import Capabilities
 from drivers.drive_bus import BusUnavailable
 
 if TYPE_CHECKING:
@@ -38,18 +38,13 @@ AT_ONCE = 50e-6
 """Two readings of clocks that lie closer together were not interrupted [s]."""
 
 
-def can_send_sync(bus: can.BusABC) -> bool:
-    """Whether the kernel can send SYNC on this bus."""
-    return isinstance(bus, SocketcanBus)
-
-
 class KernelSync(can.BusABC):
     """A bus on which the kernel sends SYNC and `send` of a SYNC waits for it.
 
     Parameters
     ----------
     inner : can.BusABC
-        A socketcan bus; stays open when this one is shut down.
+        A bus with `Capabilities.kernel_sync`; stays open when this one is shut down.
     period : float
         Time between two SYNCs [s].
     answers : collection of int
@@ -100,6 +95,11 @@ class KernelSync(can.BusABC):
         self._returned = clock()
         self._counting = False
         super().__init__(inner.channel_info)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """None of the inner bus's: frames wait here for their SYNC."""
+        return Capabilities()
 
     @property
     def overdue(self) -> bool:

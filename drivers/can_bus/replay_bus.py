@@ -47,16 +47,12 @@ class ReplayBus(can.BusABC):
     Attributes
     ----------
     lock_step : bool
-    recorded : bool
-        True: there are no drives behind this bus that could be left switched on.
 
     Raises
     ------
     can.CanInitializationError
         The log cannot be read.
     """
-
-    recorded = True
 
     def __init__(
         self,

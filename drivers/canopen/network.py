@@ -16,7 +16,7 @@ from canopen import Network, ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from drivers.canopen.sync_clock import clock_of
+from drivers.can_bus.capabilities import capabilities_of
 from drivers.drive_bus import BusUnavailable, DriveError
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class PumpedNetwork(Network):
         self.channel = bus
         self.synchronous = synchronous
         self.attempts = SEND_ATTEMPTS
-        self._clock = clock_of(bus)
+        self._clock = capabilities_of(bus).clock
         self.idle: Callable[[], None] = _nothing
         """Called before every reception while waiting, to keep our heartbeat going."""
 

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 import can
 
-from drivers.can_bus.frame_block import FrameBlock, block_source, count_values, messages
+from drivers.can_bus.capabilities import capabilities_of
+from drivers.can_bus.frame_block import FrameBlock, count_values, messages
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.canopen.pdo_mapping import current_entry, received, transmitted
 from drivers.cia402.objects import POSITION, STATUSWORD
@@ -28,7 +29,7 @@ from drivers.drive_bus import DriveError, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from drivers.can_bus.frame_block import BlockSource
+    from drivers.can_bus.capabilities import BlockSource
     from drivers.canopen.network import PumpedNetwork
     from drivers.canopen.pdo_mapping import Pdo
     from drivers.canopen.sync_clock import SyncClock
@@ -82,7 +83,7 @@ class SyncProcessData:
         self._clock = clock
         self._synchronous = clock.synchronous
         self._receive = network.channel.recv
-        self._blocks = block_source(network.channel)
+        self._blocks = capabilities_of(network.channel).blocks
         self._commands = [received(drive).cob_id for drive in axes]
         self._wanted = [(STATUSWORD, POSITION, current_entry(drive)) for drive in axes]
         self._slots: dict[int, int] = {}

@@ -15,7 +15,8 @@ import math
 import time
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from drivers.can_bus.kernel_sync import KernelSync, can_send_sync
+from drivers.can_bus.capabilities import capabilities_of
+from drivers.can_bus.kernel_sync import KernelSync
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -270,16 +271,10 @@ class AsRecorded(WallClock):
         return self._left()
 
 
-def clock_of(bus: can.BusABC) -> Callable[[], float]:
-    """Return what tells a bus's time [s]: its own ``clock`` if it has one, as a replayed one."""
-    clock: Callable[[], float] = getattr(bus, "clock", time.perf_counter)
-    return clock
-
-
-def sync_channel(
+def kernel_sync(
     bus: can.BusABC, requested: PacingName, period: float, answers: Collection[int]
-) -> can.BusABC:
-    """Return the bus itself, or one on it where the kernel sends SYNC, for `choose_sync_clock`.
+) -> KernelSync | None:
+    """Return a bus to be put on this one where the kernel can send SYNC, for `KernelClock`.
 
     Parameters
     ----------
@@ -291,31 +286,28 @@ def sync_channel(
     answers : collection of int
         Identifiers of the TPDOs that answer a SYNC.
     """
-    if requested == "lock-step" or not can_send_sync(bus):
-        return bus
+    if requested == "lock-step" or not capabilities_of(bus).kernel_sync:
+        return None
     return KernelSync(bus, period, answers, pause=PAUSE)
 
 
 def choose_sync_clock(bus: can.BusABC, requested: PacingName, period: float) -> SyncClock:
-    """Decide where SYNC's time comes from; the only place that does.
+    """Decide where SYNC's time comes from, where the kernel does not send SYNC (`kernel_sync`).
 
     Parameters
     ----------
     bus : can.BusABC
-        A bus that says ``lock_step = True`` queues all answers before its `send` returns.
+        An open bus.
     requested : {"auto", "lock-step", "wall-clock"}
         "auto" takes lock-step where the bus offers it and the wall clock elsewhere. "lock-step" on
         another bus sends the next SYNC when all answers are in, for a plant behind that bus whose
-        time is SYNC. The wall clock is the kernel's on a bus of `sync_channel` that has one.
+        time is SYNC.
     period : float
         Time between two SYNCs [s].
     """
-    if isinstance(bus, KernelSync):
-        return KernelClock(bus, period)
-    synchronous = getattr(bus, "lock_step", False) is True
-    if requested == "lock-step" or (requested == "auto" and synchronous):
-        return LockStep(period, synchronous=synchronous, clock=clock_of(bus))
-    left: Callable[[], float] | None = getattr(bus, "until_next_sent", None)
-    if left is not None:
-        return AsRecorded(period, clock=clock_of(bus), left=left)
-    return WallClock(period, clock=clock_of(bus))
+    able = capabilities_of(bus)
+    if requested == "lock-step" or (requested == "auto" and able.lock_step):
+        return LockStep(period, synchronous=able.lock_step, clock=able.clock)
+    if able.until_next_sent is not None:
+        return AsRecorded(period, clock=able.clock, left=able.until_next_sent)
+    return WallClock(period, clock=able.clock)

@@ -192,7 +192,7 @@ def _direction(
 def _rate(timed: StopwatchBus, axes: CanopenDriveBus, drives: DrivesFile) -> Verdict:
     """Highest rate of SYNC that bus and drives carry; in lock-step answers take no time."""
     slowest = 0.0
-    if not timed.lock_step:
+    if not timed.capabilities.lock_step:
         slowest = float(np.quantile(timed.answers, ANSWERED))
     rate = achievable_rate(drives, slowest, axes.transmitted)
     took = f"slowest answer {1000 * slowest:.2g} ms" if slowest else "answers are not timed here"

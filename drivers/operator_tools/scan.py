@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from drivers.can_bus.capabilities import capabilities_of
 from drivers.canopen.network import PumpedNetwork
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
@@ -110,7 +111,7 @@ def scan_bus(
     BusUnavailable
         The bus takes no frames or has gone.
     """
-    network = PumpedNetwork(bus, synchronous=getattr(bus, "lock_step", False) is True)
+    network = PumpedNetwork(bus, synchronous=capabilities_of(bus).lock_step)
     scan = Scan()
     _listen_to_all(network, scan)
     network.pump(listening)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.can_bus.capabilities import capabilities_of
 from drivers.canopen.sync_clock import TOO_LATE
 from drivers.commissioning.verdict import Grade, Verdict, graded
 
@@ -99,7 +100,7 @@ def measure_wake_ups(
 
 def wake_ups_on(bus: can.BusABC, period: float, duration: float) -> WakeUps | None:
     """Measure on an open bus, whose frames are dropped; None in lock-step, where nothing waits."""
-    if getattr(bus, "lock_step", False) is True:
+    if capabilities_of(bus).lock_step:
         return None
     return measure_wake_ups(period, duration, bus.recv)
 

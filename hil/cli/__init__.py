@@ -133,7 +133,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _explained(error: Exception) -> bool:
     """Whether an error's own message is all that the operator needs."""
-    from checked_files.yaml_file import FileError
-    from drivers.drive_bus import DriveError
+    from checked_files.errors import HilError
 
-    return isinstance(error, FileError | DriveError)
+    return isinstance(error, HilError)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.estimation.noise_levels import Levels
     from hil.model.robot import Robot
     from hil.planning.prediction.noise import Noise
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
 
 def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Noise:
@@ -41,7 +41,7 @@ def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) ->
     return levels.noise
 
 
-def experience_of(runs: Sequence[Path]) -> tuple[list[RunFolder], Levels]:
+def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
     """Open runs of one robot; return them, with the noise and the information in them."""
     folders = open_runs(runs)
     return folders, experience(folders)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from contextlib import closing
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -185,24 +184,22 @@ def home(
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
     """Return the torques that hold the robot of an identified run at rest."""
-    from hil.model.dynamics import gravity_torque
-    from hil.results.model_file import load_model
-    from hil.runs.run_folder import RunFolder
+    from hil.results.model import Model
 
-    robot, p = RunFolder.open(run).robot, load_model(run).p
-    if robot.n_joints != len(drives.axes):
+    model = Model.load(run)
+    if model.robot.n_joints != len(drives.axes):
         raise typer.BadParameter(
-            f"--model: {run} has {robot.n_joints} joints and {len(drives.axes)} axes are checked; "
-            "check all axes of its robot together"
+            f"--model: {run} has {model.robot.n_joints} joints and {len(drives.axes)} axes are"
+            " checked; check all axes of its robot together"
         )
-    return partial(gravity_torque, robot, p)
+    return model.gravity
 
 
 def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
     """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
     import numpy as np
 
-    from drivers.can_bus.kernel_sync import can_send_sync
+    from drivers.can_bus.capabilities import capabilities_of
     from drivers.operator_tools import wake_ups
 
     found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
@@ -217,7 +214,7 @@ def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool
         classes.tolist(),
     )
     jitter_view.render(jitter, out)
-    by_kernel = can_send_sync(bus)
+    by_kernel = capabilities_of(bus).kernel_sync
     return [wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=by_kernel)]
 
 

@@ -83,11 +83,17 @@ def fit(
     """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""
     from hil.cli import friction_view
     from hil.estimation.friction.symmetry import BOUND
-    from hil.results import friction_file
+    from hil.results.friction import evaluate
+    from hil.results.friction_file import write_friction
+    from hil.runs.pooling import recorded
+    from hil.runs.run import Run
 
-    found = friction_file.fit(folder, model, BOUND if asymmetry is None else asymmetry)
+    run = Run.open(folder)
+    bound = BOUND if asymmetry is None else asymmetry
+    found = evaluate(run, list(recorded(run)), model, bound)
+    path = write_friction(run, found)
     friction_view.render(found, out)
-    out.print(f"friction in {folder / friction_file.NAME}", highlight=False, soft_wrap=True)
+    out.print(f"friction in {path}", highlight=False, soft_wrap=True)
 
 
 def _planned(

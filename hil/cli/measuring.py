@@ -87,7 +87,7 @@ def run(
     realtime: RealTime = False,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
-    from drivers.canopen_bus import open_drive_bus
+    from drivers.open_drive_bus import open_drive_bus
     from hil.cli import bus_access, drive_settings
     from hil.cli.plan_files import load, refuse_problems
     from hil.cli.robot_drives import load_robots_drives, narrowed, packaged_drives
@@ -126,8 +126,9 @@ def run(
 
 def _gate(folder: Path, the_robot: Robot) -> None:
     from hil.results.friction_gate import refuse_asymmetric
+    from hil.runs.run import Run
 
-    for line in refuse_asymmetric(folder, the_robot):
+    for line in refuse_asymmetric(Run.open(folder), the_robot):
         out.print(line, style="yellow", highlight=False, soft_wrap=True)
 
 

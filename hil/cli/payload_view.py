@@ -10,10 +10,10 @@ from hil.results.tables.terminal import show, show_sentence
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from hil.results.payload_file import LoadFile
+    from hil.results.payload_file import PayloadFile
 
 
-def render(load: LoadFile, console: Console) -> None:
+def render(load: PayloadFile, console: Console) -> None:
     """Print what was found, and how well a rigid load explains it."""
     show(tables.changes(load), console)
     show(tables.quantities(load), console)

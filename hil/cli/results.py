@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hil.cli.arguments import RunPath
 from hil.terminal.console import out
 
+if TYPE_CHECKING:
+    from hil.runs.run import Run
+
 commands = typer.Typer()
 
 
-class Method(StrEnum):
-    """How parameters are estimated."""
-
-    IMPROVED = "improved"
-    PRINTED = "printed"
+Method = Annotated[
+    str, typer.Option(help="Name of the method of estimation; an unknown one lists all.")
+]
 
 
 @commands.command()
 def identify(
     folder: RunPath,
-    method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
+    method: Method = "improved",
     others: Annotated[
         list[Path] | None,
         typer.Option(
@@ -34,21 +34,24 @@ def identify(
     ] = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil.cli import estimate_view
     from hil.estimation.friction.symmetry import of_local_values
-    from hil.model.robot import load_robot
-    from hil.results import model_file
+    from hil.results import identification, model_file
     from hil.results.tables.friction import symmetry
     from hil.results.tables.terminal import show
+    from hil.runs.pooling import open_runs
 
     begun = perf_counter()
-    found = model_file.identify(folder, method.value, others or ())
-    estimate_view.render(found, load_robot(folder / "robot.yaml"), out)
+    _refuse_unknown(method)
+    run, *more = open_runs([folder, *(others or ())])
+    found = identification.identify(run, method, more)
+    path = run.path / model_file.NAME
+    found.save(path)
+    out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
-    for each in (folder, *(others or ())):
+    for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
-    out.print(f"model in {folder / model_file.NAME} ({took})", highlight=False, soft_wrap=True)
+    out.print(f"model in {path} ({took})", highlight=False, soft_wrap=True)
 
 
 @commands.command()
@@ -60,10 +63,12 @@ def report(
 ) -> None:
     """Write a run's report, one HTML file."""
     from hil.report import page as module
+    from hil.runs.run import Run
 
     begun = perf_counter()
-    path = module.report(folder, figures)
-    _show_shortfall(folder)
+    run = Run.open(folder)
+    path = module.report(run, figures)
+    _show_shortfall(run)
     out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
 
 
@@ -74,12 +79,14 @@ def compare(
         str,
         typer.Option(help="Plant file of the virtual plant, or name of a plant that comes along."),
     ],
-    method: Annotated[Method, typer.Option(help="Variant of the estimator.")] = Method.IMPROVED,
+    method: Method = "improved",
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
+    from hil.runs.run import Run
     from hil.study import comparison as module
 
-    module.compare(folder, truth, out, method.value)
+    _refuse_unknown(method)
+    module.compare(Run.open(folder), truth, out, method)
 
 
 @commands.command()
@@ -90,16 +97,18 @@ def payload(
         float | None,
         typer.Option(
             min=1e-3,
-            help="Mass of the load, from which the torque constants are estimated too \\[kg].",
+            help="Mass of the load, which is held and corrects the torque constants \\[kg].",
         ),
     ] = None,
 ) -> None:
     """Find a load from two runs, without and with it; writes payload.yaml into the second."""
     from hil.cli import payload_view
     from hil.results import payload, payload_file
+    from hil.runs.run import Run
 
-    found = payload.find_load(without, loaded, mass)
-    payload_view.render(payload_file.write_load(without, loaded, found), out)
+    runs = Run.open(without), Run.open(loaded)
+    found = payload.find_payload(*runs, mass)
+    payload_view.render(payload_file.write_payload(*runs, found), out)
     _show_place("load", loaded / payload_file.NAME)
 
 
@@ -107,24 +116,29 @@ def payload(
 def diagnose(folder: RunPath) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
     from hil.cli import diagnosis_view
-    from hil.report.plots.diagnosis import (
-        write_diagnosis_plots,
-    )
+    from hil.report.plots.diagnosis import write_diagnosis_plots
     from hil.results import diagnosis, diagnosis_file
+    from hil.runs.run import Run
 
-    found = diagnosis.diagnose(folder)
-    diagnosis_view.render(diagnosis_file.write_diagnosis(folder, found), found.estimate, out)
+    run = Run.open(folder)
+    found = diagnosis.diagnose(run)
+    diagnosis_view.render(diagnosis_file.write_diagnosis(run, found), found.estimate, out)
     plots = write_diagnosis_plots(folder, found)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
     _show_place("diagnosis", folder / diagnosis_file.NAME)
 
 
-def _show_shortfall(folder: Path) -> None:
-    from hil.runs.run_folder import RunFolder
+def _refuse_unknown(method: str) -> None:
+    from hil.estimation.identify import METHODS
 
-    shortfall = RunFolder.open(folder).shortfall
-    if shortfall:
-        out.print(f"[yellow]{shortfall}[/]", soft_wrap=True)
+    if method not in METHODS:
+        known = "; ".join(METHODS)
+        raise typer.BadParameter(f"{method} must be one of: {known}", param_hint="--method")
+
+
+def _show_shortfall(run: Run) -> None:
+    if run.shortfall:
+        out.print(f"[yellow]{run.shortfall}[/]", soft_wrap=True)
 
 
 def _show_place(what: str, path: Path) -> None:

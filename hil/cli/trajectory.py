@@ -1,6 +1,7 @@
-"""Conventional identification: exciting trajectories, and an estimate from them.
+"""Conventional identification: exciting trajectories.
 
-`hil run` measures such a plan as any other; drives need cyclic synchronous position mode.
+`hil run` measures such a plan as any other, in cyclic synchronous position mode of the drives, and
+`hil identify` estimates from it by a conventional method.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.arguments import NewPlan, RobotName, RunPath, refuse_existing
+from hil.cli.arguments import NewPlan, RobotName, refuse_existing
 from hil.terminal.console import out
 
 trajectory = typer.Typer(
@@ -71,34 +72,3 @@ def plan(
         highlight=False,
         soft_wrap=True,
     )
-
-
-@trajectory.command()
-def identify(
-    folder: RunPath,
-    variant: Annotated[str, typer.Option(help="Name of the method; an unknown one lists all.")] = (
-        "strongest"
-    ),
-) -> None:
-    """Estimate base parameters from the trajectories of a run, friction jointly."""
-    from checked_files.yaml_file import FileError
-    from hil.cli.conventional_view import render
-    from hil.estimation.conventional import variants
-    from hil.estimation.signals import NotEnoughData
-    from hil.results.model_file import recorded
-    from hil.runs.run_folder import RunFolder
-
-    if variant not in variants.VARIANTS:
-        known = "; ".join(variants.VARIANTS)
-        raise typer.BadParameter(f"{variant} must be one of: {known}", param_hint="--variant")
-    run = RunFolder.open(folder)
-    try:
-        found = variants.identify(
-            run.robot,
-            variants.trajectories(recorded(run)),
-            variants.VARIANTS[variant],
-            name=variant,
-        )
-    except NotEnoughData as error:
-        raise FileError(f"{folder}: {error}") from error
-    render(found, run.robot, out)

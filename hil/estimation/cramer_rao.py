@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.errors import NotEnoughData
 from hil.estimation.condensed import eliminated
-from hil.estimation.signals import NotEnoughData, signals
+from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.regression.terms import columns, n_unknowns, place

@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import stats
+
+from hil.estimation.intervals import half_width
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.local_values import LocalValue
+    from hil.estimation.torque_lag import Lags
 
     Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class LeftOut(NamedTuple):
+    """A measurement that could not be used, and why."""
+
+    id: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.id}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate:
     """Base parameters with their uncertainty and the measurements behind them.
 
     Attributes
     ----------
     method : str
-        "improved" or "printed".
+        One of `hil.estimation.identify.METHODS`.
     p : ndarray, shape (n_base,)
         [kg m^2, kg m or kg].
     covariance : ndarray, shape (n_base, n_base)
@@ -37,16 +49,19 @@ class Estimate:
         Change of p by one standard deviation of each of them; the torque constants come first.
     residual : ndarray, shape (n_joints,)
         Root mean square of what the local models of inertia and coupling leave of each axis's
-        torque [N m]; NaN where an axis was not measured so.
+        torque, or the model as a whole by a conventional method [N m]; NaN where an axis was not
+        measured so.
     condition : dict
-        Condition number of each group's observation matrix, rows weighted by eq. (16).
+        Condition number of each group's observation matrix, rows weighted by eq. (16); by a
+        conventional method of that of all parameters, ``"all"``.
     local : tuple of LocalValue
-        Step 1: each measurement by itself, in the order of the plan.
-    left_out : tuple of str
-        Measurements that could not be used, and why.
-    lag, lag_error : ndarray, shape (n_joints,)
-        By how much each axis's torque was read late, which is compensated, and its standard error
-        [s]; 0 and NaN where the measurements do not tell.
+        Step 1: each measurement by itself, in the order of the plan; none by a conventional method.
+    left_out : tuple of LeftOut
+    n_measurements : int
+        Measurements behind the estimate.
+    lags : Lags, optional
+        By how much each axis's torque was read late, which is compensated; None where the method
+        takes the torque as it was read.
     """
 
     method: str
@@ -58,9 +73,9 @@ class Estimate:
     residual: Array
     condition: dict[str, float]
     local: tuple[LocalValue, ...]
-    left_out: tuple[str, ...]
-    lag: Array
-    lag_error: Array
+    left_out: tuple[LeftOut, ...]
+    n_measurements: int
+    lags: Lags | None = None
 
     @property
     def standard_error(self) -> Array:
@@ -68,14 +83,26 @@ class Estimate:
         errors: Array = np.sqrt(np.diag(self.covariance) + np.diag(self.drive_covariance))
         return errors
 
-    def half_width(self, level: float = 0.95) -> Array:
-        """Half-widths of confidence intervals, shape (n_base,).
+    @property
+    def correlation(self) -> Array:
+        """Correlations of the errors of `p`, shape (n_base, n_base)."""
+        return correlation_of(self.covariance + self.drive_covariance)
 
-        Student's t with the effective degrees of freedom for what shows in the data; the normal
-        distribution for what the robot file states.
-        """
-        tail = 0.5 + level / 2
-        seen = stats.t.ppf(tail, self.degrees_of_freedom) ** 2 * np.diag(self.covariance)
-        stated = stats.norm.ppf(tail) ** 2 * np.diag(self.drive_covariance)
-        half: Array = np.sqrt(seen + stated)
-        return half
+    def half_width(self, level: float = 0.95) -> Array:
+        """Half-widths of confidence intervals, shape (n_base,)."""
+        scatter, stated = np.diag(self.covariance), np.diag(self.drive_covariance)
+        return half_width(scatter, stated, self.degrees_of_freedom, level)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Estimate of {len(self.p)} base parameters, {self.method} method,"
+            f" {self.n_measurements} measurements>"
+        )
+
+
+def correlation_of(covariance: Array) -> Array:
+    """Correlations that belong to a covariance; zero where there is no variance."""
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0, scale, 1.0)
+    found: Array = covariance / np.outer(scale, scale)
+    return found

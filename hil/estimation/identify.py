@@ -26,17 +26,19 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
-from hil.estimation.estimate import Estimate
+from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
+from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
+from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.local_fits import ELSEWHERE, local_fit
-from hil.estimation.signals import NotEnoughData, signals
+from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.torque_lag import find_lags, no_lags
+from hil.estimation.torque_lag import find_lags
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS, shows_element
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -49,17 +51,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ElementMeasurement, Signals]]
+    Recorded = Iterable[tuple[Measurement, Recording]]
+    Identify = Callable[[Robot, Recorded], Estimate]
 
-Method = Literal["improved", "printed"]
-METHODS: tuple[Method, ...] = ("improved", "printed")
+TwoStepMethod = Literal["improved", "printed"]
+TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
 _RANK = 1e-8
 
 
-class NotIdentifiable(Exception):
-    """The measurements do not tell what was asked of them."""
-
-
-class Solver(Protocol):
+class ParameterSolver(Protocol):
     """Solves for the base parameters, with all measurements or without one of them."""
 
     @property
@@ -76,33 +76,12 @@ class Solver(Protocol):
         """
 
 
-def estimate(
-    robot: Robot,
-    recorded: Iterable[tuple[Measurement, Recording]],
-    method: Method = "improved",
-) -> Estimate:
-    """Identify the base parameters of `robot`.
-
-    Parameters
-    ----------
-    robot : Robot
-    recorded : iterable of (Measurement, Recording)
-    method : {"improved", "printed"}
-
-    Raises
-    ------
-    NotIdentifiable
-        Base parameters that the measurements do not excite.
-    """
-    return estimates(robot, recorded, (method,))[method]
-
-
 def estimates(
     robot: Robot,
-    recorded: Iterable[tuple[Measurement, Recording]],
-    methods: Sequence[Method] = METHODS,
-) -> dict[Method, Estimate]:
-    """Identify by several methods, which share the signals.
+    recorded: Recorded,
+    methods: Sequence[TwoStepMethod] = TWO_STEP_METHODS,
+) -> dict[TwoStepMethod, Estimate]:
+    """Identify by several two-step methods, which share the signals.
 
     Raises
     ------
@@ -112,8 +91,8 @@ def estimates(
     raw, unusable = prepare(recorded)
     found = {}
     for method in methods:
-        lags = no_lags(robot) if method == "printed" else find_lags(robot, raw)
-        prepared = [(measurement, s.torque_advanced(lags.lag)) for measurement, s in raw]
+        lags = find_lags(robot, raw) if method == "improved" else None
+        prepared = raw if lags is None else _advanced(raw, lags)
         fits, useless = _local_fits(robot, prepared)
         condition = _require_rank(robot, fits)
         left_out = (*unusable, *useless)
@@ -126,11 +105,11 @@ def _estimate(
     prepared: Prepared,
     fits: Sequence[LocalFit],
     condition: dict[str, float],
-    left_out: tuple[str, ...],
-    lags: Lags,
-    method: Method,
+    left_out: tuple[LeftOut, ...],
+    lags: Lags | None,
+    method: TwoStepMethod,
 ) -> Estimate:
-    solver: Solver = (
+    solver: ParameterSolver = (
         TwoStep(robot, fits) if method == "printed" else SimultaneousFit(robot, prepared)
     )
     p = solver.solve()
@@ -141,7 +120,7 @@ def _estimate(
     return Estimate(
         method=method,
         p=p,
-        covariance=covariance + lags.covariance,
+        covariance=covariance if lags is None else covariance + lags.covariance,
         degrees_of_freedom=degrees,
         drive_covariance=carried @ carried.T,
         drive_effect=carried,
@@ -149,52 +128,51 @@ def _estimate(
         condition=condition,
         local=local,
         left_out=left_out,
-        lag=lags.lag,
-        lag_error=lags.standard_error,
+        n_measurements=len(local),
+        lags=lags,
     )
 
 
 def prepare(
-    recorded: Iterable[tuple[Measurement, Recording]],
-) -> tuple[list[tuple[ElementMeasurement, Signals]], list[str]]:
+    recorded: Recorded,
+) -> tuple[list[tuple[ElementMeasurement, Signals]], list[LeftOut]]:
     """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
         if not shows_element(measurement):
             remark = ELSEWHERE[measurement.kind]
-            left_out += [f"{measurement.id}: {remark}"] if remark else []
+            left_out += [LeftOut(measurement.id, remark)] if remark else []
             continue
         try:
             found.append((measurement, signals(recording)))
         except NotEnoughData as error:
-            left_out.append(f"{measurement.id}: {error}")
+            left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
 
 
-def prepared_for(
-    found: Estimate, recorded: Iterable[tuple[Measurement, Recording]]
-) -> list[tuple[ElementMeasurement, Signals]]:
+def prepared_for(found: Estimate, recorded: Recorded) -> list[tuple[ElementMeasurement, Signals]]:
     """Signals of the measurements behind an estimate, their torques advanced by its lags."""
     used = {value.id for value in found.local}
-    return [
-        (measurement, signals(recording).torque_advanced(found.lag))
-        for measurement, recording in recorded
-        if measurement.id in used and shows_element(measurement)
-    ]
+    own = [each for each in prepare(recorded)[0] if each[0].id in used]
+    return own if found.lags is None else _advanced(own, found.lags)
 
 
-def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[str]]:
+def _advanced(prepared: Prepared, lags: Lags) -> list[tuple[ElementMeasurement, Signals]]:
+    return [(measurement, s.torque_advanced(lags.lag)) for measurement, s in prepared]
+
+
+def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
     """Step 1 for all measurements, and the reasons for those that are of no use."""
     found, left_out = [], []
     for measurement, s in prepared:
         try:
             found.append(local_fit(robot, measurement, s))
         except NotEnoughData as error:
-            left_out.append(str(error))
+            left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
 
 
-def jackknife(solver: Solver, p: Array) -> tuple[Array, Array]:
+def jackknife(solver: ParameterSolver, p: Array) -> tuple[Array, Array]:
     """Covariance of `p` and effective degrees of freedom of its diagonal."""
     n = solver.n_measurements
     changes = np.array([solver.solve(without) for without in range(n)]) - p
@@ -239,3 +217,45 @@ def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
             )
         condition[kind.group] = float(sizes[0] / sizes[-1])
     return condition
+
+
+def _two_step(method: TwoStepMethod) -> Identify:
+    return lambda robot, recorded: estimates(robot, recorded, (method,))[method]
+
+
+def _conventional(name: str) -> Identify:
+    def identify(robot: Robot, recorded: Recorded) -> Estimate:
+        return fit_trajectories(robot, trajectories(recorded), VARIANTS[name], name=name)
+
+    return identify
+
+
+METHODS: dict[str, Identify] = {
+    **{method: _two_step(method) for method in TWO_STEP_METHODS},
+    **{name: _conventional(name) for name in VARIANTS},
+}
+"""All methods by name: the two-step ones, and the conventional ones from trajectories."""
+
+
+def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Estimate:
+    """Identify the base parameters of `robot`.
+
+    Parameters
+    ----------
+    robot : Robot
+    recorded : iterable of (Measurement, Recording)
+    method : str
+        One of `METHODS`.
+
+    Raises
+    ------
+    UnknownName
+        There is no such method.
+    NotIdentifiable
+        Base parameters that the measurements do not excite.
+    NotEnoughData
+        A conventional method without trajectories.
+    """
+    if method not in METHODS:
+        raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}")
+    return METHODS[method](robot, recorded)

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
-from hil.estimation.signals import NotEnoughData
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.regression.terms import SLOW
@@ -73,7 +73,7 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
             means[stroke % 2].append(sides[window].mean(axis=0))
     pairs = min(len(means[0]), len(means[1]))
     if not pairs:
-        raise NotEnoughData(f"{m.id}: no window of constant velocity in both directions; repeat it")
+        raise NotEnoughData("no window of constant velocity in both directions; repeat it")
     forward, backward = np.array(means[0][:pairs]), np.array(means[1][:pairs])
     half_sums, half_differences = (forward + backward) / 2, (forward - backward) / 2
     still = np.zeros(sides.shape[1])
@@ -134,7 +134,7 @@ def _mass_element(
     W = s.filtered(columns)[used]
     if len(W) < FEWEST * W.shape[1]:
         raise NotEnoughData(
-            f"{m.id}: {len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat it"
+            f"{len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat it"
             " with a longer stroke or a higher velocity"
         )
     C = s.filtered(_sides(robot, s, element[0]))[used]
@@ -211,6 +211,6 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
 """By kind of measurement, for all kinds that show an element of g(q) or M(q)."""
 ELSEWHERE = {
     "friction": "",
-    "trajectory": "trajectories are for hil trajectory identify",
+    "trajectory": "trajectories are for conventional methods, see hil identify --method",
 }
 """The other kinds, from which no base parameters are identified here: what an estimate remarks."""

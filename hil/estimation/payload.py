@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg, stats
 
+from hil.errors import NoLoad
 from hil.model.base_parameters import base_parameters
 from hil.model.robot_file import LINK_PARAMETERS
 
@@ -69,8 +70,8 @@ class Payload:
     phi : ndarray, shape (10,)
         The load's standard parameters in the last link's frame, order of eq. (4).
     phi_covariance : ndarray, shape (10, 10)
-    seen : tuple of str
-        Parameters or, joined by ``=`` or ``+``, combinations that were estimated.
+    stated_mass : float or None
+        The mass that was stated and held [kg]; None where it was estimated.
     unseen : tuple of str
         Of the load's ten those that the robot file leaves out of the last link.
     chi_squared : float
@@ -86,7 +87,7 @@ class Payload:
     covariance: Array
     phi: Array
     phi_covariance: Array
-    seen: tuple[str, ...]
+    stated_mass: float | None
     unseen: tuple[str, ...]
     chi_squared: float
     degrees_of_freedom: int
@@ -98,14 +99,14 @@ class Payload:
 
     @property
     def mass(self) -> Quantity:
-        """Mass [kg]."""
+        """Mass [kg]; a stated one has no standard error."""
         error = float(np.sqrt(self.phi_covariance[MASS, MASS]))
         return Quantity("mass", float(self.phi[MASS]), error, "kg")
 
     def quantities(self) -> list[Quantity]:
         """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
         present = [k for k in range(10) if self.phi_covariance[k, k] > 0]
-        found = [self.mass] if MASS in present else []
+        found = [self.mass] if MASS in present or self.stated_mass is not None else []
         heavy = self.phi[MASS] > 0
         first = [(k, axis) for k, axis in zip(_FIRST, "xyz", strict=True) if k in present]
         found += [self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m") for k, _ in first]
@@ -143,11 +144,7 @@ class Payload:
         return Quantity(name, value, error, unit)
 
 
-class NoLoad(ValueError):
-    """Two runs that do not tell a load."""
-
-
-def payload(
+def estimate_payload(
     robot: Robot, without: Estimate, loaded: Estimate, mass: float | None = None
 ) -> Payload:
     """Find the load from two estimates of the same robot.
@@ -155,7 +152,7 @@ def payload(
     Parameters
     ----------
     mass : float, optional
-        Of the load, if it is known [kg].
+        Of the load, if it is known: held, all else is estimated [kg].
 
     Raises
     ------
@@ -190,7 +187,7 @@ def payload(
         covariance=covariance,
         phi=phi,
         phi_covariance=free @ inverse @ free.T,
-        seen=tuple(last),
+        stated_mass=mass,
         unseen=tuple(name for name in LINK_PARAMETERS if name not in last),
         chi_squared=float(left @ left),
         degrees_of_freedom=len(change) - int(np.linalg.matrix_rank(W)),

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage, signal
 
+from hil.errors import NotEnoughData
 from hil.regression.window import half_width, smooth
 
 if TYPE_CHECKING:
@@ -42,10 +43,6 @@ ORDER = 4
 """Of the filter that runs forth and back."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
-
-
-class NotEnoughData(Exception):
-    """A recording without enough usable samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

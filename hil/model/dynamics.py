@@ -90,11 +90,6 @@ def gravity_torque(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
     return _torques(robot, p, q, 0.0, 0.0, robot.gravity)
 
 
-def coriolis_torque(robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike) -> Array:
-    """Centrifugal and Coriolis torques c(q, qd) of eq. (6), shape of `q` [N m]."""
-    return _torques(robot, p, q, qd, 0.0, _WEIGHTLESS)
-
-
 def mass_matrix(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
     """Mass matrix M(q) of eq. (6), shape (n_samples, n_joints, n_joints) [kg m^2]."""
     units = np.eye(robot.n_joints)

@@ -1,9 +1,9 @@
 """A robot as everything above it sees it: frames, limits and drive trains as arrays.
 
-`load_robot` reads a robot file (by name from those that come along, or by path), checks what one
-field alone cannot tell (names of lengths, ties between parameters) and returns an immutable
-`Robot`. Its digest is that of the content, not of the text: plans keep it, so that no plan moves a
-robot that it was not made for.
+A `Robot` is immutable. It comes by name from those that come along, from a file, or from values;
+what one field alone cannot show (names of lengths, ties between parameters) is checked here. Its
+digest is that of the content, not of the text: plans keep it, so that no plan moves a robot that it
+was not made for.
 """
 
 from __future__ import annotations
@@ -11,19 +11,22 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import yaml
+from pydantic import ValidationError
 
-from checked_files.yaml_file import FileError, line_of, parse_yaml, read_text
+from checked_files.yaml_file import FileError, line_of, parse_yaml, place, problems, read_text
+from hil.errors import InvalidValue, UnknownName
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -31,7 +34,7 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 _TIE = re.compile(r"^\s*(\w+)\s*=\s*(\w+)\s*$")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """A robot; all arrays are read-only and indexed by joint, from 0.
 
@@ -45,7 +48,78 @@ class Robot:
 
     file: RobotFile
     source: str
-    text: str = field(repr=False)
+    text: str
+
+    @classmethod
+    def load(cls, name: str) -> Robot:
+        """Load a robot that comes along, by its name; see `available_robots`.
+
+        Raises
+        ------
+        UnknownName
+            No robot of this name comes along.
+        """
+        return cls.from_file(_of_name(name))
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> Robot:
+        """Load a robot from its file.
+
+        Raises
+        ------
+        FileError
+            A file that cannot be used: one line for each problem, with its place.
+        """
+        return parse_robot(read_text(path), str(path))
+
+    @classmethod
+    def from_values(
+        cls,
+        name: str,
+        joints: Sequence[Mapping[str, object]],
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        lengths: Mapping[str, float] | None = None,
+        ties: Sequence[str] = (),
+    ) -> Robot:
+        """Make a robot of plain values, named as in a robot file.
+
+        Parameters
+        ----------
+        name : str
+        joints : sequence of mapping
+            Of each joint what `hil.model.robot_file.Joint` names: frame, limits, drive.
+        gravity : sequence of three floats
+            In the base frame [m/s^2].
+        lengths : mapping, optional
+            Named lengths that frames refer to [m].
+        ties : sequence of str
+            Such as ``Iyy6 = Ixx6``.
+
+        Raises
+        ------
+        InvalidValue
+            Values that a robot cannot have: one line for each problem, with its key.
+        """
+        values = {
+            "name": name,
+            "gravity": tuple(gravity),
+            "lengths": dict(lengths or {}),
+            "joints": tuple(dict(joint) for joint in joints),
+            "ties": tuple(ties),
+        }
+        try:
+            file = RobotFile.model_validate(values)
+        except ValidationError as error:
+            raise InvalidValue("\n".join(f"{name}: {line}" for line in problems(error))) from error
+        content = file.model_dump(mode="json", exclude_none=True)
+        robot = cls(file, name, yaml.safe_dump(content, sort_keys=False, width=200))
+        wrong = [f"{name}: {place(at)}: {why}" for at, why in _problems(robot)]
+        if wrong:
+            raise InvalidValue("\n".join(wrong))
+        return robot
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name}: {self.n_joints} joints>"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Robot) and self.digest == other.digest
@@ -185,11 +259,14 @@ def load_robot(name_or_path: str | Path) -> Robot:
 
     Raises
     ------
+    UnknownName
+        No robot of this name comes along.
     FileError
-        No such robot, or a file that cannot be used: one line for each problem, with its place.
+        A file that cannot be used: one line for each problem, with its place.
     """
-    path = _find(name_or_path)
-    return parse_robot(read_text(path), str(path))
+    path = Path(name_or_path)
+    is_path = path.suffix in {".yaml", ".yml"} or len(path.parts) > 1
+    return Robot.from_file(path) if is_path else Robot.load(str(name_or_path))
 
 
 def parse_robot(text: str, source: str) -> Robot:
@@ -201,10 +278,9 @@ def parse_robot(text: str, source: str) -> Robot:
         As `load_robot`.
     """
     robot = Robot(parse_yaml(text, RobotFile, source), source, text)
-    problems = [*_unknown_lengths(robot), *_wrong_ties(robot)]
-    if problems:
-        places = ((".".join(map(str, at)), line_of(text, at), why) for at, why in problems)
-        raise FileError("\n".join(f"{source}:{line}: {at}: {why}" for at, line, why in places))
+    wrong = [f"{source}:{line_of(text, at)}: {place(at)}: {why}" for at, why in _problems(robot)]
+    if wrong:
+        raise FileError("\n".join(wrong))
     return robot
 
 
@@ -213,19 +289,21 @@ def available_robots() -> list[str]:
     return sorted(path.stem for path in ROBOTS.glob("*.yaml") if len(path.suffixes) == 1)
 
 
-def _find(name_or_path: str | Path) -> Path:
-    path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml"} or len(path.parts) > 1:
-        return path
-    if str(name_or_path) not in available_robots():
-        raise FileError(
-            f"{name_or_path}: unknown robot; available: {', '.join(available_robots())};"
+def _of_name(name: str) -> Path:
+    if name not in available_robots():
+        raise UnknownName(
+            f"{name}: unknown robot; available: {', '.join(available_robots())};"
             " or give the path of a robot file ending in .yaml"
         )
-    return ROBOTS / f"{name_or_path}.yaml"
+    return ROBOTS / f"{name}.yaml"
 
 
 _Problem = tuple[tuple[str | int, ...], str]
+
+
+def _problems(robot: Robot) -> Iterator[_Problem]:
+    yield from _unknown_lengths(robot)
+    yield from _wrong_ties(robot)
 
 
 def _unknown_lengths(robot: Robot) -> Iterator[_Problem]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
+from hil.errors import FileError, Mismatch
+from hil.estimation.friction.symmetry import BOUND
 from hil.planning.measurement import Friction, of_kind, recorded_as
 from hil.results.friction import evaluate
 from hil.results.friction_file import load_friction
@@ -16,31 +17,32 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
     from hil.results.friction import FrictionResult
     from hil.runs.recording import Recording
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
     Recordings = Sequence[tuple[Measurement, Recording]]
 
 
-def friction_alone(folder: RunFolder) -> bool:
+def friction_alone(run: Run) -> bool:
     """Whether a run measures nothing but friction."""
-    planned = folder.plan.measurements
+    planned = run.plan.measurements
     return len(of_kind(Friction, planned)) == len(planned)
 
 
-def friction_of_run(folder: RunFolder, recordings: Recordings) -> FrictionResult | None:
+def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     """Evaluate the friction of a run as `hil friction fit` did it last; None where there is none.
 
-    The model of gravity is the same, if it is still there.
+    The model of gravity, if it is still there, and the bound of asymmetry are the same.
 
     Raises
     ------
-    FileError
+    NotEnoughData
         No recordings of friction in a run about friction alone.
     """
-    if not recorded_as(Friction, recordings) and not friction_alone(folder):
+    if not recorded_as(Friction, recordings) and not friction_alone(run):
         return None
     try:
-        model = load_friction(folder.path).model_folder
-        return evaluate(folder, recordings, Path(model) if model else None)
-    except FileError:
-        return evaluate(folder, recordings)
+        kept = load_friction(run)
+        model = Path(kept.model_folder) if kept.model_folder else None
+        return evaluate(run, recordings, model, BOUND if kept.bound is None else kept.bound)
+    except (FileError, Mismatch):  # nothing was fitted, or its model is gone
+        return evaluate(run, recordings)

@@ -44,24 +44,24 @@ class Header:
 
 def of_friction(run: ReportedRun) -> Header:
     """Top of the report of a run about friction alone."""
-    planned = len(run.folder.plan.measurements)
+    planned = len(run.source.plan.measurements)
     facts = (
         ("Measurements", f"{len(run.campaign)} of {planned} planned"),
-        ("Sessions", str(len(run.folder.journal.sessions))),
+        ("Sessions", str(len(run.source.journal.sessions))),
     )
     return _header(run, "friction", "", facts)
 
 
 def of_campaign(run: IdentifiedRun) -> Header:
     """Top of the report of a run whose base parameters are identifiable."""
-    sessions = len(run.folder.journal.sessions)
+    sessions = len(run.source.journal.sessions)
     took = duration(run.robot_time) + (f" in {sessions} sessions" if sessions > 1 else "")
     facts = (("Measurements", counts(run.campaign)), ("Robot time", took))
     return _header(run, "identified dynamics", verdict(run), facts)
 
 
 def _header(run: ReportedRun, about: str, verdict: str, facts: Facts) -> Header:
-    journal = run.folder.journal
+    journal = run.source.journal
     last = journal.sessions[-1] if journal.sessions else None
     bus = last.bus if last else "unknown"
     return Header(
@@ -72,7 +72,7 @@ def _header(run: ReportedRun, about: str, verdict: str, facts: Facts) -> Header:
             ("Bus", f"{bus}, the virtual plant" if journal.simulated else bus),
             *facts,
         ),
-        shortfall=run.folder.shortfall,
+        shortfall=run.source.shortfall,
         simulated=journal.simulated,
     )
 

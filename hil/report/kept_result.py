@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from checked_files.yaml_file import FileError
+from hil.errors import FileError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hil.estimation.estimate import Estimate
     from hil.report.reported_run import IdentifiedRun
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
 
 class _Kept(Protocol):
-    def stale(self, folder: RunFolder, estimate: Estimate) -> str:
+    def stale(self, folder: Run, estimate: Estimate) -> str:
         """Why it is stale; empty if it is not."""
 
 
@@ -28,7 +28,7 @@ K = TypeVar("K", bound=_Kept)
 
 
 def current(
-    read: Callable[[RunFolder], K | None], run: IdentifiedRun, name: str, command: str
+    read: Callable[[Run], K | None], run: IdentifiedRun, name: str, command: str
 ) -> tuple[K | None, str]:
     """Read a result of the run, or why it is not shown.
 
@@ -48,8 +48,8 @@ def current(
         Empty where there is nothing, or nothing wrong with it.
     """
     try:
-        kept = read(run.folder)
-        stale = kept.stale(run.folder, run.estimate) if kept else ""
+        kept = read(run.source)
+        stale = kept.stale(run.source, run.estimate) if kept else ""
     except FileError as error:
         return None, f"{name} cannot be used: {error}. Make it anew with: {command}"
     if stale:

@@ -19,7 +19,6 @@ from hil.report.sections import OF_CAMPAIGN, OF_FRICTION
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import operator_told, write_file
 from hil.runs.journal import now, versions
-from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -28,12 +27,13 @@ if TYPE_CHECKING:
 
     from hil.report.header import Header
     from hil.report.section import Plot, Section
+    from hil.runs.run import Run
 
 NAME = "report.html"
 TEMPLATES = tuple(Path(__file__).parent / folder for folder in ("templates", "sections"))
 
 
-def report(run_folder: Path | str, figures: Path | None = None) -> Path:
+def report(run: Run, figures: Path | None = None) -> Path:
     """Estimate a run anew by both methods and write its report into its folder.
 
     Parameters
@@ -49,23 +49,24 @@ def report(run_folder: Path | str, figures: Path | None = None) -> Path:
     Raises
     ------
     FileError
-        No run folder, a damaged recording, measurements that do not suffice, a full disk.
+        A damaged recording, or a full disk.
+    NotIdentifiable, NotEnoughData
+        Measurements that do not suffice.
     """
-    folder = RunFolder.open(run_folder)
-    top, sections = _content(folder)
-    path = folder.path / NAME
+    top, sections = _content(run)
+    path = run.path / NAME
     with drawn():
-        write_file(path, _html(folder, top, sections).encode())
+        write_file(path, _html(run, top, sections).encode())
         if figures is not None:
             _write_figures(figures, [plot for each in sections for plot in each.plots])
     return path
 
 
-def _content(folder: RunFolder) -> tuple[Header, list[Section]]:
-    run = read(folder)
-    if friction_alone(folder):
-        return header.of_friction(run), _present(each(run) for each in OF_FRICTION)
-    found = identified(run)
+def _content(run: Run) -> tuple[Header, list[Section]]:
+    whole = read(run)
+    if friction_alone(run):
+        return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION)
+    found = identified(whole)
     return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN)
 
 
@@ -73,13 +74,13 @@ def _present(sections: Iterable[Section | None]) -> list[Section]:
     return [section for section in sections if section is not None]
 
 
-def _html(folder: RunFolder, top: Header, sections: Sequence[Section]) -> str:
+def _html(run: Run, top: Header, sections: Sequence[Section]) -> str:
     templates = environment(*TEMPLATES)
     templates.filters["when"] = when
     return templates.get_template(NAME).render(
         top=top,
         sections=[(section.heading, _text(templates, section)) for section in sections],
-        folder=folder,
+        run=run,
         written=now(),
         version=versions()["canopen-robot-identification"],
     )

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
-from hil.estimation.identify import NotIdentifiable, estimates
+from hil.estimation.identify import estimates
 from hil.report.friction_of_run import friction_of_run
 from hil.results.advice import advice
+from hil.results.identification import model_of
+from hil.results.naming import named
 from hil.results.prediction import predict
 from hil.runs.pooling import recorded
 
@@ -19,10 +20,11 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
     from hil.results.advice import Advice
     from hil.results.friction import FrictionResult
+    from hil.results.model import Model
     from hil.results.prediction import Prediction
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
     Recordings = tuple[tuple[Measurement, Recording], ...]
 
@@ -33,7 +35,7 @@ class ReportedRun:
 
     Attributes
     ----------
-    folder : RunFolder
+    source : Run
     campaign : tuple of Measured
         All that was recorded, in the plan's order.
     recordings : tuple of (Measurement, Recording)
@@ -42,7 +44,7 @@ class ReportedRun:
         Where friction was measured.
     """
 
-    folder: RunFolder
+    source: Run
     campaign: tuple[Measured, ...]
     recordings: Recordings
     friction: FrictionResult | None
@@ -50,7 +52,7 @@ class ReportedRun:
     @property
     def robot(self) -> Robot:
         """The robot as its file states it."""
-        return self.folder.robot
+        return self.source.robot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,15 +61,18 @@ class IdentifiedRun(ReportedRun):
 
     Attributes
     ----------
-    estimate, printed : Estimate
-        By the improved method, which the report is about, and by the printed one as a check.
+    estimate : Estimate
+        By the improved method, which the report is about.
+    model, check : Model
+        By the improved method, and by the printed one as a check.
     prediction : Prediction
         What the improved method's parameters mean in torques.
     advice : tuple of Advice
     """
 
     estimate: Estimate
-    printed: Estimate
+    model: Model
+    check: Model
     prediction: Prediction
     advice: tuple[Advice, ...]
 
@@ -81,17 +86,19 @@ class IdentifiedRun(ReportedRun):
         return [value for value in self.estimate.local if value.kind == kind]
 
 
-def read(folder: RunFolder) -> ReportedRun:
+def read(source: Run) -> ReportedRun:
     """Read a run and evaluate its friction, if it measured any.
 
     Raises
     ------
     FileError
-        A damaged recording; or no recording at all in a run about friction alone.
+        A damaged recording.
+    NotEnoughData
+        No recording of friction in a run about friction alone.
     """
-    campaign = tuple(folder)
+    campaign = tuple(source)
     recordings = tuple(recorded(campaign))
-    return ReportedRun(folder, campaign, recordings, friction_of_run(folder, recordings))
+    return ReportedRun(source, campaign, recordings, friction_of_run(source, recordings))
 
 
 def identified(run: ReportedRun) -> IdentifiedRun:
@@ -99,22 +106,21 @@ def identified(run: ReportedRun) -> IdentifiedRun:
 
     Raises
     ------
-    FileError
+    NotIdentifiable
         Measurements that do not suffice.
     """
-    try:
+    with named(run.source):
         found = estimates(run.robot, run.recordings)
-    except NotIdentifiable as error:
-        raise FileError(f"{run.folder.path}: {error}") from error
     best = found["improved"]
     prediction = predict(best, run.robot)
     return IdentifiedRun(
-        folder=run.folder,
+        source=run.source,
         campaign=run.campaign,
         recordings=run.recordings,
         friction=run.friction,
         estimate=best,
-        printed=found["printed"],
+        model=model_of(run.source, best),
+        check=model_of(run.source, found["printed"]),
         prediction=prediction,
-        advice=advice(best, prediction, run.robot, run.folder.plan, run.campaign),
+        advice=advice(best, prediction, run.robot, run.source.plan, run.campaign),
     )

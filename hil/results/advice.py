@@ -94,24 +94,14 @@ def advice(
     )
 
 
-def correlation(estimate: Estimate) -> Array:
-    """Correlations of the parameters' errors, shape (n_base, n_base)."""
-    covariance = estimate.covariance + estimate.drive_covariance
-    scale = np.sqrt(np.diag(covariance))
-    scale = np.where(scale > 0, scale, 1.0)
-    found: Array = covariance / np.outer(scale, scale)
-    return found
-
-
 def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> Iterator[Advice]:
     measured_ids = {measured.measurement.id for measured in campaign}
     missing = [m.id for m in plan.measurements if m.id not in measured_ids]
     if missing:
         what = f"{len(missing)} of {len(plan.measurements)} planned measurements are missing"
         yield Advice(_listed(missing), what, "finish the run with hil run … --resume")
-    for told in estimate.left_out:
-        subject, _, reason = told.partition(": ")
-        yield Advice(subject, f"left out: {reason}", "move its recording away and --resume")
+    for left in estimate.left_out:
+        yield Advice(left.id, f"left out: {left.reason}", "move its recording away and --resume")
     for measured in (m for m in campaign if m.findings):
         told = "; ".join(finding.message for finding in measured.findings)
         yield Advice(
@@ -206,7 +196,7 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
 
 def _correlations(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     names = base_parameters(robot).names
-    found = correlation(estimate)
+    found = estimate.correlation
     for i, j in np.argwhere(np.triu(np.abs(found) > CORRELATED, 1)):
         size = signed(f"{found[i, j]:.2f}")
         yield Advice(

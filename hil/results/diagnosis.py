@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
 from hil.estimation.absent_parameters import examine
 from hil.estimation.gravity_phase import Phase, shifted_most
-from hil.estimation.identify import NotIdentifiable, estimate, prepared_for
-from hil.results.model_file import recorded
-from hil.runs.run_folder import RunFolder
+from hil.estimation.identify import estimate, prepared_for
+from hil.results.naming import named
+from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
+    from hil.runs.run import Run
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,21 +54,18 @@ class AbsenceEvidence:
     phase: float | None
 
 
-def diagnose(run_folder: Path) -> Diagnosis:
+def diagnose(run: Run) -> Diagnosis:
     """Estimate a run anew and test its robot file.
 
     Raises
     ------
-    FileError
+    NotIdentifiable
         Measurements that do not suffice.
     """
-    folder = RunFolder.open(run_folder)
-    recordings = list(recorded(folder))
-    robot = folder.robot
-    try:
+    recordings = list(recorded(run))
+    robot = run.robot
+    with named(run):
         best = estimate(robot, recordings)
-    except NotIdentifiable as error:
-        raise FileError(f"{folder.path}: {error}") from error
     errors = examine(robot, prepared_for(best, recordings))
     shifted = shifted_most(best, errors, robot.torque_limit) if errors.found else None
     return Diagnosis(robot, best, errors, shifted)

@@ -18,14 +18,12 @@ from hil.model.base_parameters import base_parameters
 from hil.results.stamp import RunStamp, same_parameters
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
-from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.estimation.absent_parameters import Candidate
     from hil.estimation.estimate import Estimate
     from hil.results.diagnosis import Diagnosis
+    from hil.runs.run import Run
 
 NAME = "diagnosis.yaml"
 NEEDLESS = 0.05
@@ -113,21 +111,20 @@ class DiagnosisFile(FileModel):
     unmeasured: tuple[str, ...]
     phase: PhaseRecord | None
 
-    def stale(self, folder: RunFolder, estimate: Estimate) -> str:
+    def stale(self, folder: Run, estimate: Estimate) -> str:
         """Why it does not belong to this run as it is now; empty if it does."""
         return self.of.change(folder) or same_parameters(self.p, estimate.p)
 
 
-def write_diagnosis(run_folder: Path, found: Diagnosis) -> DiagnosisFile:
+def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
     """Write `diagnosis.yaml` into the run's folder, whole or not at all, and return it."""
-    folder = RunFolder.open(run_folder)
-    kept = _content(folder, found)
+    kept = _content(run, found)
     text = yaml.safe_dump(kept.model_dump(mode="json"), sort_keys=False, width=100)
-    write_file(folder.path / NAME, text.encode())
+    write_file(run.path / NAME, text.encode())
     return kept
 
 
-def load_diagnosis(folder: RunFolder) -> DiagnosisFile | None:
+def load_diagnosis(folder: Run) -> DiagnosisFile | None:
     """Read the diagnosis of a run, if there is one.
 
     Raises
@@ -149,7 +146,7 @@ def _needless(found: Diagnosis) -> tuple[Needless, ...]:
     )
 
 
-def _content(folder: RunFolder, found: Diagnosis) -> DiagnosisFile:
+def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
     errors = found.errors
     beside = {c.names: c.t for c in errors.after} if errors.found else {}
     return DiagnosisFile(

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from checked_files.yaml_file import FileError
+from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.friction import symmetry
 from hil.estimation.friction.drift import Level, drift
 from hil.estimation.friction.history import history
@@ -15,7 +13,7 @@ from hil.estimation.friction.model_choice import choose
 from hil.estimation.friction.points import GravityModel, points
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import Friction, recorded_as
-from hil.results.model_file import load_model
+from hil.results.model import Model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.runs.recording import Recording
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +75,7 @@ class FrictionResult:
 
 
 def evaluate(
-    folder: RunFolder,
+    run: Run,
     recordings: Sequence[tuple[Measurement, Recording]],
     model_folder: Path | None = None,
     bound: float = symmetry.BOUND,
@@ -86,25 +84,29 @@ def evaluate(
 
     Parameters
     ----------
-    folder : RunFolder
+    run : Run
     recordings : sequence of (Measurement, Recording)
         All of the run, as `hil.runs.pooling.recorded` gives them.
     model_folder : path, optional
         Folder of an identified run whose model compensates gravity; without it half-differences of
         both directions do.
     bound : float
-        Asymmetry that is let pass, as share of the friction level.
+        Greatest asymmetry that is accepted, as share of the friction level.
 
     Raises
     ------
+    NotEnoughData
+        No friction measurements.
     FileError
-        No friction measurements, or a model of another robot.
+        No model, or a damaged one.
+    Mismatch
+        A model of another robot.
     """
-    robot = folder.robot
+    robot = run.robot
     chosen = recorded_as(Friction, recordings)
     if not chosen:
-        raise FileError(
-            f"{folder.path}: holds no friction measurements; plan some with: hil friction plan"
+        raise NotEnoughData(
+            f"{run.path}: holds no friction measurements; plan some with: hil friction plan"
             f" {robot.name} -o friction.yaml"
         )
     found, left_out = points(robot, chosen, _gravity_model(robot, model_folder))
@@ -148,11 +150,10 @@ def _levels(robot: Robot, own: Sequence[FrictionPoint]) -> list[Level]:
 def _gravity_model(robot: Robot, model_folder: Path | None) -> GravityModel | None:
     if model_folder is None:
         return None
-    model = load_model(model_folder)
-    names = tuple(parameter.name for parameter in model.parameters)
-    if names != base_parameters(robot).names:
-        raise FileError(
-            f"{model_folder}: its model is about {model.provenance.robot}, whose parameters are not"
+    model = Model.load(model_folder)
+    if model.names != base_parameters(robot).names:
+        raise Mismatch(
+            f"{model_folder}: its model is about {model.robot.name}, whose parameters are not"
             f" those of {robot.name}; give a run of this robot"
         )
-    return GravityModel(model.p, np.array(model.covariance))
+    return GravityModel(model.values, model.covariance)

@@ -15,17 +15,15 @@ import yaml
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.estimation.friction.models import LAWS, UNIT, FrictionModel, Law
-from hil.estimation.friction.symmetry import BOUND
-from hil.results.friction import FrictionResult, evaluate
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
-from hil.runs.pooling import recorded
-from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.estimation.friction.symmetry import Symmetry
+    from hil.results.friction import FrictionResult
+    from hil.runs.run import Run
 
 NAME = "friction.yaml"
 
@@ -78,6 +76,11 @@ class FrictionFile(FileModel):
     left_out: tuple[str, ...]
     axes: tuple[AxisRecord, ...]
 
+    @property
+    def bound(self) -> float | None:
+        """Greatest asymmetry that the tests accepted; None where no axis was tested."""
+        return next((axis.symmetry.bound for axis in self.axes if axis.symmetry), None)
+
     def model(self, axis: int) -> FrictionModel | None:
         """Recommended model of an axis (index from 0), to be evaluated; None where there is none.
 
@@ -91,20 +94,15 @@ class FrictionFile(FileModel):
         return None
 
 
-def fit(
-    run_folder: Path | str, model_folder: Path | None = None, bound: float = BOUND
-) -> FrictionResult:
-    """Evaluate a run's friction and write `friction.yaml` into its folder; see `evaluate`."""
-    folder = RunFolder.open(run_folder)
-    result = evaluate(folder, list(recorded(folder)), model_folder, bound)
-    text = yaml.safe_dump(
-        _content(folder, result).model_dump(mode="json"), sort_keys=False, width=200
-    )
-    write_file(folder.path / NAME, text.encode())
-    return result
+def write_friction(run: Run, result: FrictionResult) -> Path:
+    """Write `friction.yaml` into the run's folder, whole or not at all."""
+    path = run.path / NAME
+    text = yaml.safe_dump(_content(run, result).model_dump(mode="json"), sort_keys=False, width=200)
+    write_file(path, text.encode())
+    return path
 
 
-def load_friction(run_folder: Path | str) -> FrictionFile:
+def load_friction(run: Run) -> FrictionFile:
     """Read what was found about friction in a run.
 
     Raises
@@ -112,18 +110,18 @@ def load_friction(run_folder: Path | str) -> FrictionFile:
     FileError
         Nothing was evaluated yet, or the file was damaged.
     """
-    path = RunFolder.open(run_folder).path / NAME
+    path = run.path / NAME
     if not path.exists():
-        raise FileError(f"{path}: not there yet; make it with: hil friction fit {run_folder}")
+        raise FileError(f"{path}: not there yet; make it with: hil friction fit {run.path}")
     return load_yaml(path, FrictionFile)
 
 
-def _content(folder: RunFolder, result: FrictionResult) -> FrictionFile:
-    sessions = folder.journal.sessions
+def _content(run: Run, result: FrictionResult) -> FrictionFile:
+    sessions = run.journal.sessions
     return FrictionFile(
-        robot=folder.robot.name,
-        robot_digest=folder.robot.digest,
-        plan_digest=folder.plan.digest,
+        robot=run.robot.name,
+        robot_digest=run.robot.digest,
+        plan_digest=run.plan.digest,
         measured=sessions[-1].started if sessions else "",
         gravity=result.gravity,
         model_folder=result.model_folder,

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
+from hil.errors import AsymmetricFriction, Mismatch
 from hil.results.friction_file import NAME, load_friction
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.model.robot import Robot
+    from hil.runs.run import Run
 
 
-def refuse_asymmetric(run_folder: Path | str, robot: Robot) -> list[str]:
+def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
     """Gate before a campaign: refuse a robot whose friction was found to be asymmetric.
 
     Returns
@@ -23,13 +22,17 @@ def refuse_asymmetric(run_folder: Path | str, robot: Robot) -> list[str]:
 
     Raises
     ------
+    AsymmetricFriction
+        An axis failed, or nothing was tested.
+    Mismatch
+        The run is of another robot.
     FileError
-        An axis failed, the run is of another robot, or nothing was tested.
+        Its friction was not evaluated yet.
     """
-    found = load_friction(run_folder)
-    source = f"{run_folder}/{NAME}"
+    found = load_friction(run)
+    source = f"{run.path}/{NAME}"
     if found.robot_digest != robot.digest:
-        raise FileError(f"{source}: is about {found.robot}, not about this {robot.name}")
+        raise Mismatch(f"{source}: is about {found.robot}, not about this {robot.name}")
     tested = {record.axis: record.symmetry for record in found.axes if record.symmetry}
     failed = [(axis, test) for axis, test in tested.items() if not test.passed]
     if failed:
@@ -37,12 +40,12 @@ def refuse_asymmetric(run_folder: Path | str, robot: Robot) -> list[str]:
             f"axis {axis}: {100 * test.asymmetry:+.1f} % (p = {test.p_bound:.1g})"
             for axis, test in failed
         )
-        raise FileError(
+        raise AsymmetricFriction(
             f"{source}: friction differs by direction by more than {100 * failed[0][1].bound:g} %:"
             f" {told}; look for a current sensor's offset or a worn gear, or go on without the gate"
         )
     if not tested:
-        raise FileError(
+        raise AsymmetricFriction(
             f"{source}: symmetry of no axis was tested; give hil friction fit an identified model"
             " with --model"
         )

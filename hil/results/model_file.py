@@ -1,43 +1,34 @@
-"""`model.yaml`: an identified model as a file, and how a run folder gets one.
+"""`model.yaml`: what the file of a model holds.
 
-The file says all that is needed to use the model and to judge it: parameters with expression, unit
-and uncertainty, the covariance, and where they come from. It can be written again at any time from
-the run's recordings; nothing in it is an input to anything but reports.
+The file says all that is needed to use the model and to judge it: the robot, parameters with
+expression, unit and uncertainty, their covariance, and where they come from. Files of earlier
+versions lack the robot, the degrees of freedom and the drives' part of the covariance: the robot is
+then that of the run folder in which the file lies, and the intervals that the file states give the
+degrees of freedom that explain them.
 """
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import yaml
+from pydantic import model_validator
 
-from checked_files.yaml_file import FileError, FileModel, load_yaml
-from hil.estimation.identify import Method, NotIdentifiable, estimate
+from checked_files.yaml_file import FileError, FileModel
+from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
-from hil.runs.atomic_file import write_file
-from hil.runs.journal import now
-from hil.runs.pooling import open_runs, pooled, recorded
-from hil.runs.run_folder import RunFolder
+from hil.model.robot import load_robot, parse_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+    from hil.results.model import Model
 
-__all__ = [
-    "NAME",
-    "ModelFile",
-    "Parameter",
-    "Provenance",
-    "identify",
-    "load_model",
-    "recorded",
-]
+    Array = NDArray[np.float64]
 
 NAME = "model.yaml"
 
@@ -52,6 +43,12 @@ class Parameter(FileModel):
     value: float
     standard_error: float
     interval_95: tuple[float, float]
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Degrees of freedom with which the interval follows from the standard error."""
+        half = (self.interval_95[1] - self.interval_95[0]) / 2
+        return degrees_behind(half / self.standard_error if self.standard_error else 0.0)
 
 
 class Provenance(FileModel):
@@ -78,104 +75,127 @@ class ModelFile(FileModel):
     ----------
     covariance : tuple of tuple of float
         Of the values, statistical and of the drives together, in the parameters' order and units.
+    drive_covariance : tuple of tuple of float, optional
+        The drives' part of it.
+    degrees_of_freedom : tuple of float, optional
+        Effective ones of the statistical part.
     residual : tuple of float or None
-        Root mean square of what the local models leave of each axis's torque [N m].
+        Root mean square of what the method's models leave of each axis's torque [N m].
     condition : dict
-        Condition number of each group's observation matrix.
+        Condition number of each group's observation matrix, or of all parameters' (``all``).
+    robot_file : str, optional
+        The robot file, verbatim.
     """
 
     format: Literal[1] = 1
     provenance: Provenance
     parameters: tuple[Parameter, ...]
     covariance: tuple[tuple[float, ...], ...]
+    drive_covariance: tuple[tuple[float, ...], ...] | None = None
+    degrees_of_freedom: tuple[float, ...] | None = None
     residual: tuple[float | None, ...]
     condition: dict[str, float]
+    robot_file: str | None = None
 
-    @property
-    def p(self) -> NDArray[np.float64]:
-        """Base parameters, shape (n_base,)."""
-        return np.array([parameter.value for parameter in self.parameters])
+    @model_validator(mode="after")
+    def _check_sizes(self) -> ModelFile:
+        n, degrees = len(self.parameters), self.degrees_of_freedom
+        for name, rows in (
+            ("covariance", self.covariance),
+            ("drive_covariance", self.drive_covariance),
+        ):
+            if rows is not None and [len(row) for row in rows] != [n] * n:
+                raise ValueError(f"{name} must have {n} rows of {n} values, as many as parameters")
+            if rows is not None and min((row[k] for k, row in enumerate(rows)), default=0.0) < 0:
+                raise ValueError(f"{name} has a negative variance; identify the run anew")
+        if degrees is not None and (len(degrees) != n or not min(degrees, default=1.0) > 0):
+            raise ValueError(f"degrees_of_freedom must be {n} positive values, one a parameter")
+        return self
+
+    @classmethod
+    def of(cls, model: Model) -> ModelFile:
+        """What the file of a model holds."""
+        return cls(
+            provenance=model.provenance,
+            parameters=_parameters(model),
+            covariance=_rows(model.covariance),
+            drive_covariance=_rows(model.drive_covariance),
+            degrees_of_freedom=tuple(model.degrees_of_freedom.tolist()),
+            residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
+            condition=model.condition,
+            robot_file=model.robot.text,
+        )
+
+    def robot(self, path: Path) -> Robot:
+        """Robot of the model in the file at `path`.
+
+        Raises
+        ------
+        FileError
+            The file does not hold it and none lies beside, or it is not the one identified.
+        """
+        beside = path.parent / "robot.yaml"
+        kept = self.robot_file
+        robot = load_robot(beside) if kept is None else parse_robot(kept, f"{path}: robot_file")
+        names = tuple(parameter.name for parameter in self.parameters)
+        if robot.digest != self.provenance.robot_digest or names != base_parameters(robot).names:
+            place = f"in {beside}" if kept is None else "that it holds"
+            raise FileError(
+                f"{path}: its parameters are not those of the robot {place}; identify the run anew"
+            )
+        return robot
+
+    def covariances(self) -> tuple[Array, Array]:
+        """Of what shows in the data and of the drives, each of shape (n_base, n_base)."""
+        total = np.array(self.covariance)
+        stated = self.drive_covariance
+        drives = np.zeros_like(total) if stated is None else np.array(stated)
+        return total - drives, drives
+
+    def degrees(self) -> Array:
+        """Effective degrees of freedom, shape (n_base,)."""
+        kept = self.degrees_of_freedom
+        return np.array([p.degrees_of_freedom for p in self.parameters] if kept is None else kept)
+
+    def text(self) -> str:
+        """As YAML, the robot file as a block of its own."""
+        return yaml.dump(
+            self.model_dump(mode="json"),
+            Dumper=_Dumper,
+            sort_keys=False,
+            width=200,
+        )
 
 
-def identify(
-    run_folder: Path | str, method: Method = "improved", others: Sequence[Path | str] = ()
-) -> Estimate:
-    """Estimate the base parameters from a run and write `model.yaml` into its folder.
-
-    Parameters
-    ----------
-    run_folder : path
-    method : {"improved", "printed"}
-        See `hil.estimation.identify`.
-    others : sequence of path
-        Further runs of the same robot, identified together with the first.
-
-    Raises
-    ------
-    FileError
-        No run folder, a damaged recording, or measurements that do not suffice.
-    """
-    folder, *more = open_runs([run_folder, *others])
-    try:
-        result = estimate(folder.robot, pooled([folder, *more]), method)
-    except NotIdentifiable as error:
-        raise FileError(f"{folder.path}: {error}") from error
-    content = _content(folder, result, more)
-    text = yaml.safe_dump(content.model_dump(mode="json"), sort_keys=False, width=200)
-    write_file(folder.path / NAME, text.encode())
-    return result
-
-
-def load_model(run_folder: Path | str) -> ModelFile:
-    """Read the model of a run.
-
-    Raises
-    ------
-    FileError
-        The run has not been identified, or the file was damaged.
-    """
-    path = RunFolder.open(run_folder).path / NAME
-    if not path.exists():
-        raise FileError(f"{path}: not there yet; make it with: hil identify {run_folder}")
-    return load_yaml(path, ModelFile)
-
-
-def _content(folder: RunFolder, result: Estimate, more: Sequence[RunFolder]) -> ModelFile:
-    base = base_parameters(folder.robot)
+def _parameters(model: Model) -> tuple[Parameter, ...]:
+    base = base_parameters(model.robot)
     group_of = {index: group for group, members in base.groups.items() for index in members}
-    half = result.half_width()
-    parameters = tuple(
+    errors, intervals = model.standard_errors.tolist(), model.interval().tolist()
+    return tuple(
         Parameter(
             name=base.names[k],
             expression=base.expressions[k],
             group=group_of[k],
             unit=base.units[k],
-            value=float(result.p[k]),
-            standard_error=float(result.standard_error[k]),
-            interval_95=(float(result.p[k] - half[k]), float(result.p[k] + half[k])),
+            value=value,
+            standard_error=errors[k],
+            interval_95=tuple(intervals[k]),
         )
-        for k in range(len(base))
+        for k, value in enumerate(model.values.tolist())
     )
-    sessions = folder.journal.sessions
-    provenance = Provenance(
-        robot=folder.robot.name,
-        robot_digest=folder.robot.digest,
-        plan_digest=folder.plan.digest,
-        measured=sessions[-1].started if sessions else "",
-        bus=sessions[-1].bus if sessions else "",
-        measurements=len(result.local),
-        missing=sum(len(each.missing) for each in (folder, *more)),
-        together_with=tuple(str(each.path) for each in more),
-        left_out=result.left_out,
-        identified=now(),
-        method=result.method,
-        version=version("canopen-robot-identification"),
-    )
-    covariance = result.covariance + result.drive_covariance
-    return ModelFile(
-        provenance=provenance,
-        parameters=parameters,
-        covariance=tuple(tuple(row) for row in covariance.tolist()),
-        residual=tuple(None if np.isnan(r) else float(r) for r in result.residual),
-        condition=result.condition,
-    )
+
+
+def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes texts of several lines as they are."""
+
+
+def _written(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    style = "|" if "\n" in text else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _written)

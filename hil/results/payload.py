@@ -5,26 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
-from hil.estimation.identify import NotIdentifiable, estimate, prepared_for
-from hil.estimation.payload import NoLoad, payload
+from hil.errors import Mismatch
+from hil.estimation.identify import estimate, prepared_for
+from hil.estimation.payload import estimate_payload
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
-from hil.results.model_file import recorded
-from hil.runs.run_folder import RunFolder
+from hil.results.naming import named
+from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.estimation.estimate import Estimate
     from hil.estimation.payload import Payload
     from hil.estimation.torque_constants import Gains
     from hil.model.robot import Robot
+    from hil.runs.run import Run
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Load:
-    """What two runs tell of a load.
+class FoundPayload:
+    """What two runs give of a load.
 
     Attributes
     ----------
@@ -32,54 +31,52 @@ class Load:
     before, after : Estimate
         Without and with it.
     payload : Payload
-    mass : float or None
-        As it was given [kg].
     gains : Gains or None
-        Where the mass was given.
+        Where the mass was stated.
     """
 
     robot: Robot
     before: Estimate
     after: Estimate
     payload: Payload
-    mass: float | None
     gains: Gains | None
 
 
-def find_load(without: Path, loaded: Path, mass: float | None = None) -> Load:
+def find_payload(without: Run, loaded: Run, mass: float | None = None) -> FoundPayload:
     """Estimate both runs anew and take the load from their difference.
 
     Parameters
     ----------
     mass : float, optional
-        Of the load, if it is known [kg]; the torque constants are then checked by it.
+        Of the load, if it is known [kg]: it is held, and the torque constants are checked by it.
 
     Raises
     ------
     FileError
-        Runs of different robots, or measurements that do not suffice.
+        A damaged recording.
+    Mismatch
+        Runs of different robots.
+    NotIdentifiable, NoLoad
+        Measurements that do not suffice, or a robot file without anything that a load changes.
     """
-    folders = RunFolder.open(without), RunFolder.open(loaded)
-    robot = folders[0].robot
-    if robot != folders[1].robot:
-        raise FileError(f"{loaded}: measured with another robot file than {without}; use the same")
-    before, after = (_estimate(folder) for folder in folders)
-    try:
-        found = payload(robot, before, after)
-    except NoLoad as error:
-        raise FileError(str(error)) from error
+    robot = without.robot
+    if robot != loaded.robot:
+        raise Mismatch(
+            f"{loaded.path}: measured with another robot file than {without.path}; use the same"
+        )
+    before, after = _estimate(without), _estimate(loaded)
+    with named(loaded):
+        found = estimate_payload(robot, before, after, mass)
     gains = None
     if mass is not None:
-        gains = drive_gains(robot, _joint(folders[0], before), _joint(folders[1], after), mass)
-    return Load(robot, before, after, found, mass, gains)
+        gains = drive_gains(robot, _joint(without, before), _joint(loaded, after), mass)
+    return FoundPayload(robot, before, after, found, gains)
 
 
-def _estimate(folder: RunFolder) -> Estimate:
-    try:
-        return estimate(folder.robot, recorded(folder))
-    except NotIdentifiable as error:
-        raise FileError(f"{folder.path}: {error}") from error
+def _estimate(run: Run) -> Estimate:
+    with named(run):
+        return estimate(run.robot, recorded(run))
 
 
-def _joint(folder: RunFolder, found: Estimate) -> SimultaneousFit:
-    return SimultaneousFit(folder.robot, prepared_for(found, recorded(folder)))
+def _joint(run: Run, found: Estimate) -> SimultaneousFit:
+    return SimultaneousFit(run.robot, prepared_for(found, recorded(run)))

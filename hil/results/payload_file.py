@@ -19,15 +19,13 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.stamp import RunStamp, same_parameters
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
-from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.estimation.estimate import Estimate
     from hil.estimation.payload import Quantity
     from hil.estimation.torque_constants import Gains
-    from hil.results.payload import Load
+    from hil.results.payload import FoundPayload
+    from hil.runs.run import Run
 
 NAME = "payload.yaml"
 DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
@@ -86,14 +84,14 @@ class Element(FileModel):
     model: float
 
 
-class LoadFile(FileModel):
+class PayloadFile(FileModel):
     """Content of `payload.yaml`.
 
     Attributes
     ----------
     without, loaded : RunStamp
     mass : float or None
-        As it was given [kg].
+        As it was stated [kg].
     chi_squared, degrees_of_freedom, p_value
         Of what a rigid load leaves of the changes.
     unseen : tuple of str
@@ -118,7 +116,7 @@ class LoadFile(FileModel):
     elements_without: tuple[Element, ...]
     elements_loaded: tuple[Element, ...]
 
-    def stale(self, folder: RunFolder, estimate: Estimate) -> str:
+    def stale(self, folder: Run, estimate: Estimate) -> str:
         """Why it does not belong to these runs as they are now; empty if it does."""
         return (
             self.loaded.change(folder)
@@ -127,16 +125,15 @@ class LoadFile(FileModel):
         )
 
 
-def write_load(without: Path, loaded: Path, found: Load) -> LoadFile:
+def write_payload(without: Run, loaded: Run, found: FoundPayload) -> PayloadFile:
     """Write `payload.yaml` into the loaded run's folder, whole or not at all, and return it."""
-    folders = RunFolder.open(without), RunFolder.open(loaded)
-    kept = _content(*folders, found)
+    kept = _content(without, loaded, found)
     text = yaml.safe_dump(kept.model_dump(mode="json"), sort_keys=False, width=100)
-    write_file(folders[1].path / NAME, text.encode())
+    write_file(loaded.path / NAME, text.encode())
     return kept
 
 
-def load_payload(folder: RunFolder) -> LoadFile | None:
+def read_payload(folder: Run) -> PayloadFile | None:
     """Read what was found of a load in a run, if anything was.
 
     Raises
@@ -145,17 +142,17 @@ def load_payload(folder: RunFolder) -> LoadFile | None:
         A damaged file.
     """
     path = folder.path / NAME
-    return load_yaml(path, LoadFile) if path.exists() else None
+    return load_yaml(path, PayloadFile) if path.exists() else None
 
 
-def _content(without: RunFolder, loaded: RunFolder, found: Load) -> LoadFile:
+def _content(without: Run, loaded: Run, found: FoundPayload) -> PayloadFile:
     payload = found.payload
-    return LoadFile(
+    return PayloadFile(
         made=now(),
         version=version("canopen-robot-identification"),
         without=RunStamp.of(without, beside=loaded),
         loaded=RunStamp.of(loaded),
-        mass=found.mass,
+        mass=payload.stated_mass,
         changes=_changes(found),
         load=tuple(_quantity(q) for q in payload.quantities()),
         chi_squared=payload.chi_squared,
@@ -168,7 +165,7 @@ def _content(without: RunFolder, loaded: RunFolder, found: Load) -> LoadFile:
     )
 
 
-def _changes(found: Load) -> tuple[Change, ...]:
+def _changes(found: FoundPayload) -> tuple[Change, ...]:
     base, payload = base_parameters(found.robot), found.payload
     shares = link_share(found.robot, found.robot.n_joints - 1)
     return tuple(
@@ -190,7 +187,7 @@ def _quantity(q: Quantity) -> QuantityRecord:
     return QuantityRecord(name=q.name, value=q.value, standard_error=q.standard_error, unit=q.unit)
 
 
-def _gains(found: Load, gains: Gains) -> tuple[GainRecord, ...]:
+def _gains(found: FoundPayload, gains: Gains) -> tuple[GainRecord, ...]:
     return tuple(
         GainRecord(
             axis=k + 1,

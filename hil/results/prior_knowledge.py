@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
+from hil.errors import NotEnoughData
 from hil.estimation.identify import prepare
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.torque_lag import find_lags
@@ -14,21 +14,23 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.noise_levels import Levels
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
 
-def experience(folders: Sequence[RunFolder]) -> Levels:
+def experience(folders: Sequence[Run]) -> Levels:
     """Noise that runs of one robot show, and what they tell of its parameters.
 
     Raises
     ------
     FileError
-        A damaged recording, or no measurement of use.
+        A damaged recording.
+    NotEnoughData
+        No measurement of use.
     """
     robot = folders[0].robot
     raw, _ = prepare(pooled(folders))
     if not raw:
-        raise FileError(
+        raise NotEnoughData(
             f"{folders[0].path}: no measurement of gravity, inertia or coupling is there; measure"
             " some with --resume"
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.runs.atomic_file import operator_told
-from hil.runs.run_folder import RunFolder
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +42,7 @@ class RunStamp(FileModel):
     recordings: str
 
     @classmethod
-    def of(cls, folder: RunFolder, beside: RunFolder | None = None) -> RunStamp:
+    def of(cls, folder: Run, beside: Run | None = None) -> RunStamp:
         """Stamp of a run as it is now; `beside`: the run that holds the result, if another."""
         holder = folder if beside is None else beside
         sessions = folder.journal.sessions
@@ -54,7 +54,7 @@ class RunStamp(FileModel):
             recordings=_recordings(folder),
         )
 
-    def change(self, folder: RunFolder) -> str:
+    def change(self, folder: Run) -> str:
         """Tell what of the run is no longer as it was; empty if all is."""
         now = RunStamp.of(folder)
         for name, then, is_now in (
@@ -66,13 +66,13 @@ class RunStamp(FileModel):
                 return f"the {name} of {folder.path} changed since"
         return ""
 
-    def change_beside(self, holder: RunFolder) -> str:
+    def change_beside(self, holder: Run) -> str:
         """Tell the same of another run than the one that holds the result; gone is no change."""
         path = holder.path / self.folder
-        return self.change(RunFolder.open(path)) if path.exists() else ""
+        return self.change(Run.open(path)) if path.exists() else ""
 
 
-def _recordings(folder: RunFolder) -> str:
+def _recordings(folder: Run) -> str:
     digest = hashlib.sha256()
     for measurement in folder.plan.measurements:
         path = folder.recording_path(measurement)

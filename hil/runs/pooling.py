@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
-from hil.runs.run_folder import RunFolder
+from hil.errors import Mismatch
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -34,30 +34,50 @@ def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[Measurement, Record
         yield measured.measurement, shifted
 
 
-def open_runs(paths: Sequence[Path | str]) -> list[RunFolder]:
+def open_runs(paths: Sequence[Path | str]) -> list[Run]:
     """Open run folders of one robot.
 
     Raises
     ------
     FileError
-        One is no run folder, of another robot, or named twice.
+        One is no run folder.
+    Mismatch
+        One is of another robot, or named twice.
     """
-    folders = [RunFolder.open(path) for path in paths]
+    folders = [Run.open(path) for path in paths]
+    refuse_mixed(folders)
+    return folders
+
+
+def refuse_mixed(folders: Sequence[Run]) -> None:
+    """Refuse runs that cannot be taken together.
+
+    Raises
+    ------
+    Mismatch
+        One is of another robot, or named twice.
+    """
     for number, folder in enumerate(folders):
         first = folders[0]
         if folder.robot.digest != first.robot.digest:
-            raise FileError(
+            raise Mismatch(
                 f"{folder.path}: was measured with another robot file than {first.path}"
                 f" ({folder.robot.name} {folder.robot.digest[:12]}, {first.robot.name}"
                 f" {first.robot.digest[:12]}); only runs of one robot can be taken together"
             )
         if folder.path.resolve() in [other.path.resolve() for other in folders[:number]]:
-            raise FileError(f"{folder.path}: is named twice; name each run once")
-    return folders
+            raise Mismatch(f"{folder.path}: is named twice; name each run once")
 
 
-def pooled(folders: Sequence[RunFolder]) -> Iterator[tuple[Measurement, Recording]]:
-    """Recordings of all runs; ids that an earlier run has get the number of theirs."""
+def pooled(folders: Sequence[Run]) -> Iterator[tuple[Measurement, Recording]]:
+    """Recordings of all runs; ids that an earlier run has get the number of theirs.
+
+    Raises
+    ------
+    Mismatch
+        As `refuse_mixed`.
+    """
+    refuse_mixed(folders)
     taken: set[str] = set()
     offset = last = 0.0
     for number, folder in enumerate(folders, start=1):

@@ -16,12 +16,22 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import pandas as pd
     from numpy.typing import NDArray
 
     from drivers.drive_bus import Sample
 
 IDLE = -1
 """Stroke number of samples where the axis is not under way."""
+UNITS = {
+    "time": "s",
+    "q": "rad",
+    "tau": "N m",
+    "flags": "bits: 1 missing, 2 doubled, 4 late, 8 internal limit",
+    "stroke": "number, even forward, odd back, -1 at rest",
+    "partner_stroke": "number, even forward, odd back, -1 at rest",
+}
+"""Of each array of a recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +73,33 @@ class Recording:
     def period(self) -> float:
         """Mean time between samples [s]."""
         return float(self.time[-1] - self.time[0]) / max(1, self.n_samples - 1)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each array by its name."""
+        return dict(UNITS)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Samples as a table with a column a joint (``q1``, ``tau1``, ...); needs pandas.
+
+        ``attrs["units"]`` has the unit of each column.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            There is no pandas.
+        """
+        import pandas as pd  # noqa: PLC0415 - needed for nothing else, and not installed along
+
+        columns, units = {}, {}
+        for name, unit in UNITS.items():
+            array = getattr(self, name)
+            parts = [("", array)] if array.ndim == 1 else enumerate(array.T, start=1)
+            for joint, values in parts:
+                columns[f"{name}{joint}"], units[f"{name}{joint}"] = values, unit
+        table = pd.DataFrame(columns)
+        table.attrs["units"] = units
+        return table
 
     def span(self, stroke: int) -> slice:
         """Return the samples of one stroke of the axis; empty where it does not occur."""

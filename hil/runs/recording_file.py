@@ -21,20 +21,12 @@ from checked_files.yaml_file import FileError
 from hil.planning.measurement import Measurement
 from hil.runs.atomic_file import write_file
 from hil.runs.finding import Finding
-from hil.runs.recording import Recording
+from hil.runs.recording import UNITS, Recording
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 FORMAT = 1
-UNITS = {
-    "time": "s",
-    "q": "rad",
-    "tau": "N m",
-    "flags": "bits: 1 missing, 2 doubled, 4 late, 8 internal limit",
-    "stroke": "number, even forward, odd back, -1 at rest",
-    "partner_stroke": "number, even forward, odd back, -1 at rest",
-}
 _measurement: TypeAdapter[Measurement] = TypeAdapter(Measurement)
 
 

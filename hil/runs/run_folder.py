@@ -20,8 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
-from hil.model.robot import Robot, load_robot
-from hil.planning.plan import Plan, dump_plan, load_plan
+from hil.planning.plan import dump_plan
 from hil.runs.atomic_file import (
     PART,
     operator_told,
@@ -35,16 +34,18 @@ from hil.runs.journal import (
     Session,
     axis_records,
     now,
-    read_journal,
     write_journal,
 )
-from hil.runs.recording_file import Measured, read_measured, write_measured
+from hil.runs.recording_file import write_measured
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from drivers.drive_bus import AxisInfo
-    from hil.planning.measurement import Measurement
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.runs.recording_file import Measured
     from hil.runs.sync_timing import SyncTiming
 
 DAMAGED = ".damaged"
@@ -58,22 +59,8 @@ class _FoundSettings(FileModel, extra="ignore"):
     restored: bool
 
 
-class RunFolder:
-    """The folder of a run.
-
-    Attributes
-    ----------
-    path : Path
-    plan : Plan
-    robot : Robot
-    journal : Journal
-    """
-
-    def __init__(self, path: Path, plan: Plan, robot: Robot, journal: Journal) -> None:
-        self.path = path
-        self.plan = plan
-        self.robot = robot
-        self.journal = journal
+class RunFolder(Run):
+    """The folder of a run that is measured; see `Run` for its attributes."""
 
     @classmethod
     def create(
@@ -107,27 +94,6 @@ class RunFolder:
             plan_digest=plan.digest, robot_digest=robot.digest, drives_digest=_digest(drives)
         )
         write_journal(path / "run.json", journal)
-        return cls(path, plan, robot, journal)
-
-    @classmethod
-    def open(cls, path: Path | str) -> RunFolder:
-        """Open the folder of a run.
-
-        Raises
-        ------
-        FileError
-            It is no run folder, or one of its files was changed or damaged.
-        """
-        path = Path(path)
-        if not path.is_dir():
-            raise FileError(f"{path}: is no run folder; make one with: hil run plan.yaml -o {path}")
-        journal = read_journal(path / "run.json")
-        if _digest_of(path / "drives.yaml") != journal.drives_digest:
-            raise _changed(path / "drives.yaml")
-        robot = load_robot(path / "robot.yaml")
-        plan = load_plan(path / "plan.yaml", robot)
-        if plan.digest != journal.plan_digest:
-            raise _changed(path / "plan.yaml")
         return cls(path, plan, robot, journal)
 
     @staticmethod
@@ -175,51 +141,10 @@ class RunFolder:
                     " a new run with -o"
                 )
 
-    def recording_path(self, measurement: Measurement) -> Path:
-        """Where the recording of `measurement` lies, once it is there."""
-        return self.path / "recordings" / f"{measurement.id}.h5"
-
     def write(self, measured: Measured) -> None:
         """Keep a recording, whole or not at all."""
         refuse_link(self.path / "recordings")
         write_measured(self.recording_path(measured.measurement), measured)
-
-    def read(self, measurement: Measurement) -> Measured:
-        """Read and verify the recording of `measurement`.
-
-        Raises
-        ------
-        FileError
-            It is missing or damaged.
-        """
-        path = self.recording_path(measurement)
-        measured = read_measured(path)
-        if measured.measurement != measurement:
-            raise FileError(
-                f"{path}: holds another measurement than {measurement.id} of the plan;"
-                " measure it again with --resume"
-            )
-        return measured
-
-    def __iter__(self) -> Iterator[Measured]:
-        """Read what is there, in the plan's order; a damaged recording is a `FileError`."""
-        for measurement in self.plan.measurements:
-            if self.recording_path(measurement).exists():
-                yield self.read(measurement)
-
-    @property
-    def missing(self) -> tuple[Measurement, ...]:
-        """Measurements without a recording, in the plan's order."""
-        return tuple(m for m in self.plan.measurements if not self.recording_path(m).exists())
-
-    @property
-    def shortfall(self) -> str:
-        """What an estimate from this folder must be told with; empty when the run is whole."""
-        missing, planned = len(self.missing), len(self.plan.measurements)
-        if not missing:
-            return ""
-        are = "is" if missing == 1 else "are"
-        return f"{missing} of {planned} measurements {are} missing; measure them with --resume"
 
     def set_aside_damaged(self) -> list[str]:
         """Prepare to resume: rename damaged recordings, remove unfinished ones.
@@ -326,17 +251,6 @@ def _reason(error: BaseException) -> str:
 
 def _digest(text: str | None) -> str | None:
     return None if text is None else hashlib.sha256(text.encode()).hexdigest()
-
-
-def _digest_of(path: Path) -> str | None:
-    with operator_told(path, "read"):
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
-
-
-def _changed(path: Path) -> FileError:
-    return FileError(
-        f"{path}: was changed since the run was started; restore it or start a new run"
-    )
 
 
 def _is_empty(path: Path) -> bool:

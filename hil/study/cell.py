@@ -19,14 +19,14 @@ from hil.estimation.conventional.variants import (
     COMPENSATED,
     VARIANTS,
     estimate_of,
-    identify,
+    fit_trajectories,
     trajectories,
 )
-from hil.estimation.identify import METHODS, estimates
+from hil.estimation.identify import estimates
 from hil.results.friction import evaluate
-from hil.results.model_file import recorded
 from hil.runs.atomic_file import own_folder, write_file
-from hil.runs.run_folder import RunFolder
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
 from hil.study.comparison import comparison
 from hil.study.truth import true_parameters
 
@@ -131,7 +131,7 @@ def measure(cell: Cell) -> None:
         The campaign did not come to its end; the message is its own.
     """
     begun = (cell.run / "run.json").exists()
-    if begun and not RunFolder.open(cell.run).missing:
+    if begun and not Run.open(cell.run).missing:
         return
     own_folder(cell.run.parent)
     robot = cell.study / "robot.yaml"
@@ -156,7 +156,7 @@ def judge(cell: Cell) -> list[Outcome]:
     """Estimate by all methods that the campaign serves, and compare; kept in a file."""
     if cell.verdict.exists():
         return [Outcome(**each) for each in json.loads(cell.verdict.read_text())]
-    folder = RunFolder.open(cell.run)
+    folder = Run.open(cell.run)
     truth = true_parameters(folder.robot, cell.plant)
     found = [
         _outcome(name, estimate, folder.robot, truth)
@@ -179,12 +179,12 @@ def _outcome(name: str, estimate: Estimate, robot: Robot, truth: Array) -> Outco
     )
 
 
-def _two_step(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
-    for method, found in estimates(folder.robot, list(recorded(folder)), METHODS).items():
+def _two_step(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
+    for method, found in estimates(folder.robot, list(recorded(folder))).items():
         yield f"two-step, {method}", found
 
 
-def _jointly(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
+def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
     """Conventional methods with friction in the regression; variants share what they can."""
     measured = trajectories(recorded(folder))
     condensed: dict[float, Products] = {}
@@ -197,7 +197,7 @@ def _jointly(_cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
         )
 
 
-def _beforehand(cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]:
+def _beforehand(cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
     """Friction measured in this session, and in another one."""
     warm = " after warm-up" if cell.kind == "warmed" else ""
     measured = trajectories(recorded(folder))
@@ -205,11 +205,11 @@ def _beforehand(cell: Cell, folder: RunFolder) -> Iterator[tuple[str, Estimate]]
     for session, run in sessions.items():
         known = _characteristics(run, folder.robot)
         name = f"beforehand{warm}: {session}"
-        yield name, identify(folder.robot, measured, COMPENSATED, known, name)
+        yield name, fit_trajectories(folder.robot, measured, COMPENSATED, known, name)
 
 
 def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
-    folder = RunFolder.open(run)
+    folder = Run.open(run)
     if folder.missing:  # what is judged stays, so it must not rest on a part of them
         raise FileError(f"{run}: {folder.shortfall}")
     fits = {
@@ -222,7 +222,7 @@ def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
     return [fits[axis].torque for axis in range(robot.n_joints)]
 
 
-_METHODS: dict[str, Callable[[Cell, RunFolder], Iterator[tuple[str, Estimate]]]] = {
+_METHODS: dict[str, Callable[[Cell, Run], Iterator[tuple[str, Estimate]]]] = {
     "two-step": _two_step,
     "trajectory": _jointly,
     "compensated": _beforehand,

@@ -15,14 +15,14 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from checked_files.yaml_file import FileError
-from hil.estimation.identify import NotIdentifiable, estimate
+from hil.errors import Mismatch
+from hil.estimation.identify import estimate
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
-from hil.results.model_file import recorded
+from hil.results.naming import named
 from hil.results.rounding import clock, rounded, signed
 from hil.results.validation_motion import free_motion
-from hil.runs.run_folder import RunFolder
+from hil.runs.pooling import recorded
 from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.identify import Method
     from hil.model.robot import Robot
+    from hil.runs.run import Run
 
     Array = NDArray[np.float64]
 
@@ -101,9 +101,7 @@ def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
     )
 
 
-def compare(
-    run_folder: Path | str, truth: Path | str, console: Console, method: Method = "improved"
-) -> Comparison:
+def compare(run: Run, truth: Path | str, console: Console, method: str = "improved") -> Comparison:
     """Estimate a run of the virtual plant anew, compare, print.
 
     Parameters
@@ -114,23 +112,24 @@ def compare(
     Raises
     ------
     FileError
-        Not the virtual plant's run, an unusable plant file, or measurements that do not suffice.
+        An unusable plant file, or a damaged recording.
+    Mismatch
+        Not a run of the virtual plant.
+    NotIdentifiable, NotEnoughData
+        Measurements that do not suffice.
     """
-    folder = RunFolder.open(run_folder)
-    if not folder.journal.simulated:
-        bus = folder.journal.sessions[-1].bus if folder.journal.sessions else "nothing"
-        raise FileError(
-            f"{folder.path}: was measured on {bus}; only on the virtual plant is the truth known."
+    if not run.journal.simulated:
+        bus = run.journal.sessions[-1].bus if run.journal.sessions else "nothing"
+        raise Mismatch(
+            f"{run.path}: was measured on {bus}; only on the virtual plant is the truth known."
             " Judge this run by its report's intervals and residuals"
         )
-    true = true_parameters(folder.robot, truth)
-    recordings = list(recorded(folder))
-    try:
-        found = estimate(folder.robot, recordings, method)
-    except NotIdentifiable as error:
-        raise FileError(f"{folder.path}: {error}") from error
-    result = comparison(found, folder.robot, true)
-    render(result, folder.robot, console)
+    true = true_parameters(run.robot, truth)
+    recordings = list(recorded(run))
+    with named(run):
+        found = estimate(run.robot, recordings, method)
+    result = comparison(found, run.robot, true)
+    render(result, run.robot, console)
     console.print(
         f"{len(recordings)} measurements in {clock(recordings[-1][1].time[-1])} of robot time,"
         f" {method} method, truth of {truth}",

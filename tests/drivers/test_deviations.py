@@ -10,6 +10,7 @@ from local_bench import build, drives_file, never_energised
 from personalities import drives_for, plant_file
 from pydantic import ValidationError
 
+from drivers.axis import AxisScale
 from drivers.canopen.bus_load import achievable_rate, cycle_time
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402.states import State
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Objects = dict[tuple[int, int], Any]
 
 OFF = 1 << 31
+SCALES = [AxisScale.of(axis) for axis in drives_file().axes]
 IDENTIFIER_AND_FRAME = (1 << 30) - 1
 STATUS, POSITION, CURRENT, MODE = 0x60410010, 0x60640020, 0x60780010, 0x60610008
 
@@ -74,10 +76,9 @@ def test_a_fixed_tpdo_is_read_in_the_order_that_the_drive_has(words: tuple[int, 
         drive.position = drive.target = 777.0
         drive.node.set_data(0x6078, 0, (-40 & 0xFFFF).to_bytes(2, "little"))
         first, second, third = drive_bus.sample().q
-        scale = drive_bus._scales[1]
-        assert second == scale.position_from_counts(777.0)
-        assert (first, third) == (0.0, drive_bus._scales[2].position_from_counts(0.0))
-        assert drive_bus.sample().tau[1] == -40 * scale.torque
+        assert second == SCALES[1].position_from_counts(777.0)
+        assert (first, third) == (0.0, SCALES[2].position_from_counts(0.0))
+        assert drive_bus.sample().tau[1] == -40 * SCALES[1].torque
         drive.state = "off"
         with pytest.raises(DriveFault, match=r"joint 2 .*left OPERATION ENABLED"):
             drive_bus.sample()
@@ -93,8 +94,8 @@ def test_a_fixed_pair_of_tpdos_may_carry_more_than_is_needed() -> None:
         drive.node.set_data(0x6078, 0, (55).to_bytes(2, "little"))
         sample = drive_bus.sample()
         assert sample.flags == (0, 0, 0)
-        assert sample.q[1] == drive_bus._scales[1].position_from_counts(-321.0)
-        assert sample.tau[1] == 55 * drive_bus._scales[1].torque
+        assert sample.q[1] == SCALES[1].position_from_counts(-321.0)
+        assert sample.tau[1] == 55 * SCALES[1].torque
 
 
 def test_a_lost_frame_of_a_pair_is_flagged_and_the_axis_is_not_guessed() -> None:

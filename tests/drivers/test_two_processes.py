@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from two_processes import BUSES, DRIVES, open_bus, plant_process, slow_drives
 
-from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
+from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import Move, NodeSilent, SampleFlag
 from drivers.drives_file import load_drives
+from drivers.open_drive_bus import open_drive_bus
 
 if TYPE_CHECKING:
     from two_processes import Place

@@ -13,6 +13,8 @@ import yaml
 
 import hil
 from hil.cli import main
+from hil.estimation.identify import estimate
+from hil.runs.pooling import recorded
 from hil.study.comparison import comparison
 from hil.study.truth import true_parameters
 
@@ -39,7 +41,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def robot():
-    return hil.load_robot("manutec-r15")
+    return hil.Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,7 @@ def truth(robot):
 
 
 def judged(folder, robot, truth, method):
-    return comparison(hil.identify(folder, method), robot, truth)
+    return comparison(estimate(robot, recorded(hil.Run.open(folder)), method), robot, truth)
 
 
 def test_every_measurement_is_kept_with_its_units_and_no_finding(folder):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from probing_bench import DRIVES, bench
 
-from drivers.can_bus.frame_block import block_source
+from drivers.can_bus.capabilities import capabilities_of
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drives_file import load_drives
 from hil.measuring.events import Recorded
@@ -35,10 +35,10 @@ def test_a_campaign_frame_by_frame_gives_the_recordings_of_one_by_the_block(
     small_plan: Plan, manutec: Robot
 ) -> None:
     with can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus:
-        assert block_source(bus) is bus
+        assert capabilities_of(bus).blocks is bus
         by_block = measured(bus, small_plan, manutec)
     with bench() as bus:
-        assert block_source(bus) is None
+        assert capabilities_of(bus).blocks is None
         by_frame = measured(bus, small_plan, manutec)
     assert list(by_frame) == list(by_block) == [m.id for m in small_plan.measurements]
     for name, recording in by_block.items():

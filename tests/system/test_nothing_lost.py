@@ -24,7 +24,9 @@ from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished, Recorded
 from hil.model.robot import Robot
 from hil.planning.plan import Plan
-from hil.results.model_file import identify, load_model, recorded
+from hil.results.identification import identify
+from hil.results.model import Model
+from hil.runs.pooling import recorded
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
 
@@ -218,7 +220,7 @@ def test_an_incomplete_run_says_so_wherever_it_is_used(
         assert ended.value.code == 0
         told = capsys.readouterr().out.replace("\n", " ")
         assert "2 of 39 measurements are missing; measure them with --resume" in told
-    assert load_model(path).provenance.missing == 2
+    assert Model.load(path).provenance.missing == 2
 
 
 # --- the same data, the same estimate -------------------------------------------------------------
@@ -233,13 +235,13 @@ def test_a_corrupt_recording_is_measured_again_and_the_estimate_is_that_of_the_s
     path = disturbed.recording_path(victim)
     path.write_bytes(path.read_bytes()[:-200])
     with pytest.raises(FileError, match="measure it again with --resume"):
-        identify(disturbed.path)
+        identify(disturbed)
     assert len(disturbed.set_aside_damaged()) == 1
     disturbed.write(again)
-    ours = identify(disturbed.path)
+    ours = identify(disturbed)
     theirs = estimate(undisturbed.robot, list(recorded(list(undisturbed))))
-    assert np.array_equal(ours.p, theirs.p)
-    assert np.array_equal(ours.covariance, theirs.covariance)
+    assert np.array_equal(ours.values, theirs.p)
+    assert np.array_equal(ours.scatter_covariance, theirs.covariance)
 
 
 @pytest.mark.slow

@@ -56,12 +56,14 @@ class Products:
         Samples behind them.
     n_base, n_friction : int
         Columns of base parameters, and of one axis's friction.
+    n_trajectories : int
     """
 
     blocks: Array
     counts: Array
     n_base: int
     n_friction: int
+    n_trajectories: int
 
     def first(self, n_friction: int) -> Products:
         """The same with no more than the first columns of friction."""
@@ -80,8 +82,11 @@ class Products:
             [eliminated(product[np.ix_(order, order)], n_local)[0] for product in block]
             for block in self.blocks
         ]
-        return Products(
-            np.array(blocks), self.counts - n_local, self.n_base, self.n_friction - n_local
+        return replace(
+            self,
+            blocks=np.array(blocks),
+            counts=self.counts - n_local,
+            n_friction=self.n_friction - n_local,
         )
 
 
@@ -119,7 +124,9 @@ def products(
             blocks.append([share.T @ share for share in shares])
             counts.append([len(share) for share in shares])
     n_base, n_friction = len(base_parameters(robot)), _n_friction(robot, terms)
-    return Products(np.array(blocks), np.array(counts, dtype=float), n_base, n_friction)
+    return Products(
+        np.array(blocks), np.array(counts, dtype=float), n_base, n_friction, len(recorded)
+    )
 
 
 def _n_friction(robot: Robot, terms: Terms) -> int:

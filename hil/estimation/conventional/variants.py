@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.errors import NotEnoughData
 from hil.estimation.conventional.friction_terms import N_OF_SPEED
 from hil.estimation.conventional.products import products
 from hil.estimation.conventional.solution import solve
 from hil.estimation.estimate import Estimate
-from hil.estimation.signals import NotEnoughData
 from hil.planning.measurement import recorded_as
 from hil.planning.trajectory import Trajectory
 
@@ -89,7 +89,7 @@ def trajectories(
     return found
 
 
-def identify(
+def fit_trajectories(
     robot: Robot,
     recorded: Sequence[tuple[Trajectory, Recording]],
     variant: Variant,
@@ -131,8 +131,7 @@ def estimate_of(robot: Robot, data: Products, variant: Variant, name: str) -> Es
         drive_covariance=np.zeros((n, n)),
         drive_effect=np.zeros((n, 2 * robot.n_joints)),
         residual=found.residual,
-        lag=np.zeros(robot.n_joints),
-        lag_error=np.full(robot.n_joints, np.nan),
+        n_measurements=data.n_trajectories,
         condition={"all": found.condition},
         local=(),
         left_out=(),

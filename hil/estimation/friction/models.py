@@ -45,12 +45,6 @@ UNIT: dict[Law, tuple[str, ...]] = {
     "arctan": ("N m s/rad", "N m", "N m", "s/rad"),
     "stribeck": ("N m s/rad", "N m", "N m", "rad/s"),
 }
-FORMULA: dict[Law, str] = {
-    "linear": "a1 v + a2 sgn v",
-    "cube-root": "a1 v + a2 sgn v + a3 cbrt v",
-    "arctan": "a1 v + a2 sgn v + a3 atan(a4 v)",
-    "stribeck": "a1 v + a2 sgn v + a3 exp(-(v/a4)^2) sgn v",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

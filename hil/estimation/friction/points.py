@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.errors import NotEnoughData
 from hil.estimation.local_fits import SETTLING
-from hil.estimation.signals import NotEnoughData, signals
+from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, regressor
 

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from hil.model.base_parameters import base_parameters
 from hil.report.plots.style import INK, WIDTH
-from hil.results.advice import correlation
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ def correlations(estimate: Estimate, robot: Robot) -> Figure:
     """Draw correlations of the parameters' errors, parameters in the order of their groups."""
     base = base_parameters(robot)
     order = [k for members in base.groups.values() for k in members]
-    found = correlation(estimate)[np.ix_(order, order)]
+    found = estimate.correlation[np.ix_(order, order)]
     n = len(order)
     figure = Figure(figsize=(0.58 * WIDTH, 0.48 * WIDTH))
     panel = figure.add_axes((0.08, 0.06, 0.76, 0.917))

@@ -25,7 +25,7 @@ PHASE = (
 
 def section(run: IdentifiedRun) -> Section | None:
     """What is kept of a diagnosis, or why it is not shown."""
-    found, note = current(load_diagnosis, run, NAME, f"hil diagnose {run.folder.path}")
+    found, note = current(load_diagnosis, run, NAME, f"hil diagnose {run.source.path}")
     if found is None and not note:
         return None
     values = {"found": found, "note": note, "tables": tables}

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def section(run: IdentifiedRun) -> Section:
     """Parameters by both methods."""
     values = {
-        "methods": methods(run.estimate, run.printed, run.robot),
+        "methods": methods(run.model, run.check),
         "disagreement": DISAGREEMENT,
     }
     return Section("Both methods side by side", "methods.html", values)

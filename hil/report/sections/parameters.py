@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError, load_yaml
+from hil.errors import FileError
 from hil.report.section import Section
-from hil.results.model_file import NAME, ModelFile
+from hil.results.model import Model
+from hil.results.model_file import NAME
 from hil.results.tables.parameters import parameters
 
 if TYPE_CHECKING:
     from hil.report.reported_run import IdentifiedRun
-    from hil.runs.run_folder import RunFolder
+    from hil.runs.run import Run
 
 
 def section(run: IdentifiedRun) -> Section:
@@ -20,19 +21,19 @@ def section(run: IdentifiedRun) -> Section:
         "Base parameters",
         "parameters.html",
         {
-            "parameters": parameters(run.estimate, run.robot, run.prediction),
+            "parameters": parameters(run.model, run.prediction),
             "lengths": run.robot.file.lengths,
-            "model_note": _model_note(run.folder),
+            "model_note": _model_note(run.source),
         },
     )
 
 
-def _model_note(folder: RunFolder) -> str:
-    path = folder.path / NAME
+def _model_note(run: Run) -> str:
+    path = run.path / NAME
     if not path.exists():
         return f"There is no {NAME} yet; hil identify writes these parameters into one."
     try:
-        origin = load_yaml(path, ModelFile).provenance
+        origin = Model.load(path).provenance
     except FileError as error:
         return f"{NAME} cannot be used: {error}"
     if origin.together_with:

@@ -9,17 +9,17 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.kept_result import current
 from hil.report.plots.payload import with_and_without_load
 from hil.report.section import Plot, Section
-from hil.results.payload_file import DRAWN, NAME, load_payload
+from hil.results.payload_file import DRAWN, NAME, read_payload
 from hil.results.tables import payload as tables
 
 if TYPE_CHECKING:
     from hil.report.reported_run import IdentifiedRun
-    from hil.results.payload_file import LoadFile
+    from hil.results.payload_file import PayloadFile
 
 
 def section(run: IdentifiedRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
-    load, note = current(load_payload, run, NAME, f"hil payload WITHOUT {run.folder.path}")
+    load, note = current(read_payload, run, NAME, f"hil payload WITHOUT {run.source.path}")
     if load is None and not note:
         return None
     plots = tuple(_plot(name, load) for name in DRAWN) if load else ()
@@ -27,7 +27,7 @@ def section(run: IdentifiedRun) -> Section | None:
     return Section("The load", "payload.html", values, plots)
 
 
-def _plot(name: str, load: LoadFile) -> Plot:
+def _plot(name: str, load: PayloadFile) -> Plot:
     kind = ELEMENT_KINDS[name]
     elements = kind.elements.capitalize()
     return Plot(

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 def section(run: ReportedRun) -> Section:
     """Sessions with their axes, and digests of robot file and plan."""
-    sessions = [(each, _axes(each)) for each in run.folder.journal.sessions]
-    values = {"sessions": sessions, "robot": run.robot, "plan": run.folder.plan}
+    sessions = [(each, _axes(each)) for each in run.source.journal.sessions]
+    values = {"sessions": sessions, "robot": run.robot, "plan": run.source.plan}
     return Section("Where it was measured", "sessions.html", values)
 
 

@@ -24,7 +24,7 @@ def section(run: IdentifiedRun) -> Section:
         "Residuals and torques",
         "torques.html",
         {
-            "residuals": tables.residuals(run.estimate, run.robot),
+            "residuals": tables.residuals(run.model),
             "predicted": tables.predicted(run.prediction),
         },
         (_all(run), *over_angles),
@@ -32,7 +32,7 @@ def section(run: IdentifiedRun) -> Section:
 
 
 def _all(run: IdentifiedRun) -> Plot:
-    planned = {each.id: each for each in element_measurements(run.folder.plan.measurements)}
+    planned = {each.id: each for each in element_measurements(run.source.plan.measurements)}
     return Plot(
         "residuals",
         partial(residuals, run.estimate, run.robot, planned),

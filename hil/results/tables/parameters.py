@@ -13,62 +13,69 @@ from hil.results.tables.cells import uncertain, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
-    from hil.estimation.estimate import Estimate
-    from hil.model.robot import Robot
+    from hil.results.model import Model
     from hil.results.prediction import Prediction
     from hil.results.tables.table import Row
 
 DISAGREEMENT = 3.0
 """Standard errors between two methods from which on their difference is marked."""
 NAME = Column("", symbols=True)
-EFFECT = Column("of torque")
+IN_FULL = "95 % interval", "d.o.f."
+EXPLANATION = (
+    "Values with standard errors, and intervals of 95 % with their effective degrees of freedom"
+    " (d.o.f.). The column of torques carries one standard error to the torques of a free motion:"
+    " the joint where it matters most, relative to that joint's rms torque."
+)
 
 
-def parameters(estimate: Estimate, robot: Robot, prediction: Prediction | None = None) -> Table:
-    """Table 3 with uncertainties, by group; with `prediction` also what they mean in torques."""
-    base = base_parameters(robot)
-    rows = [_parameter(estimate, robot, k, prediction) for k in range(len(base))]
+def parameters(model: Model, prediction: Prediction | None = None) -> Table:
+    """Table 3 with uncertainties, by group.
+
+    With `prediction` in full, as a page has room for: intervals by their ends, their degrees of
+    freedom, and what the standard errors mean in torques.
+    """
+    base = base_parameters(model.robot)
+    rows = [_parameter(model, k, prediction) for k in range(len(base))]
     return Table(
-        title=f"{robot.name}: {len(estimate.local)} measurements, {estimate.method} method",
+        title=_title(model),
         columns=(
             NAME,
-            *figures("value", "std. error", "95 % interval", "%", "d.o.f."),
-            *([EFFECT] if prediction else []),
+            *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "%"),
+            *((Column("of torque"),) if prediction else ()),
             Column("unit"),
             Column("expression", folds=True, symbols=True),
         ),
         parts=tuple(
-            Part(tuple(rows[k] for k in members), _name(group, estimate.condition[group]))
+            Part(tuple(rows[k] for k in members), _group(group, model.condition))
             for group, members in base.groups.items()
             if members
         ),
-        explanation=(
-            "Standard errors (also in per cent), and intervals of 95 % with their effective degrees of freedom, d.o.f."
-            + (
-                " One standard error is carried to the torques of a free motion too: the joint"
-                " where it matters most, relative to that joint's rms torque."
-                if prediction
-                else ""
-            )
-        ),
-    )  # fmt: skip
+        explanation=EXPLANATION if prediction else "",
+    )
 
 
-def _name(group: str, condition: float) -> str:
-    return f"{group.replace('_', '-')}, condition number {condition:.3g}"
+def _title(model: Model) -> str:
+    origin, condition = model.provenance, model.condition.get("all")
+    title = f"{model.robot.name}: {origin.measurements} measurements, {origin.method} method"
+    return title if condition is None else f"{title}, condition number {condition:.3g}"
 
 
-def _parameter(estimate: Estimate, robot: Robot, k: int, prediction: Prediction | None) -> Row:
-    base = base_parameters(robot)
-    value, error = float(estimate.p[k]), float(estimate.standard_error[k])
-    half = float(estimate.half_width()[k])
+def _group(group: str, condition: dict[str, float]) -> str:
+    name = group.replace("_", "-")
+    return f"{name}, condition number {condition[group]:.3g}" if group in condition else name
+
+
+def _parameter(model: Model, k: int, prediction: Prediction | None) -> Row:
+    base = base_parameters(model.robot)
+    value, error = float(model.values[k]), float(model.standard_errors[k])
+    low, high = (float(end) for end in model.interval()[k])
+    ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
         base.names[k],
         *uncertain(value, error),
-        f"{rounded(value - half, error)} … {rounded(value + half, error)}",
+        *(ends if prediction else (rounded((high - low) / 2, error),)),
         percent(error, value),
-        f"{estimate.degrees_of_freedom[k]:.1f}",
-        *([_effect(prediction, k)] if prediction else []),
+        *((_effect(prediction, k),) if prediction else ()),
         unit(base.units[k]),
         base.expressions[k],
     )
@@ -80,36 +87,34 @@ def _effect(prediction: Prediction, k: int) -> str:
     return f"{percent(float(effect[joint]), 1.0)} % of joint {joint + 1}"
 
 
-def methods(estimate: Estimate, check: Estimate, robot: Robot) -> Table:
-    """Both estimates side by side; differences beyond `DISAGREEMENT` stand out."""
-    base = base_parameters(robot)
+def methods(model: Model, check: Model) -> Table:
+    """Two models of one run side by side; differences beyond `DISAGREEMENT` stand out."""
     return Table(
-        title=f"{robot.name}: {estimate.method} and {check.method} method",
+        title=f"{model.robot.name}: {model.method} and {check.method} method",
         columns=(
             NAME,
             Column("unit"),
-            *figures(estimate.method, "std. error", check.method, "std. error"),
+            *figures(model.method, "std. error", check.method, "std. error"),
             *figures("difference", "in std. errors"),
         ),
         parts=tuple(
-            Part(tuple(_method(estimate, check, robot, k) for k in members))
-            for members in base.groups.values()
+            Part(tuple(_method(model, check, k) for k in members))
+            for members in base_parameters(model.robot).groups.values()
             if members
         ),
     )
 
 
-def _method(estimate: Estimate, check: Estimate, robot: Robot, k: int) -> Row:
-    base = base_parameters(robot)
-    difference = float(check.p[k] - estimate.p[k])
-    errors = float(estimate.standard_error[k]), float(check.standard_error[k])
+def _method(model: Model, check: Model, k: int) -> Row:
+    difference = float(check.values[k] - model.values[k])
+    errors = float(model.standard_errors[k]), float(check.standard_errors[k])
     ratio = difference / math.hypot(*errors)
     shown = signed(f"{ratio:.1f}")
     return (
-        base.names[k],
-        unit(base.units[k]),
-        *uncertain(float(estimate.p[k]), errors[0]),
-        *uncertain(float(check.p[k]), errors[1]),
+        model.names[k],
+        unit(model.units[k]),
+        *uncertain(float(model.values[k]), errors[0]),
+        *uncertain(float(check.values[k]), errors[1]),
         rounded(difference, errors[1]),
         Marked(shown) if abs(ratio) > DISAGREEMENT else shown,
     )

@@ -9,14 +9,14 @@ from hil.results.tables.cells import uncertain, unit
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
-    from hil.results.payload_file import Change, GainRecord, LoadFile
+    from hil.results.payload_file import Change, GainRecord, PayloadFile, QuantityRecord
     from hil.results.tables.table import Row
 
 MISFIT = 0.001
 """p-value below which something else than a rigid load changed."""
 
 
-def changes(load: LoadFile) -> Table:
+def changes(load: PayloadFile) -> Table:
     """Base parameters without and with the load, and what a rigid load changes of them."""
     return Table(
         title="Base parameters without (A) and with load (B): the paper's Table 3 of this robot",
@@ -29,8 +29,8 @@ def changes(load: LoadFile) -> Table:
         ),
         parts=(Part(tuple(_change(each) for each in load.changes)),),
         explanation=(
-            "Expected is what the load below changes by the expressions of the base parameters, z"
-            " how many standard errors the difference is off it."
+            "Expected is what the load below changes by the expressions of the base parameters; z"
+            " is how far the change found is off it, in standard errors."
         ),
     )
 
@@ -42,19 +42,21 @@ def _change(each: Change) -> Row:
     return (each.name, *(rounded(value, s) for value in values), z, unit(each.unit), each.share)
 
 
-def quantities(load: LoadFile) -> Table:
+def quantities(load: PayloadFile) -> Table:
     """Mass, first moments, centre of mass and inertia of the load."""
-    rows = (
-        (q.name, *uncertain(q.value, q.standard_error), unit(q.unit)) for q in load.load
-    )  # fmt: skip
     return Table(
         title="The load, in the last link's frame",
         columns=(Column(""), *figures("value", "std. error"), Column("unit")),
-        parts=(Part(tuple(rows)),),
+        parts=(Part(tuple(_quantity(q) for q in load.load)),),
     )
 
 
-def torque_constants(load: LoadFile) -> Table:
+def _quantity(q: QuantityRecord) -> Row:
+    value, error = uncertain(q.value, q.standard_error)
+    return q.name, value, error if q.standard_error else "stated", unit(q.unit)
+
+
+def torque_constants(load: PayloadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
     return Table(
         title="Torque constants of the drives by the load's mass",
@@ -80,7 +82,7 @@ def _gain(gain: GainRecord) -> Row:
     )
 
 
-def goodness_of_fit(load: LoadFile) -> str:
+def goodness_of_fit(load: PayloadFile) -> str:
     """State how well a rigid load explains the changes."""
     p = load.p_value
     return (
@@ -90,7 +92,7 @@ def goodness_of_fit(load: LoadFile) -> str:
     )
 
 
-def unseen(load: LoadFile) -> str:
+def unseen(load: PayloadFile) -> str:
     """State what of the load the runs do not show; empty where they show all of it."""
     if not load.unseen:
         return ""

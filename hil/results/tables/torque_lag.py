@@ -9,20 +9,26 @@ from hil.results.tables.cells import uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hil.estimation.estimate import Estimate
+    from hil.estimation.torque_lag import Lags
     from hil.results.tables.table import Row
 
 
 def torque_lag(estimate: Estimate) -> Table:
     """Lag of each axis's torque behind its position; no rows where none was estimated."""
-    each = enumerate(zip(estimate.lag, estimate.lag_error, strict=True))
+    lags = estimate.lags
     return Table(
         title="Lag of the torque behind the position, compensated",
         columns=(Column("axis"), *figures("lag, ms", "std. error, ms")),
-        parts=(Part(tuple(_axis(k, float(lag), float(error)) for k, (lag, error) in each)),)
-        if estimate.method == "improved"
-        else (),
+        parts=(Part(tuple(_axes(lags))),) if lags else (),
     )
+
+
+def _axes(lags: Lags) -> Iterator[Row]:
+    for axis, (lag, error) in enumerate(zip(lags.lag, lags.standard_error, strict=True)):
+        yield _axis(axis, float(lag), float(error))
 
 
 def _axis(axis: int, lag: float, error: float) -> Row:

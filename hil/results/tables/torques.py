@@ -10,26 +10,26 @@ from hil.results.rounding import percent, significant
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
-    from hil.estimation.estimate import Estimate
-    from hil.model.robot import Robot
+    from hil.results.model import Model
     from hil.results.prediction import Prediction
     from hil.results.tables.table import Row
 
 
-def residuals(estimate: Estimate, robot: Robot) -> Table:
-    """What the models of single measurements leave of each axis's torque."""
+def residuals(model: Model) -> Table:
+    """What the method's models leave of each axis's torque."""
+    axes = range(model.robot.n_joints)
     return Table(
-        title="Torque left by the local models",
+        title="Torque left by the fit",
         columns=(Column("axis"), *figures("limit, N m", "rms, N m", "% of limit")),
-        parts=(Part(tuple(_residual(estimate, robot, k) for k in range(robot.n_joints))),),
+        parts=(Part(tuple(_residual(model, axis) for axis in axes)),),
         explanation=(
             "Root mean square of what the local models of inertia and coupling leave of the torque."
         ),
     )
 
 
-def _residual(estimate: Estimate, robot: Robot, axis: int) -> Row:
-    left, limit = float(estimate.residual[axis]), float(robot.torque_limit[axis])
+def _residual(model: Model, axis: int) -> Row:
+    left, limit = float(model.residual[axis]), float(model.robot.torque_limit[axis])
     if np.isnan(left):
         return str(axis + 1), f"{limit:g}", "not measured", ""
     return str(axis + 1), f"{limit:g}", significant(left, 3), percent(left, limit)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.can_bus.frame_block import FrameBlock, block_source, messages
+from drivers.can_bus.frame_block import FrameBlock, messages
 from drivers.canopen.process_data import SYNC
 from sim_plant.serving.bus import PlantBus
 
@@ -77,11 +77,6 @@ def test_a_block_taken_apart_gives_its_frames() -> None:
         (0x181, b"abc"),
         (0x702, b""),
     ]
-
-
-def test_a_bus_without_blocks_is_no_source() -> None:
-    with can.Bus(interface="virtual", channel="no blocks") as bus:
-        assert block_source(bus) is None
 
 
 # --- the plant's bus as a source ------------------------------------------------------------------

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.can_bus.kernel_sync import SILENCE, KernelSync
-from drivers.canopen.sync_clock import PAUSE, KernelClock, choose_sync_clock, sync_channel
+from drivers.canopen.sync_clock import PAUSE, KernelClock, kernel_sync
 from drivers.drive_bus import BusUnavailable
 
 PERIOD = 0.01
@@ -270,9 +270,4 @@ def test_a_clock_that_is_set_in_the_middle_does_not_move_the_samples(
 
 
 def test_buses_whose_kernel_has_no_sync_are_left_as_they_are(kernel: KernelBus) -> None:
-    assert sync_channel(kernel, "auto", PERIOD, ANSWERS) is kernel
-
-
-def test_the_kernel_s_clock_is_taken_where_the_kernel_sends_sync(kernel: KernelBus) -> None:
-    with synced(kernel) as bus:
-        assert isinstance(choose_sync_clock(bus, "auto", PERIOD), KernelClock)
+    assert kernel_sync(kernel, "auto", PERIOD, ANSWERS) is None

@@ -146,7 +146,7 @@ def test_what_a_back_end_raises_when_receiving_is_a_drive_error(
             monkeypatch.undo()
             raise OSError("adapter unplugged")
 
-        monkeypatch.setattr(drive_bus._process_data, "_receive", broken)
+        monkeypatch.setattr(drive_bus._connection.process_data, "_receive", broken)
         samples(drive_bus, 1)
     assert all_off(can_bus)
 

@@ -10,10 +10,10 @@ import pytest
 from local_bench import drives_file
 
 from drivers.axis import AxisScale
-from drivers.canopen_bus import CanopenDriveBus, open_drive_bus
 from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.drive_bus import DriveRefused, LimitExceeded, Move, StreamingBus, Tripped
 from drivers.drives_file import load_drives
+from drivers.open_drive_bus import open_drive_bus
 from drivers.safety.trips import Trips
 from hil.measuring.checks.recording_checks import check
 from hil.measuring.streaming import pass_slowly, stream
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from conftest import Desk, IdealMachine
+
+    from drivers.canopen_bus import CanopenDriveBus
 
 PERIOD = 0.004
 TRAJECTORY = Trajectory(
@@ -189,7 +191,9 @@ def test_an_axis_that_leaves_its_path_trips(bus: CanopenDriveBus) -> None:
     reach(bus, *TRAJECTORY.start)
     bus.stream(TRAJECTORY.path(PERIOD).tolist())
     samples(bus, 150)
-    bus._cyclic_position._lows = bus._cyclic_position._highs = [[10**7] * 6] * 5000
+    assert bus._session is not None
+    cyclic = bus._session._cyclic_position
+    cyclic._lows = cyclic._highs = [[10**7] * 6] * 5000
     with pytest.raises(Tripped, match="outside"):
         samples(bus, 10)
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
+from kernel_bus import SocketcanLike
 from probing_bench import Answering, Scripted, bench, drives_of, spoilt_plant
 
 from drivers.canopen.bus_load import StopwatchBus, achievable_rate, cycle_time, frame_bits
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
-from drivers.operator_tools.check_powered import SmallMoves
+from drivers.operator_tools.check_powered import SmallMoves, check_powered
 from drivers.operator_tools.operator import StoppedByOperator
 from sim_plant import plant as plant_module
 
@@ -302,3 +303,18 @@ def test_rms_and_peak_confused_show_in_the_torque_constant() -> None:
             Grade.WARNING, checked(bus, drives_of(1, torque_constant=constant * math.sqrt(2)))
         )
     assert "rms and peak are confused" in warnings["torque constant"]
+
+
+def test_where_the_kernel_sends_sync_it_does_so_for_a_check_as_well() -> None:
+    with (
+        SocketcanLike(can.Bus("manutec-r15", "sim_plant", ignore_config=True)) as bus,
+    ):
+        powered = check_powered(bus, drives_of(1), MOVES, Scripted(), "auto")
+        rate = next(v for v in powered if v.check == "achievable rate of SYNC")
+        by_us = bus.by_us
+        assert bus.period == drives_of(1).sync_period
+        powered.close()
+        assert bus.period is None
+    assert bus.by_kernel > 100
+    assert by_us < 20  # before the drives are operational time must pass for them
+    assert "slowest answer" in str(rate)

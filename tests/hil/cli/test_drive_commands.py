@@ -13,7 +13,7 @@ from small_run import write_run
 
 from hil import cli
 from hil.cli import check_view
-from hil.results.model_file import identify
+from hil.results.identification import identify
 from hil.terminal.keys import Keys
 from hil.terminal.operator import TerminalOperator
 
@@ -60,8 +60,8 @@ def file_with(tmp_path: Path) -> Callable[[str, str], Path]:
 def test_an_identified_run_of_the_robot_shows_which_way_its_joints_turn(
     hil: Hil, manutec: Robot, tmp_path: Path
 ) -> None:
-    write_run(tmp_path / "run", manutec)
-    identify(tmp_path / "run")
+    run = write_run(tmp_path / "run", manutec)
+    identify(run).save(run.path / "model.yaml")
     model = ("--model", tmp_path / "run")
     status, out, _ = hil("check", "manutec-r15", *model, "--angle", 2, "--yes")
     assert status == 0

@@ -24,7 +24,7 @@ def cli(*arguments):
 
 @pytest.fixture(scope="module")
 def robot():
-    return hil.load_robot("manutec-r15")
+    return hil.Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")
@@ -94,9 +94,10 @@ def test_models_and_symmetry_of_the_axis_are_in_friction_yaml(folder, robot):
 def test_the_recommended_model_can_be_evaluated(folder, robot):
     from hil.results.friction_file import load_friction
 
-    model = load_friction(folder).model(5)
+    kept = load_friction(hil.Run.open(folder))
+    model = kept.model(5)
     assert 20 < model.torque(float(robot.velocity_limit[5])) < 45
-    assert load_friction(folder).model(0) is None
+    assert kept.model(0) is None
 
 
 def test_a_report_of_friction_alone_has_its_figures_and_no_links(folder, tmp_path):

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A
 
+from hil.errors import NotEnoughData
 from hil.estimation.conventional.products import products
 from hil.estimation.conventional.variants import (
     COMPENSATED,
     VARIANTS,
     Variant,
-    identify,
+    fit_trajectories,
     trajectories,
 )
-from hil.estimation.signals import NotEnoughData
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.model.robot import load_robot
@@ -74,7 +74,7 @@ def error(robot: Robot, found: Any) -> float:
 def test_without_noise_every_variant_finds_the_parameters(
     robot: Robot, trajectory: Trajectory, name: str
 ) -> None:
-    found = identify(robot, recorded(robot, trajectory), VARIANTS[name], name=name)
+    found = fit_trajectories(robot, recorded(robot, trajectory), VARIANTS[name], name=name)
     assert found.method == name
     assert error(robot, found) < 2e-3
 
@@ -83,7 +83,7 @@ def test_without_noise_every_variant_finds_the_parameters(
 def test_with_noise_errors_are_of_the_stated_size(
     robot: Robot, trajectory: Trajectory, name: str
 ) -> None:
-    found = identify(robot, recorded(robot, trajectory, noise=0.02), VARIANTS[name])
+    found = fit_trajectories(robot, recorded(robot, trajectory, noise=0.02), VARIANTS[name])
     z = (found.p - TABLE_3_A) / found.standard_error
     assert error(robot, found) < 0.02
     assert np.sqrt(np.mean(z**2)) < 4.0
@@ -93,7 +93,9 @@ def test_a_friction_that_the_model_lacks_spoils_the_parameters_and_one_that_it_h
     robot: Robot, trajectory: Trajectory
 ) -> None:
     data = recorded(robot, trajectory, root=0.05)
-    poor, fitting = (identify(robot, data, Variant(terms)) for terms in ("model 1", "model 2"))
+    poor, fitting = (
+        fit_trajectories(robot, data, Variant(terms)) for terms in ("model 1", "model 2")
+    )
     assert error(robot, fitting) < 0.3 * error(robot, poor)
 
 
@@ -104,14 +106,14 @@ def test_friction_known_beforehand_is_subtracted(robot: Robot, trajectory: Traje
 
     data = recorded(robot, trajectory)
     known = [of(axis) for axis in range(6)]
-    assert error(robot, identify(robot, data, COMPENSATED, known)) < 2e-3
-    assert error(robot, identify(robot, data, COMPENSATED)) > 0.01
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED, known)) < 2e-3
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED)) > 0.01
 
 
 def test_the_residual_of_each_axis_is_that_of_its_noise(
     robot: Robot, trajectory: Trajectory
 ) -> None:
-    found = identify(robot, recorded(robot, trajectory, noise=0.02), Variant("model 1"))
+    found = fit_trajectories(robot, recorded(robot, trajectory, noise=0.02), Variant("model 1"))
     assert found.residual / robot.torque_limit == pytest.approx(found.residual[0] / 945, rel=0.3)
 
 

@@ -15,7 +15,7 @@ MODEL = GravityModel(TABLE_3_A, 1e-6 * np.eye(14))
 
 @pytest.fixture(scope="module")
 def robot():
-    return hil.load_robot("manutec-r15")
+    return hil.Robot.load("manutec-r15")
 
 
 def measured(robot, axis, friction, noise=0.0):

@@ -8,7 +8,7 @@ from synthetic import TABLE_3_A, Friction, record
 
 from hil.estimation.absent_parameters import examine
 from hil.estimation.identify import estimate
-from hil.estimation.payload import payload
+from hil.estimation.payload import estimate_payload
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
@@ -59,7 +59,7 @@ def test_a_load_has_its_share_of_each_base_parameter(robot):
 
 
 def test_mass_and_centre_of_a_load_are_found(robot, runs):
-    found = payload(robot, *(estimate(robot, run) for run in runs))
+    found = estimate_payload(robot, *(estimate(robot, run) for run in runs))
     quantities = {q.name: q for q in found.quantities()}
     assert quantities["mass"].value == pytest.approx(10.86, rel=2e-3)
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)

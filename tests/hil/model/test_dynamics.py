@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 import hil
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import (
-    coriolis_torque,
     gravity_torque,
     inverse_dynamics,
     mass_matrix,
@@ -112,14 +111,15 @@ def test_all_torques_agree_to_rounding(chains, seed):
     q, qd, qdd = motion(robot.n_joints, seed)
     p = np.random.default_rng(seed).normal(size=len(base_parameters(robot)))
     whole = inverse_dynamics(robot, p, q, qd, qdd)
-    parts = (
-        np.einsum("sij,sj->si", mass_matrix(robot, p, q), qdd)
-        + coriolis_torque(robot, p, q, qd)
-        + gravity_torque(robot, p, q)
-    )
-    scale = 1e-12 * max(1.0, np.abs(whole).max())
+    gravity = gravity_torque(robot, p, q)
+    centrifugal = inverse_dynamics(robot, p, q, qd, 0.0) - gravity
+    parts = np.einsum("sij,sj->si", mass_matrix(robot, p, q), qdd) + centrifugal + gravity
+    faster = inverse_dynamics(robot, p, q, 2.0 * qd, 0.0) - gravity
+    scale = 1e-12 * max(1.0, np.abs(whole).max(), np.abs(faster).max())
     assert np.allclose(regressor(robot, q, qd, qdd) @ p, whole, rtol=0, atol=scale)
     assert np.allclose(parts, whole, rtol=0, atol=scale)
+    assert np.allclose(faster, 4.0 * centrifugal, rtol=0, atol=8 * scale)
+    assert np.allclose(inverse_dynamics(robot, p, q, 0.0, 0.0), gravity, rtol=0, atol=scale)
 
 
 def test_mass_matrix_is_symmetric_and_the_derivative_of_torque(manutec, random_parameters):
@@ -218,7 +218,7 @@ def test_motors_add_a_constant_diagonal_inertia(manutec):
 
 def test_the_package_offers_the_model_by_name(manutec, random_parameters):
     q = np.zeros((2, 6))
-    assert hil.load_robot("manutec-r15") == manutec
+    assert hil.Robot.load("manutec-r15") == manutec
     assert len(hil.base_parameters(manutec)) == 14
     assert hil.regressor(manutec, q, q, q).shape == (2, 6, 14)
     assert hil.mass_matrix(manutec, random_parameters, q).shape == (2, 6, 6)

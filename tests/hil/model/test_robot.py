@@ -13,6 +13,7 @@ from rich.console import Console
 
 from checked_files.yaml_file import FileError
 from hil.cli.robot_view import render
+from hil.errors import UnknownName
 from hil.model.polynomial import parse
 from hil.model.robot import available_robots, load_robot, parse_robot
 
@@ -69,7 +70,7 @@ def test_a_robot_is_loaded_by_name_or_by_path(manutec, tmp_path):
 
 
 def test_an_unknown_robot_lists_those_that_come_along():
-    with pytest.raises(FileError, match=r"r2d2: unknown robot; available: .*manutec-r15"):
+    with pytest.raises(UnknownName, match=r"r2d2: unknown robot; available: .*manutec-r15"):
         load_robot("r2d2")
     assert all("drives" not in name for name in available_robots())
 

@@ -15,7 +15,7 @@ from hil.planning.workspace import Box, Workspace
 
 @pytest.fixture(scope="module")
 def robot():
-    return hil.load_robot("manutec-r15")
+    return hil.Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")

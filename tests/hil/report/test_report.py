@@ -10,18 +10,21 @@ import numpy as np
 import pytest
 from small_run import SIMULATED, empty_plots, write_run
 
-from checked_files.yaml_file import FileError
 from hil import cli
+from hil.errors import NotIdentifiable
+from hil.estimation.estimate import LeftOut
 from hil.estimation.identify import estimates
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.page import report
-from hil.results.advice import advice, correlation
-from hil.results.model_file import identify, recorded
+from hil.results.advice import advice
+from hil.results.identification import identify
 from hil.results.prediction import predict
 from hil.results.rounding import decimals, percent, rounded, significant
 from hil.results.tables.html import symbols
 from hil.runs.finding import Finding
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
 
 PNG = b"\x89PNG"
 PLOTS = {
@@ -52,7 +55,7 @@ def style():
 
 @pytest.fixture(scope="module")
 def page(folder, figures, style):
-    return report(folder.path, figures).read_text()
+    return report(Run.open(folder.path), figures).read_text()
 
 
 @pytest.fixture(scope="module")
@@ -141,12 +144,12 @@ class TestModelNote:
         [("printed", "holds the parameters of the printed method"), ("improved", "same method")],
     )
     def test_it_tells_by_which_method_the_model_was_made(self, as_it_was, method, told):
-        identify(as_it_was, method)
-        assert told in report(as_it_was).read_text()
+        identify(Run.open(as_it_was), method).save(as_it_was / "model.yaml")
+        assert told in report(Run.open(as_it_was)).read_text()
 
     def test_a_damaged_model_does_not_matter(self, as_it_was):
         (as_it_was / "model.yaml").write_text("format: 9\n")
-        assert "model.yaml cannot be used" in report(as_it_was).read_text()
+        assert "model.yaml cannot be used" in report(Run.open(as_it_was)).read_text()
 
 
 class TestOtherRuns:
@@ -154,25 +157,25 @@ class TestOtherRuns:
         journal = as_it_was / "run.json"
         note = "joint 2 <node 2>: warning 4210"
         journal.write_text(journal.read_text().replace('"notes": []', f'"notes": ["{note}"]'))
-        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(as_it_was).read_text()
+        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(Run.open(as_it_was)).read_text()
 
     def test_a_run_on_hardware_is_not_called_simulated(self, as_it_was):
         journal = as_it_was / "run.json"
         journal.write_text(journal.read_text().replace(SIMULATED, "socketcan <can0>"))
-        page = report(as_it_was).read_text()
+        page = report(Run.open(as_it_was)).read_text()
         assert "SIMULATED" not in page
         assert "socketcan &lt;can0&gt;" in page
 
     def test_an_incomplete_run_says_what_is_missing(self, copy):
         (copy / "recordings" / "i05.h5").unlink()
-        text = text_of(report(copy).read_text())
+        text = text_of(report(Run.open(copy)).read_text())
         assert "i05 1 of 39 planned measurements are missing finish the run" in text
 
     def test_a_run_that_tells_too_little_is_refused(self, copy):
         for path in (copy / "recordings").glob("i*.h5"):
             path.unlink()
-        with pytest.raises(FileError, match="0 usable inertia measurements"):
-            report(copy)
+        with pytest.raises(NotIdentifiable, match="0 usable inertia measurements"):
+            report(Run.open(copy))
         assert not (copy / "report.html").exists()
 
     def test_the_command_tells_where_the_report_is(self, copy, capsys):
@@ -226,16 +229,18 @@ class TestAdvice:
         campaign = list(folder)
         finding = Finding("stuck", "axis 2 stood still for 0.3 s", 0.3, 0.1)
         campaign[3] = replace(campaign[3], findings=(finding,), attempts=3)
-        best = replace(found["improved"], left_out=("g02: no usable sample",))
+        best = replace(
+            found["improved"], left_out=(LeftOut("g02", "no usable sample: none at all"),)
+        )
         items = self.advised(folder, best, campaign)
         assert "3 attempts: axis 2 stood still" in items[campaign[3].measurement.id].what
-        assert items["g02"].what == "left out: no usable sample"
+        assert items["g02"].what == "left out: no usable sample: none at all"
 
     def test_correlated_parameters_are_named_together(self, folder, found):
         best = found["improved"]
         covariance = np.diag(np.diag(best.covariance))
         covariance[0, 1] = covariance[1, 0] = -0.97 * np.sqrt(covariance[0, 0] * covariance[1, 1])
-        assert correlation(replace(best, covariance=covariance))[0, 1] == pytest.approx(-0.97)
+        assert replace(best, covariance=covariance).correlation[0, 1] == pytest.approx(-0.97)
         items = self.advised(folder, replace(best, covariance=covariance))
         assert "−0.97" in items["p1, p2"].what
 

@@ -18,8 +18,8 @@ from hil.report.kept_result import current
 from hil.report.page import report
 from hil.results.diagnosis import diagnose, evidence_for
 from hil.results.diagnosis_file import NAME, DiagnosisFile, write_diagnosis
-from hil.results.payload_file import LoadFile, load_payload
-from hil.runs.run_folder import RunFolder
+from hil.results.payload_file import PayloadFile, read_payload
+from hil.runs.run import Run
 
 LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
 OFFSET = 0.06
@@ -55,14 +55,14 @@ def runs(manutec, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def diagnosis(runs):
-    return diagnose(runs / "offset")
+    return diagnose(Run.open(runs / "offset"))
 
 
 def page_of(path):
     """The report of a run, its plots empty."""
     with pytest.MonkeyPatch.context() as patched:
         empty_plots(patched)
-        return report(path).read_text()
+        return report(Run.open(path)).read_text()
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def copies(runs, tmp_path):
 def kept(runs):
     """What the command found of the load."""
     hil("payload", runs / "bare", runs / "loaded", "--mass", 10.86)
-    return load_yaml(runs / "loaded" / "payload.yaml", LoadFile)
+    return load_yaml(runs / "loaded" / "payload.yaml", PayloadFile)
 
 
 @pytest.fixture(scope="module")
@@ -117,8 +117,8 @@ class TestLoad:
     def noted(self, place, kept):
         """What a report of the loaded run would show and note, were the estimate as it was."""
         then = SimpleNamespace(p=np.array([each.loaded for each in kept.changes]))
-        run = SimpleNamespace(folder=RunFolder.open(place / "loaded"), estimate=then)
-        return current(load_payload, run, "payload.yaml", "hil payload")
+        run = SimpleNamespace(source=Run.open(place / "loaded"), estimate=then)
+        return current(read_payload, run, "payload.yaml", "hil payload")
 
     @pytest.mark.parametrize("changed", ["bare", "loaded"])
     def test_recordings_that_changed_since_make_it_stale(self, kept, copies, changed):
@@ -181,7 +181,7 @@ class TestDiagnosis:
         assert "Ranked by evidence" in section
 
     def test_one_of_another_estimate_is_stale(self, copies, diagnosis):
-        kept = write_diagnosis(copies / "offset", diagnosis)
+        kept = write_diagnosis(Run.open(copies / "offset"), diagnosis)
         path = copies / "offset" / NAME
         path.write_text(path.read_text().replace(repr(kept.p[0]), repr(kept.p[0] + 0.01)))
         text = text_of(page_of(copies / "offset"))

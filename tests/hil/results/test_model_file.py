@@ -8,10 +8,14 @@ import pytest
 from small_run import SIMULATED, write_run
 from synthetic import TABLE_3_A
 
-from checked_files.yaml_file import FileError
+from checked_files.yaml_file import FileError, load_yaml
+from hil.errors import NotIdentifiable
 from hil.model.base_parameters import base_parameters
-from hil.results.model_file import NAME, identify, load_model, recorded
-from hil.runs.run_folder import RunFolder
+from hil.results.identification import identify
+from hil.results.model import Model
+from hil.results.model_file import NAME, ModelFile
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +23,16 @@ def run(manutec, tmp_path_factory):
     return write_run(tmp_path_factory.mktemp("model") / "run", manutec).path
 
 
+def identified(path, method="improved"):
+    """What `hil identify` does: the model, and its file in the run's folder."""
+    model = identify(Run.open(path), method)
+    model.save(path / NAME)
+    return model
+
+
 @pytest.fixture(scope="module")
 def found(run):
-    return identify(run)
+    return identified(run)
 
 
 @pytest.fixture
@@ -34,17 +45,21 @@ def copy(run, tmp_path):
 
 @pytest.fixture
 def model(found, run):
-    return load_model(run)
+    return load_yaml(run / NAME, ModelFile)
 
 
-def test_the_file_holds_what_identify_returned(found, model):
-    assert np.array_equal(model.p, found.p)
-    assert [p.standard_error for p in model.parameters] == found.standard_error.tolist()
+def test_what_is_read_back_is_the_model_that_was_identified(found, run):
+    model = Model.load(run / NAME)
+    assert np.array_equal(model.values, found.values)
+    assert model.covariance == pytest.approx(found.covariance, rel=1e-12, abs=1e-15)
+    assert model.interval(0.8) == pytest.approx(found.interval(0.8), rel=1e-12)
+    assert np.array_equal(model.residual, found.residual)
+    assert (model.robot, model.provenance) == (found.robot, found.provenance)
     assert model.condition == found.condition
 
 
-def test_the_parameters_are_those_of_the_machine(model):
-    assert np.linalg.norm(model.p - TABLE_3_A) < 1e-3 * np.linalg.norm(TABLE_3_A)
+def test_the_parameters_are_those_of_the_machine(found):
+    assert np.linalg.norm(found.values - TABLE_3_A) < 1e-3 * np.linalg.norm(TABLE_3_A)
 
 
 def test_every_parameter_says_what_it_is(manutec, model):
@@ -72,41 +87,46 @@ def test_it_says_where_it_comes_from(manutec, model):
 
 
 def test_identifying_again_gives_the_same_parameters(run, found):
-    assert np.array_equal(identify(run).p, found.p)
+    assert np.array_equal(identify(Run.open(run)).values, found.values)
+
+
+def test_identifying_writes_nothing(copy):
+    identify(Run.open(copy))
+    assert not (copy / NAME).exists()
 
 
 def test_the_printed_method_says_so(copy):
-    assert identify(copy, "printed").method == "printed"
-    assert load_model(copy).provenance.method == "printed"
+    assert identified(copy, "printed").method == "printed"
+    assert Model.load(copy).method == "printed"
 
 
 def test_without_model_the_remedy_is_named(copy):
     with pytest.raises(FileError, match="not there yet; make it with: hil identify"):
-        load_model(copy)
+        Model.load(copy)
 
 
-def test_a_damaged_model_is_refused_with_its_line(copy):
-    identify(copy)
+def test_a_damaged_model_is_refused_with_its_line(copy, found):
+    found.save(copy / NAME)
     (copy / NAME).write_text((copy / NAME).read_text().replace("format: 1", "format: 7"))
     with pytest.raises(FileError, match=r"model\.yaml:1: format"):
-        load_model(copy)
+        Model.load(copy)
 
 
 def test_a_run_without_couplings_is_refused_by_the_parameter_s_name(copy):
     for path in (copy / "recordings").glob("c*.h5"):
         path.unlink()
-    with pytest.raises(FileError, match=r"run: 0 usable coupling measurements .* p3 "):
-        identify(copy)
+    with pytest.raises(NotIdentifiable, match=r"run: 0 usable coupling measurements .* p3 "):
+        identified(copy)
     assert not (copy / NAME).exists()
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path):
     with pytest.raises(FileError, match=r"is no run folder; make one with: hil run"):
-        identify(tmp_path / "nothing")
+        Run.open(tmp_path / "nothing")
 
 
 def test_time_goes_on_from_one_session_to_the_next(run):
-    first, second = list(RunFolder.open(run))[:2]
+    first, second = list(Run.open(run))[:2]
     earlier = second.recording.time - second.recording.time[0]
     begun_anew = replace(second, recording=replace(second.recording, time=earlier), session=1)
     (_, one), (_, two) = recorded([first, begun_anew])

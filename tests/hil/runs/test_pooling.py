@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from small_run import NOISE, write_run
 
-from checked_files.yaml_file import FileError
 from hil import cli
+from hil.errors import Mismatch
 from hil.model.robot import parse_robot
 from hil.planning.design import by_minutes
 from hil.planning.design.candidates import pool
 from hil.planning.plan import load_plan
-from hil.results.model_file import identify, load_model
+from hil.results.identification import identify
 from hil.results.prior_knowledge import experience
 from hil.runs.pooling import open_runs, pooled
+from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
 
 
@@ -54,19 +55,19 @@ def test_two_runs_are_one_campaign_in_which_time_goes_on_and_ids_differ(run, aga
 
 @pytest.fixture(scope="module")
 def together(run, again):
-    return identify(run, others=[again])
+    return identify(Run.open(run), others=[Run.open(again)])
 
 
 def test_the_same_recordings_twice_give_the_same_model_surer(again, together):
     """By the root of two at least: with few measurements the jackknife is careful."""
-    alone = identify(again)
-    assert together.p == pytest.approx(alone.p, rel=1e-3, abs=1e-3)
+    alone = identify(Run.open(again))
+    assert together.values == pytest.approx(alone.values, rel=1e-3, abs=1e-3)
     ratio = np.sqrt(np.diag(alone.covariance) / np.diag(together.covariance))
     assert ratio.min() > 0.95 * np.sqrt(2)
 
 
-def test_the_model_says_which_runs_it_was_made_from(run, again, together):
-    origin = load_model(run).provenance
+def test_the_model_says_which_runs_it_was_made_from(again, together):
+    origin = together.provenance
     assert origin.together_with == (str(again),)
     assert origin.measurements == len(together.local) == 78
 
@@ -76,12 +77,12 @@ def test_runs_of_another_robot_file_are_refused(run, manutec, tmp_path):
     plan = (run / "plan.yaml").read_text().replace(manutec.digest, changed.digest)
     (tmp_path / "plan.yaml").write_text(plan)
     RunFolder.create(tmp_path / "other", load_plan(tmp_path / "plan.yaml"), changed)
-    with pytest.raises(FileError, match=r"another robot file than .* only runs of one robot"):
+    with pytest.raises(Mismatch, match=r"another robot file than .* only runs of one robot"):
         open_runs([run, tmp_path / "other"])
 
 
 def test_a_run_named_twice_is_refused(run):
-    with pytest.raises(FileError, match="is named twice"):
+    with pytest.raises(Mismatch, match="is named twice"):
         open_runs([run, run.parent / "." / run.name])
 
 

@@ -13,9 +13,12 @@ from small_run import SIMULATED, write_run
 from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import FileError
+from hil.errors import Mismatch, NotIdentifiable
+from hil.estimation.identify import estimate
 from hil.model.base_parameters import base_parameters
-from hil.results.model_file import identify
 from hil.results.validation_motion import SHARE, free_motion
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
 from hil.study.comparison import compare, comparison
 from hil.study.truth import true_parameters
 
@@ -43,7 +46,8 @@ def run(manutec, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(run):
-    return identify(run)
+    opened = Run.open(run)
+    return estimate(opened.robot, recorded(opened))
 
 
 @pytest.fixture
@@ -131,7 +135,7 @@ class TestComparison:
 
 class TestCommand:
     def test_it_prints_every_parameter_and_what_it_took(self, run, console, manutec):
-        result = compare(run, PLANT, console)
+        result = compare(Run.open(run), PLANT, console)
         text = console.export_text()
         for name in base_parameters(manutec).names:
             assert re.search(rf"^ ?{name} ", text, re.MULTILINE)
@@ -143,15 +147,15 @@ class TestCommand:
         shutil.copytree(run, tmp_path / "run")
         journal = tmp_path / "run" / "run.json"
         journal.write_text(journal.read_text().replace(SIMULATED, "socketcan can0"))
-        with pytest.raises(FileError, match=r"measured on socketcan can0; only on the virtual"):
-            compare(tmp_path / "run", PLANT, console)
+        with pytest.raises(Mismatch, match=r"measured on socketcan can0; only on the virtual"):
+            compare(Run.open(tmp_path / "run"), PLANT, console)
 
     def test_a_run_that_cannot_be_identified_is_refused(self, run, tmp_path, console):
         shutil.copytree(run, tmp_path / "run")
         for path in (tmp_path / "run" / "recordings").glob("g*.h5"):
             path.unlink()
-        with pytest.raises(FileError, match="0 usable gravity measurements"):
-            compare(tmp_path / "run", PLANT, console)
+        with pytest.raises(NotIdentifiable, match="0 usable gravity measurements"):
+            compare(Run.open(tmp_path / "run"), PLANT, console)
 
 
 class TestFreeMotion:

@@ -18,8 +18,8 @@ from small_study import PLANT, SEEDS, begun, cell_of, here, opened, put, small_p
 from checked_files.yaml_file import FileError
 from hil import cli
 from hil.model.robot import ROBOTS, load_robot
-from hil.results.model_file import recorded
-from hil.runs.run_folder import RunFolder
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
 from hil.study import execution, summary
 from hil.study.cell import OUR_DEFAULT, judge, measure
 from hil.study.drift import carry_out, judged
@@ -81,7 +81,7 @@ class TestStudy:
 
     def test_each_campaign_is_another_plant(self, finished: tuple[Path, list[Done]]) -> None:
         runs = [cell_of(finished[0], "trajectory", seed).run for seed in SEEDS]
-        one, other = (next(recorded(RunFolder.open(run)))[1].tau for run in runs)
+        one, other = (next(recorded(Run.open(run)))[1].tau for run in runs)
         assert np.abs(one - other).max() > 1.0
 
     def test_all_methods_are_judged_and_ours_is_the_best(

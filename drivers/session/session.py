@@ -1,0 +1,267 @@
+"""Axes that have been checked and configured, from power-on until they must stop.
+
+A `Session` is built complete or not at all, once every drive has passed. Time passes in `sample`
+alone: one SYNC, what came with it, set-point handshakes, heartbeats, statuswords and emergencies.
+Trouble stops all axes before it is raised, and latches. How a session is left is the business of
+`drivers.session.leaving`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.axis import AxisScale
+from drivers.cia402.cyclic_position import CyclicPosition
+from drivers.cia402.profile_position import ProfilePosition
+from drivers.cia402.samples import SampleReader
+from drivers.cia402.set_point_limits import check_move
+from drivers.cia402.states import State
+from drivers.cia402.stream_limits import check_path
+from drivers.drive_bus import DriveError, MoveFailed, Tripped
+from drivers.safety.current_offset import offsets
+from drivers.safety.missing_telegrams import MissingTelegrams
+from drivers.safety.trips import Trips
+from drivers.session.start import await_answers, listen_as_found
+from drivers.session.start_checks import refuse_outside, refuse_unwatched
+from drivers.session.stopping import Stopping
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from drivers.commissioning.effective_limits import EffectiveLimits
+    from drivers.drive_bus import AxisInfo, Move, Sample
+    from drivers.drives_file import DrivesFile
+    from drivers.session.connection import Connection
+
+UNSUPERVISED = 0.5
+"""Share of the heartbeat timeout for which nobody may look at axes in motion."""
+
+
+class Session:
+    """Axes under power, and what moves and watches them.
+
+    Parameters
+    ----------
+    connection : Connection
+        To drives that have been checked and configured.
+    drives : DrivesFile
+        The axes in joint order.
+    period : float
+        Time between two SYNCs [s].
+    axes : tuple of AxisInfo
+        What the drives are.
+    limits : tuple of EffectiveLimits
+        Which limits hold.
+    note : callable
+        Takes what the operator should know though it stops nothing.
+    anywhere : bool
+        Power on also where an axis stands outside its limits.
+
+    Attributes
+    ----------
+    axes, limits, connection
+        As given.
+    limited : tuple of AxisDrive
+        What the drives file states of the axes, with the limits that hold.
+    stopping : Stopping
+        Stops all axes, and remembers why.
+    running : bool
+        All drives have been commanded to exchange process data.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        drives: DrivesFile,
+        period: float,
+        axes: tuple[AxisInfo, ...],
+        limits: tuple[EffectiveLimits, ...],
+        note: Callable[[Iterable[str]], None],
+        *,
+        anywhere: bool,
+    ) -> None:
+        self.connection = connection
+        self.axes = axes
+        self.limits = limits
+        pairs = zip(limits, drives.axes, strict=True)
+        self.limited = limited = tuple(holding.of(axis) for holding, axis in pairs)
+        self.running = False
+        self._stated = drives.axes
+        self._period = period
+        self._note = note
+        self._anywhere = anywhere
+        self._clock, self._servers = connection.clock, connection.servers
+        self._process_data = data = connection.process_data
+        self._heartbeats, self._power = connection.heartbeats, connection.power
+        self._supervision = connection.supervision
+        self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * period)
+        self._words: tuple[int, ...] = ()
+        self._scales = [AxisScale.of(axis) for axis in drives.axes]
+        self._samples = SampleReader(drives.axes)
+        self._missing = MissingTelegrams(self._servers, connection.collect_late)
+        self._profile_position = ProfilePosition(data, self._servers, limited, period)
+        self._trips = Trips(limited, period)
+        self._cyclic_position = CyclicPosition(
+            data, self._servers, limited, self._trips, period, self.follow
+        )
+        self.stopping = Stopping(
+            connection, drives, period, limits, self._profile_position, self._cyclic_position
+        )
+
+    def start(self) -> None:
+        """Start process data and power all axes on.
+
+        Raises
+        ------
+        DriveRefused, LimitExceeded, NodeSilent, DriveFault, BusUnavailable
+            Why not.
+        """
+        listen_as_found(self.connection)
+        for server in self._servers:
+            server.enter_operational()
+        self.running = True
+        await_answers(self.connection)
+        self.power_on()
+
+    def power_on(self) -> None:
+        """Energise all axes together, where they stand."""
+        refuse_unwatched(self._servers)
+        if not self._anywhere:
+            refuse_outside(self.limited, self._process_data.positions)
+        self._power.walk(State.SWITCHED_ON, self.connection.cycle)
+        self.note_offsets("before power-on")
+        self._power.walk(State.OPERATION_ENABLED, self.connection.cycle)
+        self._clock.skipped = 0
+        self._trips.arm(self._clock.now(), self._process_data.positions)
+
+    def move(self, moves: Mapping[int, Move]) -> None:
+        """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
+        self.stopping.refuse()
+        for axis, move in moves.items():
+            own = self.limits[axis].own
+            check_move(move, self.limited[axis], self._scales[axis], axis + 1, own)
+        try:
+            if self._cyclic_position.cyclic:
+                self._cyclic_position.leave()
+            for axis, move in moves.items():
+                moving = axis in self._profile_position.active
+                here = self._process_data.positions[axis]
+                self._trips.expect(axis, here, move.target, moving=moving)
+            self._profile_position.start(moves)
+        except DriveError as error:
+            self.stopping.fail(error)
+
+    def stream(self, path: Sequence[Sequence[float]]) -> None:
+        """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
+        self.stopping.refuse()
+        if self._moving:
+            raise MoveFailed("a path can only begin where all axes rest; wait until reached")
+        here = self._samples.sample(self._clock.now(), self._process_data, reached=True).q
+        points = np.asarray(path, dtype=float)
+        own = [limits.own for limits in self.limits]
+        check_path(points, self.limited, here, self._period, own)
+        try:
+            self._cyclic_position.begin(points)
+        except DriveError as error:
+            self.stopping.fail(error)
+
+    def sample(self) -> Sample:
+        """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
+        if self.stopping.trip is not None:
+            self.stopping.supervise()
+        data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
+        before = data.time
+        try:
+            time = data.sync()
+            if time >= self._heartbeats.due:
+                self._heartbeats.service()
+            words = data.words
+            if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
+                self._attend(words)
+            if data.irregular or self._missing.open:
+                blind = self._missing.look(data.flags)
+                if blind:
+                    self.stopping.fail(blind)
+            if time - before > self._unsupervised and (profile.active or cyclic.moving):
+                self.stopping.fail(self._unattended(time - before))
+            failed = (
+                (profile.active and profile.advance(time, data))
+                or self._trips.look(time, data)
+                or (cyclic.cyclic and cyclic.advance())
+            )
+            if failed:
+                self.stopping.fail(failed)
+        except DriveError as error:
+            self.stopping.fail(error)
+        return self._samples.sample(time, data, not (profile.active or cyclic.moving))
+
+    def follow(self) -> Sample:
+        """Return the next sample while a drive moves by itself, as in homing.
+
+        Statuswords, emergencies and heartbeats are watched as in `sample`; where the axes go is
+        not, since only the drive knows.
+        """
+        if self.stopping.trip is not None:
+            self.stopping.supervise()
+        try:
+            time = self._process_data.sync()
+            self._heartbeats.service()
+            self._attend(self._process_data.words)
+        except DriveError as error:
+            self.stopping.fail(error)
+        self._trips.arm(time, self._process_data.positions)
+        return self._samples.sample(time, self._process_data, reached=False)
+
+    def halt(self) -> None:
+        """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+        self.stopping.refuse()
+        self._cyclic_position.abandon()
+        try:
+            self._profile_position.halt()
+        except DriveError as error:
+            self.stopping.fail(error)
+
+    def reset(self) -> None:
+        """Power the axes on again after a trip (see `drivers.drive_bus.DriveBus`)."""
+        if self.stopping.trip is None:
+            return
+        self.stopping.end(self._note)
+        self._heartbeats.watch()
+        self._supervision.forget()
+        self._words = ()
+        try:
+            for server in self._servers:
+                self._power.make_safe(server, reset_fault=True)
+            self.connection.cycle()
+            self.power_on()
+        except DriveError as error:
+            self.stopping.fail(error)
+
+    def note_offsets(self, when: str) -> None:
+        """Note current sensors that do not read zero, with all power stages off."""
+        self._note(offsets(self._process_data, self._stated, self.connection.beating_cycle, when))
+
+    @property
+    def _moving(self) -> bool:
+        return bool(self._profile_position.active) or self._cyclic_position.moving
+
+    def _attend(self, words: tuple[int, ...]) -> None:
+        self._words = words
+        self._samples.note_limits(words)
+        if self._heartbeats.trouble:
+            self.stopping.fail(self._heartbeats.trouble)
+        lost = self._supervision.lost(words)
+        if lost is not None:
+            self.stopping.stop()
+            self.stopping.shutdown.await_rest()  # before the drive may be asked for the reason
+            self.stopping.fail(self._supervision.diagnose(self._servers[lost], words[lost]))
+        self._note(self._supervision.warnings())
+
+    def _unattended(self, elapsed: float) -> Tripped:
+        return Tripped(
+            f"nobody supervised the axes in motion for {elapsed:.3g} s, at most "
+            f"{self._unsupervised:.3g} s may be (half the heartbeat timeout); come back to "
+            "sample() sooner, or free the computer of other work"
+        )

@@ -1,0 +1,66 @@
+"""Half-widths of confidence intervals from two kinds of error.
+
+What shows in the data has a variance that is itself estimated: Student's t with its effective
+degrees of freedom. What the robot file states (torque constants, rotor inertias) has a known one:
+the normal distribution. A combination of parameters, such as a torque, takes its degrees of freedom
+from those of the parameters (Welch 1947, Satterthwaite 1946), each with its own share a_k^2 V_kk of
+the variance.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import optimize, stats
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MANY = 1e9
+"""Degrees of freedom from which on Student's t is the normal distribution."""
+
+
+def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> Array:
+    """Half-widths at a confidence level, shape of the variances.
+
+    Parameters
+    ----------
+    scatter, stated : ndarray
+        Variances that show in the data, and that the robot file states.
+    degrees : ndarray
+        Effective degrees of freedom of `scatter`.
+    level : float
+        Between 0 and 1.
+    """
+    tail = 0.5 + level / 2
+    squares = stats.t.ppf(tail, degrees) ** 2 * scatter + stats.norm.ppf(tail) ** 2 * stated
+    half: Array = np.sqrt(squares)
+    return half
+
+
+def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
+    """Degrees of freedom of combinations of parameters, shape (...,).
+
+    Parameters
+    ----------
+    rows : ndarray, shape (..., n_base)
+        Coefficients of each combination.
+    variances, degrees : ndarray, shape (n_base,)
+        Of the parameters.
+    """
+    shares = rows**2 * variances
+    total, fourth = shares.sum(axis=-1) ** 2, (shares**2 / degrees).sum(axis=-1)
+    found: Array = np.divide(total, fourth, out=np.full_like(total, MANY), where=fourth > 0)
+    return found
+
+
+def degrees_behind(ratio: float, level: float = 0.95) -> float:
+    """Degrees of freedom with which a half-width is `ratio` standard errors."""
+
+    def excess(degrees: float) -> float:
+        return float(stats.t.ppf(0.5 + level / 2, degrees)) - ratio
+
+    return float(optimize.brentq(excess, 1.0, MANY)) if excess(MANY) < 0 < excess(1.0) else MANY

@@ -1,0 +1,233 @@
+"""A model of a robot as it was identified: base parameters to calculate with, and to be judged.
+
+Every method gives the same kind of model. It is found from a run (`identify`), kept as
+`model.yaml` (`Model.save`) and read back (`Model.load`). Its torques are those of the rigid bodies,
+A(q, qd, qdd) p of eq. (6): `hil.motor_torque` has those of the motors' own inertia, which the robot
+file states, and friction is no part of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileError, load_yaml
+from hil.errors import InvalidArray
+from hil.estimation.estimate import correlation_of
+from hil.estimation.intervals import combined_degrees, half_width
+from hil.model import dynamics
+from hil.model.base_parameters import base_parameters
+from hil.results.model_file import NAME, ModelFile
+from hil.results.samples import samples
+from hil.results.tables.parameters import parameters
+from hil.results.tables.summary import Summary
+from hil.results.tables.torques import residuals
+from hil.runs.atomic_file import write_file
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from hil.estimation.local_values import LocalValue
+    from hil.model.robot import Robot
+    from hil.results.model_file import Provenance
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Model:
+    """A robot's identified base parameters.
+
+    Attributes
+    ----------
+    robot : Robot
+    values : ndarray, shape (n_base,)
+        Base parameters [kg m^2, kg m or kg, as in `units`].
+    scatter_covariance, drive_covariance : ndarray, shape (n_base, n_base)
+        Of errors that show in the data, and of those of torque constants and rotor inertias as the
+        robot file states their uncertainty.
+    degrees_of_freedom : ndarray, shape (n_base,)
+        Effective ones of the errors that show in the data.
+    residual : ndarray, shape (n_joints,)
+        Root mean square of what the method's models leave of each axis's torque [N m]; NaN where
+        an axis was not measured.
+    condition : dict
+        Condition number of each group's observation matrix, or of all parameters' (``"all"``).
+    provenance : Provenance
+        Run, plan, method and version behind it.
+    local : tuple of LocalValue
+        Each measurement by itself, as the two-step methods take it; empty for a conventional
+        method and for a model that was read from a file.
+    """
+
+    robot: Robot
+    values: Array
+    scatter_covariance: Array
+    drive_covariance: Array
+    degrees_of_freedom: Array
+    residual: Array
+    condition: dict[str, float]
+    provenance: Provenance
+    local: tuple[LocalValue, ...] = ()
+
+    @classmethod
+    def load(cls, path: Path | str) -> Model:
+        """Read a model from its file, or from the folder of an identified run.
+
+        Raises
+        ------
+        FileError
+            There is none, it was damaged, or it belongs to another robot than the one beside it.
+        """
+        path = Path(path)
+        path = path if path.suffix and not path.is_dir() else path / NAME
+        if not path.exists():
+            raise FileError(f"{path}: not there yet; make it with: hil identify {path.parent}")
+        kept = load_yaml(path, ModelFile)
+        scatter, drives = kept.covariances()
+        return cls(
+            robot=kept.robot(path),
+            values=np.array([parameter.value for parameter in kept.parameters]),
+            scatter_covariance=scatter,
+            drive_covariance=drives,
+            degrees_of_freedom=kept.degrees(),
+            residual=np.array([np.nan if r is None else r for r in kept.residual]),
+            condition=kept.condition,
+            provenance=kept.provenance,
+        )
+
+    def save(self, path: Path | str) -> None:
+        """Write the model as a file, whole or not at all; see `hil.results.model_file`."""
+        write_file(Path(path), ModelFile.of(self).text().encode())
+
+    @property
+    def method(self) -> str:
+        """Method by which it was identified."""
+        return self.provenance.method
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters, ``p1`` and on."""
+        return base_parameters(self.robot).names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of `values`."""
+        return base_parameters(self.robot).units
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """What each base parameter is made up of, in standard parameters and lengths."""
+        return base_parameters(self.robot).expressions
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of `values` from both kinds of error, shape (n_base, n_base)."""
+        return self.scatter_covariance + self.drive_covariance
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors of `values`, shape (n_base,)."""
+        errors: Array = np.sqrt(np.diag(self.covariance))
+        return errors
+
+    @property
+    def correlation(self) -> Array:
+        """Correlations of the errors of `values`, shape (n_base, n_base)."""
+        return correlation_of(self.covariance)
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Confidence intervals of `values`, shape (n_base, 2): lower and upper ends.
+
+        Raises
+        ------
+        InvalidArray
+            A level that is not between 0 and 1.
+        """
+        scatter, drives = np.diag(self.scatter_covariance), np.diag(self.drive_covariance)
+        half = half_width(scatter, drives, self.degrees_of_freedom, _level(level))
+        return np.stack([self.values - half, self.values + half], axis=-1)
+
+    def torque(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+        """Torques of the rigid bodies at positions, velocities and accelerations.
+
+        Parameters
+        ----------
+        q, qd, qdd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
+            [rad, rad/s, rad/s^2]; m for prismatic joints.
+
+        Returns
+        -------
+        ndarray, shape (n_joints,) or (n_samples, n_joints)
+            Joint side [N m, or N].
+
+        Raises
+        ------
+        InvalidArray
+            Another shape, or NaN.
+        """
+        q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
+        return dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
+
+    def gravity(self, q: ArrayLike) -> Array:
+        """Gravity torques g(q); shapes, units and errors as of `torque`."""
+        (q,) = samples(self.robot.n_joints, q=q)
+        return dynamics.gravity_torque(self.robot, self.values, q)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Mass matrix M(q) of the rigid bodies, shape (n_joints, n_joints) for each sample.
+
+        [kg m^2, kg m or kg]; shapes of `q` and errors as of `torque`.
+        """
+        (q,) = samples(self.robot.n_joints, q=q)
+        return dynamics.mass_matrix(self.robot, self.values, q)
+
+    def torque_interval(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, level: float = 0.95
+    ) -> Array:
+        """Confidence intervals of `torque` from the uncertainty of the parameters.
+
+        Returns
+        -------
+        ndarray, shape of `torque` and one axis more of length 2
+            Lower and upper ends [N m, or N].
+
+        Raises
+        ------
+        InvalidArray
+            Another shape, NaN, or a level that is not between 0 and 1.
+        """
+        q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
+        A = dynamics.regressor(self.robot, q, qd, qdd)
+        scatter, drives = (
+            np.einsum("...k,kl,...l->...", A, V, A, optimize=True).clip(0.0)
+            for V in (self.scatter_covariance, self.drive_covariance)
+        )
+        variances = np.diag(self.scatter_covariance)
+        degrees = combined_degrees(A, variances, self.degrees_of_freedom)
+        half = half_width(scatter, drives, degrees, _level(level))
+        tau = A @ self.values
+        return np.stack([tau - half, tau + half], axis=-1)
+
+    def summary(self) -> Summary:
+        """Parameters with their uncertainty, residuals and what could not be used, as tables."""
+        remarks = tuple(f"left out: {left}" for left in self.provenance.left_out)
+        return Summary((parameters(self), residuals(self)), remarks)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Model of {self.robot.name}: {len(self.values)} base parameters, {self.method}"
+            f" method, {self.provenance.measurements} measurements>"
+        )
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
+
+
+def _level(level: float) -> float:
+    if not 0 < level < 1:
+        raise InvalidArray(f"level {level} must be between 0 and 1: 0.95 stands for 95 %")
+    return level

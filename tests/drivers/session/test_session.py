@@ -1,0 +1,179 @@
+"""What connecting builds is complete or absent, and a bus of ours is shut down however it ends."""
+
+# ruff: noqa: PT012 - what happens inside and at the end of a with block is what is tested
+
+from __future__ import annotations
+
+import logging
+import threading
+from typing import TYPE_CHECKING, Any
+
+import local_drives
+import pytest
+from local_bench import NODES, all_off, drives_file, never_energised
+
+from drivers import open_drive_bus as opening
+from drivers.canopen_bus import CanopenDriveBus
+from drivers.drive_bus import DriveRefused, Move
+from drivers.found_settings.keeping import SettingsKeeper
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import can
+
+
+class OwnedBus(local_drives.LocalBus):
+    closed = 0
+
+    def shutdown(self) -> None:
+        self.closed += 1
+        super().shutdown()
+
+
+@pytest.fixture
+def can_bus() -> Iterator[Any]:
+    bus = OwnedBus(NODES, {})
+    yield bus
+    bus.shutdown()
+
+
+@pytest.fixture
+def drive_bus(can_bus: Any) -> CanopenDriveBus:
+    return CanopenDriveBus(can_bus, drives_file(), owns_bus=True)
+
+
+def broken(*_: object, **__: object) -> None:
+    raise RuntimeError("broken")
+
+
+# Complete or absent
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "connection.PumpedNetwork",
+        "connection.RemoteDictionary",
+        "connection.SyncProcessData",
+        "connection.Heartbeats",
+        "connection.Power",
+        "session.SampleReader",
+        "session.MissingTelegrams",
+        "session.CyclicPosition",
+        "stopping.Shutdown",
+    ],
+)
+def test_whichever_part_cannot_be_built_nothing_is_left_and_the_bus_can_be_entered_later(
+    part: str, can_bus: Any, drive_bus: CanopenDriveBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = dict(vars(drive_bus))
+    with monkeypatch.context() as patch:
+        patch.setattr(f"drivers.session.{part}", broken)
+        with pytest.raises(RuntimeError, match="broken"):
+            drive_bus.__enter__()
+    assert {**vars(drive_bus), "notes": before["notes"]} == before
+    assert can_bus.closed == 1
+    assert never_energised(can_bus)
+    assert not any(drive.value(0x1016, 1) for drive in can_bus.drives.values())
+    with drive_bus:
+        drive_bus.sample()
+
+
+def test_no_attribute_appears_after_the_constructor(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    stated = set(vars(drive_bus))
+    with drive_bus:
+        drive_bus.move({0: Move(0.1, 1.0, 10.0)})
+        drive_bus.sample()
+        assert set(vars(drive_bus)) == stated
+    assert set(vars(drive_bus)) == stated
+
+
+def test_what_a_session_found_stays_known_when_it_has_ended_and_nothing_else_serves(
+    drive_bus: CanopenDriveBus,
+) -> None:
+    assert drive_bus.axes == drive_bus.limits == drive_bus.servers == drive_bus.transmitted == ()
+    with drive_bus:
+        axes, limits = drive_bus.axes, drive_bus.limits
+    assert (drive_bus.axes, drive_bus.limits, len(drive_bus.servers)) == (axes, limits, NODES)
+    with pytest.raises(DriveRefused, match="enter the bus first"):
+        drive_bus.sample()
+
+
+# A bus of ours
+
+
+class Overflowing(SettingsKeeper):
+    """Fails where the session ends, and not as the keeper promises to."""
+
+    def close(self, *_: object) -> list[str]:
+        raise OSError("no space left on device")
+
+
+def test_a_bus_of_ours_is_shut_down_though_what_was_found_cannot_be_kept(can_bus: Any) -> None:
+    with (
+        pytest.raises(OSError, match="no space left"),
+        CanopenDriveBus(can_bus, drives_file(), owns_bus=True, keeper=Overflowing()) as drive_bus,
+    ):
+        drive_bus.sample()
+    assert can_bus.closed == 1
+    assert all_off(can_bus)
+    with pytest.raises(DriveRefused, match="enter the bus first"):
+        drive_bus.sample()
+
+
+def test_a_bus_of_ours_is_shut_down_though_what_is_noted_cannot_be_logged(
+    can_bus: Any, drive_bus: CanopenDriveBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(RuntimeError, match="broken"), drive_bus:
+        drive_bus.sample()
+        monkeypatch.setattr(SettingsKeeper, "close", lambda *_: ["not put back"])
+        monkeypatch.setattr(logging.getLogger("drivers.canopen_bus"), "warning", broken)
+    assert can_bus.closed == 1
+    assert all_off(can_bus)
+    assert drive_bus.notes[-1] == "not put back"
+
+
+def test_an_interrupt_raised_while_leaving_keeps_no_axis_powered(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    pressed: list[int] = []
+
+    def press(frame: can.Message) -> None:
+        if frame.arbitration_id == 0x201 and not pressed:
+            pressed.append(1)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), drive_bus:
+        drive_bus.sample()
+        can_bus.on_send = press
+    assert all_off(can_bus)
+    assert can_bus.closed == 1
+
+
+@pytest.fixture
+def opened(can_bus: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The bus that is opened by name from now on."""
+    monkeypatch.setattr(opening, "open_can_bus", lambda *_: can_bus)
+    return can_bus
+
+
+def test_a_bus_that_was_opened_is_shut_down_where_no_drive_bus_can_stand_on_it(
+    opened: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opening, "CanopenDriveBus", broken)
+    with pytest.raises(RuntimeError, match="broken"):
+        opening.open_drive_bus(drives_file(), "virtual", "x")
+    assert opened.closed == 1
+
+
+def test_a_bus_that_was_opened_is_shut_down_where_no_thread_can_write_its_log(
+    opened: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(threading.Thread, "start", broken)
+    with pytest.raises(RuntimeError, match="broken"):
+        opening.open_drive_bus(drives_file(), "virtual", "x", frame_log=tmp_path / "frames.log")
+    assert opened.closed == 1
