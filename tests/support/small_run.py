@@ -13,13 +13,15 @@ SIMULATED = "sim_plant manutec-r15"
 NOISE = 0.0025
 
 
-def write_run(path, robot, truth=None, seed=1):
+def write_run(path, robot, truth=None, seed=1, more=()):
     """Write a whole run of a small plan; friction decays and has an offset.
 
     `truth`: the robot as it is and its base parameters, if it is not as its file says.
+    `more`: measurements that the plan has besides.
     """
     machine, p = truth or (robot, TABLE_3_A)
     plan = design(robot, COUNTS)
+    plan = plan.model_copy(update={"measurements": (*plan.measurements, *more)})
     folder = RunFolder.create(path, plan, robot)
     friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
     rng, begin = np.random.default_rng(seed), 0.0
