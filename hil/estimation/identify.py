@@ -215,7 +215,8 @@ def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
                 f"{len(rows)} usable {' and '.join(kinds)} measurements do not tell {names} apart;"
-                f" measure more configurations of that kind (see: hil dry-run), or finish the run with --resume"
+                f" measure more configurations of that kind (see: hil dry-run), or finish the run"
+                " with --resume"
             )
         condition[group] = float(sizes[0] / sizes[-1])
     return condition
