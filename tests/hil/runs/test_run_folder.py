@@ -17,6 +17,7 @@ from hil.measuring.events import Recorded
 from hil.model.robot import Robot, load_robot
 from hil.planning.plan import Plan
 from hil.runs.finding import Finding
+from hil.runs.journal import BusName
 from hil.runs.lock import locked
 from hil.runs.recording import Recording
 from hil.runs.recording_file import Measured
@@ -212,7 +213,7 @@ def test_a_place_that_cannot_be_written_is_told(
 
 
 def test_a_campaign_ends_in_a_folder_with_all_recordings(folder: RunFolder, ideal_bus) -> None:
-    events = list(run_campaign(folder, ideal_bus, "ideal test"))
+    events = list(run_campaign(folder, ideal_bus, BusName("ideal", "test")))
     assert sum(isinstance(event, Recorded) for event in events) == 3
     again = RunFolder.open(folder.path)
     assert again.missing == ()
