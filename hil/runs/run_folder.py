@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.planning.plan import dump_plan
+from hil.runs import SIMULATED
 from hil.runs.atomic_file import (
     PART,
     operator_told,
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import AxisInfo
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.runs.journal import BusName
     from hil.runs.recording_file import Measured
     from hil.runs.sync_timing import SyncTiming
 
@@ -199,10 +201,15 @@ class RunFolder(Run):
         return not path.exists() or load_yaml(path, _FoundSettings).restored
 
     @contextmanager
-    def session(self, bus_name: str, real_time: Sequence[str] = ()) -> Iterator[int]:
+    def session(self, bus_name: BusName, real_time: Sequence[str] = ()) -> Iterator[int]:
         """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
         number = len(self.journal.sessions)
-        started = Session(started=now(), bus=bus_name, real_time=tuple(real_time))
+        started = Session(
+            started=now(),
+            bus=str(bus_name),
+            simulated=bus_name.interface == SIMULATED,
+            real_time=tuple(real_time),
+        )
         self._note(self.journal.with_session(started))
         try:
             yield number

@@ -59,7 +59,8 @@ OWN = {
 """Files about one kind alone, which may name it."""
 OTHERWISE = {
     ("gravity", "model/dependencies.py"): "a group of base parameters",
-    ("gravity", "model/robot_file.py"): "the acceleration of gravity",
+    ("gravity", "model/robot.py"): "the acceleration of gravity",
+    ("gravity", "model/robot_file.py"): "the same",
     ("friction", "report/plots/campaign.py"): "a plot of the levels in all kinds",
     ("friction", "cli/__init__.py"): "a family of commands",
     ("trajectory", "cli/__init__.py"): "a family of commands",

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from small_run import SIMULATED, write_run
+from small_run import as_on_hardware, write_run
 from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import FileError
@@ -146,7 +146,7 @@ class TestCommand:
     def test_a_run_on_hardware_is_refused_with_the_reason(self, run, tmp_path, console):
         shutil.copytree(run, tmp_path / "run")
         journal = tmp_path / "run" / "run.json"
-        journal.write_text(journal.read_text().replace(SIMULATED, "socketcan can0"))
+        as_on_hardware(journal, "socketcan can0")
         with pytest.raises(Mismatch, match=r"measured on socketcan can0; only on the virtual"):
             compare(Run.open(tmp_path / "run"), PLANT, console)
 
