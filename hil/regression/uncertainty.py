@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-class LeftOut(NamedTuple):
+class Jackknifed(NamedTuple):
     """A solution and how it changes when one measurement at a time is left out.
 
     Attributes
@@ -122,7 +122,7 @@ def effective_degrees(shares: Array, fewest: float) -> Array:
     return np.clip(degrees, fewest, len(shares) - 1.0)
 
 
-def leave_one_out(shares: Array, sides: Array) -> LeftOut:
+def leave_one_out(shares: Array, sides: Array) -> Jackknifed:
     """Solve normal equations with all measurements, and without each of them.
 
     Degrees of freedom come from each measurement's share of the variance were the noise white
@@ -142,10 +142,10 @@ def leave_one_out(shares: Array, sides: Array) -> LeftOut:
     covariance = solved(N, np.eye(len(N)))
     white = np.einsum("ij,njk,ki->ni", covariance, shares, covariance)
     # one: a variance that a single measurement carries is evidence of next to nothing
-    return LeftOut(x, jackknife(changes), effective_degrees(white, fewest=1.0))
+    return Jackknifed(x, jackknife(changes), effective_degrees(white, fewest=1.0))
 
 
-def correlation(covariance: Array) -> Array:
+def correlation_of(covariance: Array) -> Array:
     """Correlations, shape (n, n); zero with what has no variance or an infinite one."""
     variance = np.diag(covariance)
     finite = np.isfinite(variance) & (variance > 0)

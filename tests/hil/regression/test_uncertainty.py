@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hil.regression.least_squares import fitted, inverse, solved
 from hil.regression.uncertainty import (
     classical,
-    correlation,
+    correlation_of,
     effective_degrees,
     jackknife,
     leave_one_out,
@@ -108,7 +108,7 @@ def test_what_is_not_determined_is_infinitely_uncertain_and_correlated_with_noth
     t = np.linspace(0.0, 1.0, 20)
     covariance = classical(np.column_stack([t, np.ones(20), 2.0 * t, 0.0 * t]), 1.0)
     np.testing.assert_array_equal(np.isinf(np.diag(covariance)), [True, False, True, True])
-    found = correlation(covariance)
+    found = correlation_of(covariance)
     assert np.isfinite(found).all()
     np.testing.assert_allclose(np.diag(found), [0.0, 1.0, 0.0, 0.0])
 
@@ -119,8 +119,8 @@ def test_correlations_do_not_depend_on_units(seed: int) -> None:
     half = random.normal(size=(4, 8))
     units = 10.0 ** random.uniform(-3, 3, 4)
     covariance = half @ half.T
-    found = correlation(covariance * np.outer(units, units))
-    np.testing.assert_allclose(found, correlation(covariance), rtol=1e-9)
+    found = correlation_of(covariance * np.outer(units, units))
+    np.testing.assert_allclose(found, correlation_of(covariance), rtol=1e-9)
     np.testing.assert_allclose(np.diag(found), 1.0)
 
 
