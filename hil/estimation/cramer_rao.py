@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.condensed import eliminated
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
+from hil.regression.least_squares import eliminated, inverse
 from hil.regression.terms import columns, n_unknowns, place
 
 if TYPE_CHECKING:
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 MOVING = 0.005
 """Share of the speed limit from which on an axis counts as in motion."""
-_RANK = 1e-10
 
 
 def cramer_rao(
@@ -73,10 +72,7 @@ def cramer_rao(
             information[at] += share / variance[axis]
     if friction_known:
         information = information[:n_base, :n_base]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=_RANK, hermitian=True)
-    least: Array = (inverse * np.outer(scale, scale))[:n_base, :n_base]
-    return least
+    return inverse(information)[:n_base, :n_base]
 
 
 def _share(robot: Robot, s: Signals, axis: int, *, friction_known: bool) -> Array:

@@ -28,7 +28,7 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import MINUTE, Noise, stated_noise
 from hil.planning.prediction.precision import added_up
-from hil.regression.least_squares import solved
+from hil.regression.least_squares import inverse_root, solved
 from hil.regression.terms import FEWEST, place, usable
 from hil.regression.window import noise_gain
 
@@ -115,7 +115,7 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) ->
     """Sums of each axis, one for each kind of measurement that it moved in."""
     n_base = len(base_parameters(robot))
     x, inverse = _solution(joint)
-    metric = np.linalg.cholesky(np.linalg.inv(inverse[:n_base, :n_base])).T
+    metric = inverse_root(inverse[:n_base, :n_base]).T
     squares: dict[tuple[int, str], list[Array]] = defaultdict(list)
     for piece in pieces:
         item, at = piece.measured, place(robot, piece.measured.axis)

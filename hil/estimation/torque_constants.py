@@ -24,7 +24,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.payload import MASS, load_columns
+from hil.regression.least_squares import solved
 from hil.regression.terms import N_COMMON
+from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +44,6 @@ WEAK_PRIOR = 0.5
 UNTOLD = 0.1
 """Standard error from which on the load does not tell a gain."""
 _EXACT = 1e-6
-_RIDGE = 1e-9
 _ROUNDS = 8
 
 
@@ -96,15 +97,15 @@ def drive_gains(
     theta[: model.n_base] = without.solve()
     for _ in range(_ROUNDS):
         scores, information = model.scores(theta, measured)
-        theta = theta + np.linalg.solve(information, scores.sum(axis=0) - model.prior * theta)
+        theta = theta + solved(information, scores.sum(axis=0) - model.prior * theta)
     scores, information = model.scores(theta, measured)
-    inverse = np.linalg.inv(information)
-    change = scores @ inverse
-    covariance = change.T @ change + inverse * model.stated @ inverse
-    error = theta[model.gains]
-    scatter = np.sqrt(np.diag(covariance)[model.gains])
+    meat = scatter(scores) + np.diag(model.stated)
+    inverse = solved(information, np.eye(model.size))
+    covariance = sandwich(inverse[model.gains], meat)
+    error, standard_error = theta[model.gains], np.sqrt(np.diag(covariance))
     constant = robot.torque_constant / (1 + error)
-    return Gains(error, scatter, constant, constant / (1 + error) * scatter, theta[: model.n_base])
+    constant_error = constant / (1 + error) * standard_error
+    return Gains(error, standard_error, constant, constant_error, theta[: model.n_base])
 
 
 class _Bilinear:
@@ -125,7 +126,7 @@ class _Bilinear:
         self._rotors = self.gains + self._n
         self._common = first + 2 * self._n
         self.size = self._common + 2 * self._n * N_COMMON
-        self.prior = np.full(self.size, _RIDGE)
+        self.prior = np.zeros(self.size)
         self.prior[self.gains] = WEAK_PRIOR**-2
         spread = np.maximum(robot.rotor_inertia_uncertainty, _EXACT)
         self.prior[self._rotors] = spread**-2

@@ -10,13 +10,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from hil.errors import FileError, Mismatch
 from hil.estimation.friction.history import history
-<<<<<<< HEAD
 from hil.estimation.friction.symmetry import BOUND, of_local_values
 from hil.planning.measurement import Friction, of_kind, recorded_as
-=======
-from hil.estimation.friction.symmetry import of_local_values
-from hil.planning.measurement import Friction, recorded_as
->>>>>>> 0243fdb (A further kind passes dry run, checks and estimate by its entries alone; rank is asked of groups)
 from hil.report import friction_rows
 from hil.report.campaign_rows import when
 from hil.report.plots import friction
@@ -43,12 +38,8 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def friction_only(run: Run) -> bool:
     """Whether a run measures nothing but friction."""
-<<<<<<< HEAD
     planned = run.plan.measurements
     return len(of_kind(Friction, planned)) == len(planned)
-=======
-    return all(m.kind == "friction" for m in folder.plan.measurements)
->>>>>>> 0243fdb (A further kind passes dry run, checks and estimate by its entries alone; rank is asked of groups)
 
 
 def page(run: Run, recordings: Recordings) -> tuple[str, dict[str, Figure]]:

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.condensed import eliminated
 from hil.estimation.conventional.friction_terms import compensated, friction_columns
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
+from hil.regression.least_squares import eliminated
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

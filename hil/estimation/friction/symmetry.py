@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
+from hil.regression.uncertainty import scatter
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -124,8 +126,8 @@ def _test(axis: int, shares: Array, errors: Array, common: float, bound: float) 
     weights = 1.0 / np.maximum(errors, usual) ** 2
     weights = weights / weights.sum()
     mean = float(weights @ shares)
-    scatter = float(weights**2 @ (shares - mean) ** 2) * n / (n - 1)
-    error = float(np.sqrt(scatter + common**2))
+    scores = (weights * (shares - mean))[:, np.newaxis]
+    error = float(np.sqrt(scatter(scores, few=True)[0, 0] + common**2))
     degrees = n - 1
     beyond = (abs(mean) - bound) / error if error > 0 else np.copysign(np.inf, abs(mean) - bound)
     away = abs(mean) / error if error > 0 else np.copysign(np.inf, abs(mean))

@@ -16,18 +16,18 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.precision import scatter_of
+from hil.regression.least_squares import inverse_root
 from hil.regression.terms import place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
@@ -42,7 +42,6 @@ EACH = 64
 """Configurations of every element."""
 THINNED = 2
 """Every so many samples are judged, as means of so many: that is quicker and tells the same."""
-_RANK = 1e-8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +106,5 @@ def worth(
 
 def weighed(information: Array, scatter: Array) -> Array:
     """I S^-1 I, with S inverted where it has an inverse."""
-    size = np.sqrt(np.maximum(np.diag(scatter), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(scatter / np.outer(size, size))
-    told = values > _RANK * values[-1]
-    half = (vectors[:, told] / np.sqrt(values[told])).T @ (information / size[:, np.newaxis])
-    found: Array = half.T @ half
-    return found
+    half = inverse_root(scatter).T @ information
+    return half.T @ half

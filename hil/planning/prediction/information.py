@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.prediction.predicted_samples import forecast
+from hil.regression.least_squares import orthonormal
 from hil.regression.terms import FEWEST, columns, usable
 
 if TYPE_CHECKING:
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from hil.planning.strokes import Strokes
 
     Array = NDArray[np.float64]
-
-_RANK = 1e-8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +70,7 @@ def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
     rows, common, friction = columns(robot, planned, axis)
     stacked = planned.smoothed(np.column_stack([rows, common, friction]))[used]
     kept = stacked.shape[1] - friction.shape[1]
-    basis = _orthonormal(stacked[:, kept:])
+    basis, _ = orthonormal(stacked[:, kept:])
     left = stacked[:, :kept] - basis @ (basis.T @ stacked[:, :kept])
     X = np.zeros((len(used), kept))
     X[used] = left
@@ -84,11 +83,3 @@ def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
         white=smoothed.T @ smoothed,
         wander=planned.period * later.T @ later,
     )
-
-
-def _orthonormal(F: Array) -> Array:
-    """Orthonormal basis of the span of F's columns."""
-    length = np.linalg.norm(F, axis=0)
-    u, sizes, _ = np.linalg.svd(F / np.where(length > 0, length, 1.0), full_matrices=False)
-    basis: Array = u[:, sizes > _RANK * sizes[0]]
-    return basis

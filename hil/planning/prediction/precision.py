@@ -27,7 +27,9 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import element_measurements
 from hil.planning.prediction.information import shares
+from hil.regression.least_squares import inverse, undetermined, without_nuisance
 from hil.regression.terms import n_unknowns, place
+from hil.regression.uncertainty import sandwich
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -47,7 +49,6 @@ _INSTANTS = 512
 _LOST = 1e-9
 """Share of what a combination of parameters would tell if nothing else were unknown, below which
 it counts as not told."""
-_RANK = 1e-10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,15 +161,10 @@ def scatter_of(share: Share, noise: Noise) -> Array:
 
 def covariance(known: Information, n_base: int) -> Array:
     """Covariance of the base parameters, shape (n_base, n_base); inf where nothing tells one."""
-    gain = _without_nuisance(known.matrix, n_base)
-    left = gain @ known.matrix[:, :n_base]
-    scatter = gain @ known.scatter @ gain.T
-    size = np.sqrt(np.maximum(np.diag(known.matrix)[:n_base], np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(left / np.outer(size, size))
-    told = values > _LOST
-    inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T / np.outer(size, size)
-    found: Array = inverse @ scatter @ inverse
-    lost = np.abs(vectors[:, ~told]).max(axis=1, initial=0.0) > 1e-3
+    P = without_nuisance(known.matrix, n_base)
+    left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
+    found = sandwich(inverse(left, _LOST, alone), sandwich(P, known.scatter))
+    lost = undetermined(left, _LOST, alone)
     found[lost, lost] = np.inf
     return found
 
@@ -190,16 +186,3 @@ def torque_scale(robot: Robot) -> Array:
     )
     scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
     return scale
-
-
-def _without_nuisance(matrix: Array, n_base: int) -> Array:
-    """Combine normal equations so that common terms drop out, shape (n_base, n).
-
-    What nothing excites is left out, as the estimator holds it at zero.
-    """
-    common = matrix[n_base:, n_base:]
-    diagonal = np.diag(common)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    inverse = np.linalg.pinv(common * np.outer(scale, scale), rcond=_RANK, hermitian=True)
-    eliminated = matrix[:n_base, n_base:] @ (inverse * np.outer(scale, scale))
-    return np.hstack([np.eye(n_base), -eliminated])

@@ -80,6 +80,15 @@ def test_parameters_known_only_together_are_told():
     assert any("known together only" in word for word in words)
 
 
+def test_two_speeds_do_not_determine_three_parameters():
+    v = np.repeat([0.5, 2.0], 3)
+    noise = np.array([0.1, -0.2, 0.1, 0.2, 0.0, -0.2])
+    tau = torque("cube-root", TRUTH["cube-root"], v) + noise
+    found = fit_model("cube-root", v, tau, LIMIT)
+    assert np.isnan(found.standard_error).all()
+    assert [word.split(":")[0] for word in found.unidentifiable] == ["a1", "a2", "a3"]
+
+
 @pytest.mark.parametrize("kind", ["linear", "cube-root", "arctan", "stribeck"])
 def test_the_model_that_made_the_data_is_chosen(kind):
     chosen = [choose(0, measured(kind, 0.3, seed), LIMIT).chosen for seed in range(3)]

@@ -12,7 +12,7 @@ from hil.model.robot import parse_robot
 from hil.planning.design.by_counts import design
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import Noise, stated_noise
-from hil.planning.prediction.precision import predict, torque_scale
+from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
 from hil.planning.prediction.predicted_samples import forecast
 from hil.regression.terms import usable
 from hil.regression.window import noise_gain
@@ -128,6 +128,11 @@ def test_what_nothing_tells_is_infinitely_uncertain(manutec, plan):
     assert not any(told.values())
     assert not found.imprecise[found.names.index("p14")]
     assert found.imprecise[found.names.index("p1")]
+
+
+def test_what_rounding_leaves_of_a_column_determines_no_parameter():
+    rounding = Information(np.diag([1.0, 1e-31, 1.0]), np.diag([1.0, 1e-31, 1.0]))
+    assert np.diag(covariance(rounding, 2)).tolist() == [1.0, np.inf]
 
 
 def test_a_unit_of_a_parameter_weighs_most_where_limits_are_small(manutec):
