@@ -1,4 +1,4 @@
-"""What can be asked of a simulated plant besides its name: the options that python-can passes on."""
+"""What can be asked of a simulated plant besides its name, as options that python-can passes on."""
 
 from __future__ import annotations
 
