@@ -1,7 +1,7 @@
 """What the friction of the plants in a study does: one plant file made of another, key by key.
 
 Two things may spoil an identification, that friction changes while one measures and that it is no
-function of the form assumed. The scenarios tell them apart: "off" has the misfit alone, "on" and
+function of the form assumed. The scenarios distinguish them: "off" has the misfit alone, "on" and
 "strong" have drift besides, "asymmetric" also breaks the assumption of the two-step method, and
 under "load" friction grows with the torque that the gear transmits, which no model of speed holds.
 """
