@@ -7,7 +7,7 @@ improved
     The condensed measurements of all kinds are added up and solved for all groups at once
     (`hil.estimation.simultaneous`).
     Before, the torque of each axis is shifted by its lag behind the positions, as the measurements
-    themselves tell it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
+    themselves show it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
 
 Standard errors come from leaving out one measurement at a time (the delete-one jackknife, Efron and
 Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 11): how much the result depends on
@@ -212,7 +212,7 @@ def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
         if len(sizes) < len(columns) or sizes[-1] < _RANK * sizes[0]:
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
-                f"{len(rows)} usable {name} measurements do not tell {names} apart; measure more"
+                f"{len(rows)} usable {name} measurements do not identify {names}; measure more"
                 f" configurations of that kind (see: hil dry-run), or finish the run with --resume"
             )
         condition[kind.group] = float(sizes[0] / sizes[-1])
