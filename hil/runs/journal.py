@@ -40,7 +40,7 @@ def versions() -> dict[str, str]:
 
 
 class Axis(FileModel):
-    """What a drive told about itself."""
+    """What a drive reports of itself."""
 
     name: str
     identity: str

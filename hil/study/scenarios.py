@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from checked_files.yaml_file import FileError
-from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.atomic_file import file_errors, write_file
 from hil.study.truth import find_plant
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
         No such plant file, or one that says something else than when the study was begun.
     """
     source = find_plant(plant)
-    with operator_told(source, "read"):
+    with file_errors(source, "read"):
         content = yaml.safe_load(source.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or not isinstance(content.get("axes"), list):
         raise FileError(f"{source}: is no plant file: it has no list of axes")
