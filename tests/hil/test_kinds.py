@@ -85,7 +85,7 @@ def test_the_table_holds_every_model_that_a_plan_may_state() -> None:
     assert {kind.model for kind in KINDS.values()} == set(get_args(union))
 
 
-def test_every_group_of_base_parameters_is_served_and_ids_tell_kinds_apart() -> None:
+def test_every_group_of_base_parameters_is_served_and_ids_distinguish_kinds() -> None:
     assert {kind.group for kind in ELEMENT_KINDS.values()} == set(GROUPS)
     letters = [kind.letter for kind in ELEMENT_KINDS.values()]
     assert len(set(letters)) == len(letters)
