@@ -77,7 +77,7 @@ def _gains(load: FoundPayload) -> Table:
         return table
     for k in range(load.robot.n_joints):
         assumed = f"{load.robot.torque_constant[k]:.4f}"
-        if not gains.told[k]:
+        if not gains.identifiable[k]:
             table.add_row(str(k + 1), assumed, "the load does not tell", "", "", "")
             continue
         value, s = float(gains.constant[k]), float(gains.constant_error[k])

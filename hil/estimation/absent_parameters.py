@@ -12,7 +12,7 @@ delta is estimated with everything else at once, by the same least squares as p.
 delta over its standard error, from leaving out one measurement at a time, so that what differs from
 one measurement to the next counts as error (`hil.regression.uncertainty`). A direction inside T's
 span is absorbed: that parameter cannot show. Directions that agree but for T's span, or that these
-very measurements do not tell apart, stand together as one candidate.
+very measurements do not distinguish, stand together as one candidate.
 
 After the strongest candidate has been taken in, all others are tested anew: what only resembled it
 loses its evidence. This goes on until nothing is significant at `SIGNIFICANCE`, shared out among
@@ -49,7 +49,7 @@ SIGNIFICANCE = 0.001
 MOST_STEPS = 6
 """Candidates that are taken in one after the other at most."""
 ALIKE = 0.98
-"""Correlation from which on the measurements do not tell two candidates apart."""
+"""Correlation from which on the measurements do not distinguish two candidates."""
 _SEEN = 1e-4
 """Least share of a direction's information that the stated parameters cannot imitate."""
 _SAME = 1e-6
@@ -109,7 +109,7 @@ class ModelErrors:
     absorbed : tuple of str
         Left-out parameters that cannot show, whatever is measured.
     unmeasured : tuple of str
-        Left-out parameters of which these measurements tell nothing.
+        Left-out parameters that are not identifiable from these measurements.
     threshold : float
         p-value below which a candidate is significant.
     """
@@ -218,7 +218,7 @@ class _Measured(NamedTuple):
 def _grouped(
     measured: _Measured, stated: Array, absent: dict[str, Array]
 ) -> tuple[dict[tuple[str, ...], Array], tuple[str, ...]]:
-    """Candidates that these measurements tell apart, and names of which they tell nothing."""
+    """Candidates that these measurements distinguish, and names that they do not identify."""
     names, U = list(absent), np.array(list(absent.values())).T.reshape(len(stated), -1)
     beside, whole = measured.beside(stated, U)
     seen = np.diag(beside) > _SEEN * np.diag(whole)

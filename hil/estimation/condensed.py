@@ -7,7 +7,7 @@ regressor for the measured motion of all joints,
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e,
 
 and friction is again fitted for this measurement alone; the columns, and which samples are usable,
-are told in `hil.regression.terms`. The coefficients `a` are eliminated at once by orthogonal
+are those of `hil.regression.terms`. The coefficients `a` are eliminated at once by orthogonal
 projection (Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next.
 
 What is left of thousands of samples is a small information matrix and vector over p and b, which

@@ -7,7 +7,7 @@ improved
     The condensed measurements of all kinds are added up and solved for all groups at once
     (`hil.estimation.simultaneous`).
     Before, the torque of each axis is shifted by its lag behind the positions, as the measurements
-    themselves tell it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
+    themselves show it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
 `hil.regression.uncertainty`): they hold whatever differs from one measurement to the next, noise,
@@ -204,8 +204,8 @@ def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
         if undetermined(W.T @ W).any():
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
-                f"{len(rows)} usable {' and '.join(kinds)} measurements do not tell {names} apart;"
-                f" measure more configurations of that kind (see: hil dry-run), or finish the run"
+                f"{len(rows)} usable {' and '.join(kinds)} measurements do not identify {names};"
+                " measure more configurations of that kind (see: hil dry-run), or finish the run"
                 " with --resume"
             )
         condition[group] = float(np.linalg.cond(W))

@@ -54,7 +54,7 @@ WANDER_SPREAD = 2.0
 
 
 class Levels(NamedTuple):
-    """Noise as a campaign shows it, and what the campaign tells under it."""
+    """Noise as a campaign shows it, and the campaign's information under it."""
 
     noise: Noise
     known: Information
@@ -82,7 +82,7 @@ class _Sums(NamedTuple):
 
 def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     """Find the noise of each axis from prepared measurements."""
-    used = [(m, s) for m, s in prepared if _is_told(robot, m, s)]
+    used = [(m, s) for m, s in prepared if _is_used(robot, m, s)]
     joint = SimultaneousFit(robot, used)
     pieces = list(_pieces(robot, used, joint))
     expected = stated_noise(robot)
@@ -93,11 +93,11 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
         found.append(_likeliest(sums, float(level), float(expected.walk[axis])))
     a, b = np.array(found).T
     noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
-    told = (replace(each.foreseen, information=each.measured.information) for each in pieces)
-    return Levels(noise, added_up(robot, told, noise))
+    measured = (replace(each.foreseen, information=each.measured.information) for each in pieces)
+    return Levels(noise, added_up(robot, measured, noise))
 
 
-def _is_told(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
+def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
     """Whether the estimator uses `measurement` at all."""
     used = (s.valid & usable(robot, s, axis) for axis in measurement.moved)
     return any(each.sum() >= FEWEST for each in used)

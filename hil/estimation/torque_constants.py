@@ -2,8 +2,8 @@
 
 A torque constant that is off by a share epsilon makes all torques of its axis wrong by that share
 and shows in no residual of a run: the base parameters take it up. The change that a known mass
-brings about is known too, however, so two runs, with and without it, tell. With s = 0 and 1 for
-the run without and with the load, the torque read on axis a is
+brings about is known too, however, so two runs, with and without it, identify the constant. With
+s = 0 and 1 for the run without and with the load, the torque read on axis a is
 
     Q = (1 + epsilon_a) [(1 + rho_a) Qm + A (p + s K_n phi)] + friction + common terms,
 
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
 WEAK_PRIOR = 0.5
 """Standard deviation of the gains before any measurement, so that none is undetermined."""
-UNTOLD = 0.1
-"""Standard error from which on the load does not tell a gain."""
+UNIDENTIFIABLE = 0.1
+"""Standard error from which on a gain is not identifiable from the load."""
 _EXACT = 1e-6
 _ROUNDS = 8
 
@@ -69,10 +69,10 @@ class Gains:
     p: Array
 
     @property
-    def told(self) -> NDArray[np.bool_]:
-        """Which gains the load tells, shape (n_joints,)."""
-        known: NDArray[np.bool_] = self.standard_error < UNTOLD
-        return known
+    def identifiable(self) -> NDArray[np.bool_]:
+        """Which gains the load identifies, shape (n_joints,)."""
+        found: NDArray[np.bool_] = self.standard_error < UNIDENTIFIABLE
+        return found
 
 
 def drive_gains(

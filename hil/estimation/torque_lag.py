@@ -9,8 +9,8 @@ axis a taken delta_a later, all axes together minimise
 the improved method's own least squares. The torque at any shift is a combination of the torques
 shifted by whole samples, so all that J needs is condensed once (`hil.estimation.condensed`), and
 searching costs next to nothing. Measurements of inertia alone are used: where nothing accelerates
-nothing tells time. Most is told by the corners of the trapezoids, which the estimate itself leaves
-out, because there it takes the lag to be known. Weights are the reciprocal residual variances,
+no lag shows. It shows most at the corners of the trapezoids, which the estimate itself leaves out,
+because there it would have to know the lag. Weights are the reciprocal residual variances,
 which maximises the likelihood.
 
 Standard errors come from the scores of the measurements (sandwich). What an error of the lags does
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 EARLIEST, LATEST = -0.002, 0.012
 """Range that is searched [s]."""
-UNTOLD = 0.0005
+UNIDENTIFIABLE = 0.0005
 """Standard error from which on a lag is taken as zero [s]."""
 THINNED = 3
 """Every so many samples are used: smoothed ones next to each other say the same."""
@@ -65,9 +65,9 @@ class Lags:
     Attributes
     ----------
     lag : ndarray, shape (n_joints,)
-        Positive where the torque is late [s]; zero where the measurements do not tell.
+        Positive where the torque is late [s]; zero where it is not identifiable.
     standard_error : ndarray, shape (n_joints,)
-        [s]; NaN where the measurements do not tell.
+        [s]; NaN where the lag is not identifiable.
     covariance : ndarray, shape (n_base, n_base)
         Of the base parameters, from the lags' errors.
     """
@@ -166,12 +166,12 @@ class _Likelihood:
             information += w * J.T @ item.product @ J
         covariance = sandwich(inverse(information)[:n], scatter(np.array(scores)))
         error = np.sqrt(np.diag(covariance))
-        told = (error > 0) & (error < UNTOLD)
-        covariance = covariance * np.outer(told, told)
+        identifiable = (error > 0) & (error < UNIDENTIFIABLE)
+        covariance = covariance * np.outer(identifiable, identifiable)
         effect = self._effect(lag, free)
         return Lags(
-            lag=np.where(told, lag, 0.0),
-            standard_error=np.where(told, error, np.nan),
+            lag=np.where(identifiable, lag, 0.0),
+            standard_error=np.where(identifiable, error, np.nan),
             covariance=effect @ covariance @ effect.T,
         )
 
@@ -223,7 +223,7 @@ class _Likelihood:
     def _effect(self, lag: Array, free: Sequence[int]) -> Array:
         """Change of the `free` base parameters by the lags, shape (n_base, n_joints).
 
-        The others are told by measurements without acceleration and held.
+        The others are held: measurements without acceleration identify them.
         """
         side = np.zeros((self._size, self._n))
         for axis in self._axes:

@@ -28,7 +28,7 @@ from hil.results.model import Model
 from hil.results.model_file import NAME as MODEL_NAME
 from hil.results.naming import named
 from hil.results.prediction import predict
-from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
 from hil.runs.pooling import recorded
 
@@ -176,7 +176,7 @@ def _model_note(run: Run) -> str:
 
 
 def _write_figures(folder: Path, drawings: dict[str, Figure]) -> None:
-    with operator_told(folder, "made"):
+    with file_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
     for name, figure in drawings.items():
         write_file(folder / f"{name}.png", image(figure, "png"))

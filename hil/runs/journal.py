@@ -50,7 +50,7 @@ class BusName(NamedTuple):
 
 
 class Axis(FileModel):
-    """What a drive told about itself."""
+    """What a drive reports of itself."""
 
     name: str
     identity: str

@@ -126,7 +126,7 @@ def test_a_further_kind_passes_dry_run_checks_and_estimate_by_its_entries_alone(
     assert found.p == pytest.approx(TABLE_3_A, rel=1e-2, abs=1e-2)
 
 
-def test_every_group_of_base_parameters_is_served_and_ids_tell_kinds_apart() -> None:
+def test_every_group_of_base_parameters_is_served_and_ids_distinguish_kinds() -> None:
     assert {kind.group for kind in ELEMENT_KINDS.values()} == set(GROUPS)
     letters = [kind.letter for kind in ELEMENT_KINDS.values()]
     assert len(set(letters)) == len(letters)

@@ -164,7 +164,7 @@ def test_the_plant_survives_any_frames_that_an_adapter_may_deliver(
 
 
 @given(st.binary(max_size=64))
-def test_an_emergency_of_any_length_can_be_told(data: bytes) -> None:
+def test_an_emergency_of_any_length_can_be_shown(data: bytes) -> None:
     emergency = decode_emergency(data)
     assert emergency.code == int.from_bytes(data[:2], "little")
     assert f"{emergency.code:04X}" in str(emergency)

@@ -48,7 +48,7 @@ GRID = (6, 5, 5)
 UNCERTAIN = 0.5
 """Relative standard error from which on a time constant is not identifiable."""
 SMALL = 2.0
-"""Effect over its standard error below which there is none to tell a time constant from."""
+"""Effect over its standard error below which it identifies no time constant."""
 FEWEST = 10
 """Levels beyond the number of unknowns that a fit needs."""
 ALONE = 3

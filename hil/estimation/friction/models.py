@@ -66,7 +66,7 @@ class FrictionModel:
     mean_square : float
         Mean quadratic error of the fit [N^2 m^2].
     unidentifiable : tuple of str
-        A sentence for every parameter that the data do not tell.
+        A sentence for every parameter that the data do not identify.
     """
 
     kind: Law
@@ -192,7 +192,7 @@ def _covariance(kind: Law, a: Array, x: Array, left: Array) -> Array:
 
 
 def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> tuple[str, ...]:
-    """Tell which parameters the data do not determine, and why."""
+    """State which parameters the data do not identify, and why."""
     told = []
     error = np.sqrt(np.diag(covariance))
     correlated = correlation_of(covariance)

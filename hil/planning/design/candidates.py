@@ -1,9 +1,9 @@
-"""All measurements that could be made, each with what it would tell and how long it would take.
+"""All measurements that could be made, each with its information and how long it would take.
 
 For every element of g(q) and M(q) the first configurations of its sequence are taken
 (`hil.planning.design.measurable_elements`). Each is planned as a measurement and judged by the
-joint estimator's own information (`hil.planning.prediction.information`), so that kinds can be
-compared with each other: an inertia measurement says a good deal about gravity too.
+simultaneous estimator's own information (`hil.planning.prediction.information`), so that kinds can
+be compared with each other: an inertia measurement says a good deal about gravity too.
 
 Least squares does not weigh noise that differs within an axis, such as friction that wanders. What
 a measurement is worth under its noise is I S^-1 I, with information I and scatter S: less than I
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 EACH = 64
 """Configurations of every element."""
 THINNED = 2
-"""Every so many samples are judged, as means of so many: that is quicker and tells the same."""
+"""Every so many samples are judged, as means of so many: that is quicker and as informative."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,10 +3,10 @@
 Each measurement gives one row of an observation matrix: gravity measurements the row of the
 axis's gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that
 of M_ij, eq. (17), each over the base parameters of its own group and weighted with the axis's
-torque limit, eq. (16). A group's matrix W tells by its rank whether every parameter can be told
-from the others, by its condition number how well the worst combination can, and, with columns
-scaled to unit length, by sqrt(diag((W'W)^-1)) how many times larger a parameter's standard error
-is than if all the others were known.
+torque limit, eq. (16). The rank of a group's matrix W states whether every parameter can be
+distinguished from the others, its condition number how well the worst combination can, and, with
+columns scaled to unit length, sqrt(diag((W'W)^-1)) how many times larger a parameter's standard
+error is than if all the others were known.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Identifiability:
     condition : float
         Ratio of its largest to its smallest singular value; inf where the rank is short.
     poorly_identifiable : tuple of str
-        Parameters that cannot be told from others, or only badly.
+        Parameters that cannot be distinguished from others, or only badly.
     """
 
     group: str

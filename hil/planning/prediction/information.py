@@ -1,9 +1,9 @@
-"""What a measurement will say about all base parameters, friction eliminated.
+"""Information of a measurement about all base parameters, friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
 need no torque (`hil.regression.terms`). So the information X'X, friction's columns projected out of
-X as the joint estimator does it (`hil.estimation.condensed`), is known as soon as the motion is
-planned.
+X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the motion
+is planned.
 
 What torque noise leaves of it is a matter of two more matrices. The estimator is least squares, so
 the covariance of X'e is X' E(e e') X, with e
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Share:
-    """What one axis's torque in one measurement will tell.
+    """Information that one axis's torque in one measurement will add.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Share:
 
 
 def shares(robot: Robot, measurement: Strokes, period: float) -> list[Share]:
-    """What `measurement` will tell, sampled every `period` [s]: one item for each axis it moves."""
+    """Information of `measurement`, sampled every `period` [s]: an item for each axis it moves."""
     planned = forecast(measurement, period)
     found = (_share(robot, planned, axis) for axis in measurement.moved)
     return [share for share in found if share is not None]

@@ -1,6 +1,6 @@
-"""How precisely a plan will tell every base parameter, before anything moves.
+"""How precisely a plan will identify every base parameter, before anything moves.
 
-What the measurements tell is added up as the joint estimator does it
+The information of the measurements is added up as the simultaneous estimator does it
 (`hil.estimation.simultaneous`): each axis weighted with the reciprocal of its torque noise,
 friction eliminated measurement by measurement (`hil.planning.prediction.information`), the common
 terms of each axis as nuisance. With the information N and the covariance S of the noise in the
@@ -12,7 +12,7 @@ A parameter's standard deviation says little by itself. Its effect is the torque
 as share of the torque limit of the axis where that is largest, root mean square over motions that
 use the whole range of the robot. Imprecise is a parameter whose effect is above `IMPRECISE`.
 
-Not counted is what no plan can tell: uncertain torque constants, and a lag of the currents.
+Not counted is what no plan can predict: uncertain torque constants, and a lag of the currents.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ IMPRECISE = 0.001
 """Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
 _INSTANTS = 512
 _LOST = 1e-9
-"""Share of what a combination of parameters would tell if nothing else were unknown, below which
-it counts as not told."""
+"""Share of the information about a combination of parameters, if nothing else were unknown, below
+which it is not identifiable."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Information:
-    """What measurements tell, over base parameters and the axes' common terms.
+    """Information of measurements, over base parameters and the axes' common terms.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Precision:
     names, units : tuple of str
         Of the base parameters.
     deviation : ndarray, shape (n_base,)
-        Standard deviations, inf where nothing tells a parameter.
+        Standard deviations, inf where a parameter is not identifiable.
     effect : ndarray, shape (n_base,)
         Torque that a standard deviation amounts to, as share of the axis's limit.
     source : str
@@ -113,7 +113,7 @@ def predict(
     period : float
         Between samples [s].
     known : Information, optional
-        What earlier measurements tell.
+        Of earlier measurements.
     """
     found = information(robot, measurements, period, noise)
     return precision(robot, found + known if known else found, noise.source)
@@ -135,14 +135,14 @@ def precision(robot: Robot, known: Information, source: str) -> Precision:
 def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
-    """What `measurements` will tell, those of use to the joint estimator."""
+    """Information of those `measurements` that the simultaneous estimator uses."""
     useful = element_measurements(measurements)
     found = (share for m in useful for share in shares(robot, m, period))
     return added_up(robot, found, noise)
 
 
 def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
-    """What shares tell together under `noise`."""
+    """Information of all shares together under `noise`."""
     n = n_unknowns(robot)
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
     for share in found:
@@ -160,7 +160,7 @@ def scatter_of(share: Share, noise: Noise) -> Array:
 
 
 def covariance(known: Information, n_base: int) -> Array:
-    """Covariance of the base parameters, shape (n_base, n_base); inf where nothing tells one."""
+    """Covariance of the base parameters, shape (n_base, n_base); inf where not identifiable."""
     P = without_nuisance(known.matrix, n_base)
     left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
     found = sandwich(inverse(left, _LOST, alone), sandwich(P, known.scatter))

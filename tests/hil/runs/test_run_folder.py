@@ -120,10 +120,10 @@ def test_a_damaged_file_is_set_aside_and_measured_again(
         folder.write(Measured(measurement, recording))
     path = folder.recording_path(gravity)
     path.write_bytes(path.read_bytes()[:keep])
-    told = RunFolder.open(folder.path).set_aside_damaged()
-    assert len(told) == 1
-    assert "g1.h5" in told[0]
-    assert "kept as g1.h5.damaged, will be measured again" in told[0]
+    set_aside = RunFolder.open(folder.path).set_aside_damaged()
+    assert len(set_aside) == 1
+    assert "g1.h5" in set_aside[0]
+    assert "kept as g1.h5.damaged, will be measured again" in set_aside[0]
     assert (folder.path / "recordings" / "g1.h5.damaged").exists()
     assert folder.missing == (gravity, coupling)
 
@@ -190,7 +190,7 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
         RunFolder.open(tmp_path)
 
 
-def test_a_full_disk_is_told_once_and_clearly(
+def test_a_full_disk_is_reported_once_and_clearly(
     folder: RunFolder, recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(handle: int) -> None:
@@ -204,7 +204,7 @@ def test_a_full_disk_is_told_once_and_clearly(
     assert not path.exists()
 
 
-def test_a_place_that_cannot_be_written_is_told(
+def test_a_place_that_cannot_be_written_is_refused(
     tmp_path: Path, small_plan: Plan, manutec: Robot
 ) -> None:
     (tmp_path / "file").write_text("")

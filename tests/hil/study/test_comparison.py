@@ -81,7 +81,7 @@ class TestTruth:
         with pytest.raises(FileError, match="torques: sx4; add what the plant has to the robot"):
             true_parameters(manutec, plant)
 
-    def test_parameters_that_no_torque_tells_do_not_matter(self, manutec, tmp_path):
+    def test_parameters_that_show_in_no_torque_do_not_matter(self, manutec, tmp_path):
         plant = plant_file(tmp_path, "{Izz: 32.015}", "{Izz: 32.015, m: 100, sz: 7}")
         assert true_parameters(manutec, plant) == pytest.approx(TABLE_3_A)
 

@@ -254,7 +254,7 @@ def test_canopens_master_works_with_the_plant_on_a_stock_virtual_bus(
         (["--bus-option", "bitrate"], "key=value"),
     ],
 )
-def test_the_command_tells_what_is_wrong_in_one_line(arguments: list[str], message: str) -> None:
+def test_the_command_states_what_is_wrong_in_one_line(arguments: list[str], message: str) -> None:
     result = CliRunner().invoke(
         command.app, ["--interface", "virtual", "--channel", "x", *arguments]
     )
