@@ -35,6 +35,7 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_lag import find_lags
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
+from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS, shows_element
 
 if TYPE_CHECKING:
@@ -202,20 +203,22 @@ def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
     """
     base = base_parameters(robot)
     condition: dict[str, float] = {}
-    for name, kind in ELEMENT_KINDS.items():
-        columns = list(base.groups[kind.group])
+    for group in GROUPS:
+        columns = list(base.groups[group])
         if not columns:
             continue
-        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind == name]
+        kinds = [name for name, kind in ELEMENT_KINDS.items() if kind.group == group]
+        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
         W = np.array(rows).reshape(len(rows), len(columns))
         sizes = np.linalg.svd(W, compute_uv=False)
         if len(sizes) < len(columns) or sizes[-1] < _RANK * sizes[0]:
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
-                f"{len(rows)} usable {name} measurements do not tell {names} apart; measure more"
-                f" configurations of that kind (see: hil dry-run), or finish the run with --resume"
+                f"{len(rows)} usable {' and '.join(kinds)} measurements do not tell {names} apart;"
+                f" measure more configurations of that kind (see: hil dry-run), or finish the run"
+                " with --resume"
             )
-        condition[kind.group] = float(sizes[0] / sizes[-1])
+        condition[group] = float(sizes[0] / sizes[-1])
     return condition
 
 
