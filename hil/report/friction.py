@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from hil.errors import FileError, Mismatch
 from hil.estimation.friction.history import history
 from hil.estimation.friction.symmetry import BOUND, of_local_values
-from hil.planning.measurement import Friction, of_kind, recorded_as
+from hil.planning.measurement import Friction, recorded_as
 from hil.report import friction_rows
 from hil.report.campaign_rows import when
 from hil.report.plots import friction
@@ -38,8 +38,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def friction_only(run: Run) -> bool:
     """Whether a run measures nothing but friction."""
-    planned = run.plan.measurements
-    return len(of_kind(Friction, planned)) == len(planned)
+    return all(m.kind == "friction" for m in run.plan.measurements)
 
 
 def page(run: Run, recordings: Recordings) -> tuple[str, dict[str, Figure]]:
