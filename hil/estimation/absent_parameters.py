@@ -148,8 +148,8 @@ def examine(robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> ModelE
     whole = complete(robot)
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
-    shares = (np.array(part) for part in zip(*SimultaneousFit(whole, prepared).shares, strict=True))
-    measured = _Measured(*shares_without_nuisance(*shares, len(K)))
+    shares, sides = zip(*SimultaneousFit(whole, prepared).shares, strict=True)
+    measured = _Measured(*shares_without_nuisance(np.array(shares), np.array(sides), len(K)))
     absent, absorbed = _absent(robot, K, stated)
     candidates, unmeasured = _grouped(measured, stated, absent)
     threshold = SIGNIFICANCE / max(len(candidates), 1)
