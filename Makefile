@@ -25,8 +25,12 @@ help:
 demo: $(RUNTIME)
 	@sh examples/demo.sh $(BIN)/hil
 
+# coverage doubles the time of a test, so it is measured in CI alone
 test: lint
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto $(if $(CI),--cov --cov-report=)
+	@$(if $(CI),for package in checked_files hil drivers sim_plant; do \
+		echo "lines covered of $$package: $$($(BIN)/coverage report --include="$$package/*" --format=total) %"; \
+	done,:)
 
 vcan: $(DEV)
 	@sh tools/test_on_vcan.sh
@@ -42,7 +46,7 @@ bench: $(DEV)
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
-	rm -rf .hypothesis
+	rm -rf .hypothesis .coverage .coverage.*
 	find hil drivers sim_plant tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 $(MADE):

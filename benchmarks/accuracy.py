@@ -57,7 +57,7 @@ def measure(seed: int, folder: Path) -> Path:
 def judge(
     run: Path, methods: Sequence[TwoStepMethod], plant: Path | str = ROBOT
 ) -> tuple[dict[TwoStepMethod, Comparison], str]:
-    """Set every method's estimate against the truth; also tell measurements and robot time."""
+    """Set every method's estimate against the truth; also state measurements and robot time."""
     folder = Run.open(run)
     recordings = list(recorded(folder))
     truth = true_parameters(folder.robot, plant)
@@ -110,8 +110,8 @@ def main() -> None:
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             runs = list(pool.map(lambda seed: measure(seed, folder), range(1, given.seeds + 1)))
         judged = [judge(run, methods) for run in runs]
-    for seed, (_, told) in enumerate(judged, start=1):
-        print(f"seed {seed}: {told}")
+    for seed, (_, extent) in enumerate(judged, start=1):
+        print(f"seed {seed}: {extent}")
     for method in methods:
         summarise(method, [found[method] for found, _ in judged])
 

@@ -127,7 +127,7 @@ def measure(folder: Path, name: str, seed: int) -> Path:
     return run
 
 
-def tell(name: str, runs: Sequence[Path]) -> None:
+def print_errors(name: str, runs: Sequence[Path]) -> None:
     """Print the errors of one case."""
     judged = [judge(run, TWO_STEP_METHODS, run.with_suffix(".yaml"))[0] for run in runs]
     for method in TWO_STEP_METHODS:
@@ -135,17 +135,17 @@ def tell(name: str, runs: Sequence[Path]) -> None:
         errors = {g: rms([100 * c.group_error[g] for c in found]) for g in GROUPS}
         errors["torque"] = rms([100 * c.mean_torque_error for c in found])
         targets = CASES[name].targets if method == "improved" else {}
-        told = ", ".join(
+        figures = ", ".join(
             f"{what} {error:.3f}" + (f" ({targets[what]:g})" if what in targets else "")
             for what, error in errors.items()
         )
         inside = 100 * np.mean([c.inside for c in found])
-        print(f"{name}, {method}, {len(runs)} seeds: {told} %; {inside:.1f} % in 95 % intervals")
+        print(f"{name}, {method}, {len(runs)} seeds: {figures} %; {inside:.1f} % in 95 % intervals")
     if name == "default":
-        tell_efficiency(runs[0], [each["improved"] for each in judged])
+        print_efficiency(runs[0], [each["improved"] for each in judged])
 
 
-def tell_efficiency(run: Path, found: Sequence[Comparison]) -> None:
+def print_efficiency(run: Path, found: Sequence[Comparison]) -> None:
     """Print the scatter of the improved method over the Cramer-Rao bound."""
     folder = Run.open(run)
     variance = noise(run.with_suffix(".yaml"))
@@ -168,7 +168,7 @@ def noise(plant: Path) -> NDArray[np.float64]:
     return np.array(white) ** 2 + np.array(step) ** 2 / 12
 
 
-def tell_payload(folder: Path, seeds: Sequence[int]) -> None:
+def print_payload(folder: Path, seeds: Sequence[int]) -> None:
     """Print how well the load is found."""
     robot = load_robot(ROBOT)
     bare = true_parameters(robot, folder / "default" / f"seed-{seeds[0]}.yaml")
@@ -190,7 +190,7 @@ def tell_payload(folder: Path, seeds: Sequence[int]) -> None:
     )
 
 
-def tell_offset(runs: Sequence[Path]) -> None:
+def print_offset(runs: Sequence[Path]) -> None:
     """Print how often the offset is ranked first."""
     found = [evidence_for(diagnose(Run.open(run)), "sy4") for run in runs]
     first = sum(each.first and each.significant for each in found)
@@ -229,11 +229,11 @@ def main() -> None:
             if name == "payload":
                 for seed in seeds:
                     measure(folder, "default", seed)
-                tell_payload(folder, seeds)
+                print_payload(folder, seeds)
             elif name == "offset":
-                tell_offset(runs)
+                print_offset(runs)
             else:
-                tell(name, runs)
+                print_errors(name, runs)
 
 
 if __name__ == "__main__":

@@ -138,15 +138,15 @@ def _line(row: Row) -> str:
         off = "never" if outcome.off_after is None else f"{outcome.off_after:.2f}"
         way = f"{outcome.ways.max():.3f}"
     figures = (stop, off, way, str(len(outcome.unwatched)), str(outcome.flagged))
-    return _cells((case.name, case.does, *figures, _told(outcome)))
+    return _cells((case.name, case.does, *figures, _read_by_operator(outcome)))
 
 
 def _cells(texts: Sequence[str]) -> str:
     return f"| {' | '.join(texts)} |\n"
 
 
-def _told(outcome: Outcome) -> str:
-    lines = dict.fromkeys(filter(None, outcome.told.splitlines()))
+def _read_by_operator(outcome: Outcome) -> str:
+    lines = dict.fromkeys(filter(None, outcome.text.splitlines()))
     return "<br>".join(_shortened(line) for line in lines)
 
 

@@ -1,10 +1,10 @@
 """`hil run` killed with SIGKILL at random moments, and resumed until its campaigns are whole.
 
-Every session is the program itself, forked from here and made to tell one thing more: just before a
-recording is written, its content goes into a pipe. What is in a pipe survives the writer, so this
-process knows what was measured, whatever became of the disk. Killed are sessions some random time
-after a random number of recordings, a third of them within the milliseconds in which a file is
-written, some before their folder is made. When a campaign is whole at last,
+Every session is the program itself, forked from here with one addition: just before a recording is
+written, its content goes into a pipe. What is in a pipe survives the writer, so this process knows
+what was measured, whatever became of the disk. Killed are sessions some random time after a random
+number of recordings, a third of them within the milliseconds in which a file is written, some
+before their folder is made. When a campaign is whole at last,
 
 - every measurement of the plan must have one recording, equal bit by bit to what the session
   that it names had measured;
@@ -142,7 +142,7 @@ def run_and_kill(
 
 
 def count(heard: bytes | bytearray) -> int:
-    """Tell how many recordings have been heard of completely."""
+    """Return how many recordings have been heard of completely."""
     return len(witnesses(heard, load=False))
 
 
@@ -190,7 +190,7 @@ def campaign(place: Path, plan: Plan, kills: int, dice: random.Random, found: Fi
 
 
 def moment(folder: Path) -> str:
-    """Tell in what a kill hit, from what it left."""
+    """Find what a kill interrupted, from what it left."""
     if not (folder / "run.json").exists():
         return "before run.json"
     if list(folder.rglob("*.part")):
@@ -231,7 +231,7 @@ def judge(
 
 
 def alike(one: Measured, other: Measured) -> bool:
-    """Tell whether two recordings are equal, bit by bit."""
+    """Return whether two recordings are equal, bit by bit."""
     same = all(
         getattr(one.recording, field.name).tobytes()
         == getattr(other.recording, field.name).tobytes()

@@ -1,6 +1,6 @@
-"""A campaign of two minutes in real time, and whether a sample was lost that no flag tells of.
+"""A campaign of two minutes in real time, and whether a sample was lost or wrong without a flag.
 
-On vcan0, 25 SYNCs a second unless told otherwise; plant and driver are two processes, and candump
+On vcan0, 25 SYNCs a second by default; plant and driver are two processes, and candump
 is the witness: every sample without a flag must be what the drives sent behind that SYNC::
 
     python tools/can_guest.py .venv/bin/python benchmarks/real_time.py [SYNCS_PER_SECOND] [SECONDS]

@@ -152,8 +152,16 @@ def _shown(value: object) -> str:
 
 
 def problems(error: ValidationError) -> list[str]:
-    """State what is wrong with values that come from no file, one line a problem."""
-    return [f"{place(_location(each))}: {_message(each)}" for each in error.errors()]
+    """State what is wrong with values that come from no file, one line a problem.
+
+    That a sequence is too short, since one of its items was refused, is no problem of its own.
+    """
+    wrong = [(_location(each), _message(each)) for each in error.errors()]
+    return [
+        f"{place(at)}: {message}"
+        for at, message in wrong
+        if not any(other[: len(at)] == at != other for other, _ in wrong)
+    ]
 
 
 def place(location: tuple[str | int, ...]) -> str:

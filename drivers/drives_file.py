@@ -223,6 +223,21 @@ class AxisDrive(FileModel):
     acknowledge_timeout: Annotated[float, Field(gt=0, le=60)] = 0.5
     tpdos: Annotated[tuple[Words, ...], Field(min_length=1, max_length=2)] | None = None
 
+    @property
+    def unit(self) -> str:
+        """Unit of its joint coordinate."""
+        return "rad" if self.joint == "revolute" else "m"
+
+    @property
+    def effort_unit(self) -> str:
+        """Unit of its torque, or force."""
+        return "N m" if self.joint == "revolute" else "N"
+
+    @property
+    def label(self) -> str:
+        """How messages name it."""
+        return f"{self.name} (node {self.node})"
+
     @model_validator(mode="after")
     def _current_explained(self) -> Self:
         stated = {

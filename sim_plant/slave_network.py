@@ -1,7 +1,7 @@
 """All drives of the plant on one bus segment: frames in, frames out, and what lets time pass.
 
 Two clocks are possible. With ``"sync"`` time stands still between SYNCs; each SYNC advances the
-machine by the communication cycle period (1006h, the longest that any drive was told), so a master
+machine by the communication cycle period (1006h, the longest that any drive is set to), so a master
 that counts on its SYNC period is as fast as the processor and always gets the same answers. With
 ``"wall"`` somebody calls `elapse`, and a SYNC only latches; masters that send no SYNC need it.
 
@@ -31,7 +31,7 @@ Clock: TypeAlias = Literal["sync", "wall"]
 CLOCKS: tuple[Clock, ...] = ("sync", "wall")
 
 CYCLE_DEFAULT = 0.004
-"""SYNC period while no drive has been told one [s]."""
+"""SYNC period while no drive is set to one [s]."""
 
 FRAME = struct.Struct("=IB3x8s")
 """``struct can_frame``: identifier, length, data."""
@@ -62,7 +62,7 @@ class SlaveNetwork:
     machine : Machine
     clock : {"sync", "wall"}
     cycle : float
-        SYNC period while no drive was told one (1006h) [s].
+        SYNC period while no drive is set to one (1006h) [s].
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class SlaveNetwork:
         self, machine: Machine, clock: Clock = "sync", cycle: float = CYCLE_DEFAULT
     ) -> None:
         self._machine = machine
-        self.cycle = self._untold = cycle
+        self.cycle = self._default_cycle = cycle
         self._clock = clock
         self._timers = Timers()
         self._past: list[Frame] = []
@@ -241,7 +241,7 @@ class SlaveNetwork:
             self._counted = self._on_sync(counter=True)
         self._event_actions = [act for node in self.nodes for act in node.event_actions()]
         longest = max(node.dictionary.get(0x1006) for node in self.nodes)
-        self.cycle = longest * 1e-6 or self._untold
+        self.cycle = longest * 1e-6 or self._default_cycle
 
     def _on_sync(self, *, counter: bool) -> dict[int, _Synced]:
         """What a SYNC with or without counter sets off, by its identifier."""

@@ -65,10 +65,10 @@ class _Path:
 
 
 class IdealBus:
-    """A DriveBus whose axes follow their trapezoids exactly, and that notes what it is told.
+    """A DriveBus whose axes follow their trapezoids exactly, and that notes its commands.
 
     Torque is 10 N m of friction along the motion, 3 N m of load and a little ripple. `tamper` may
-    change each sample before it is handed out, or raise; `deaf` axes take set-points and stay where
+    change each sample before it is returned, or raise; `deaf` axes take set-points and stay where
     they are.
     """
 

@@ -116,12 +116,12 @@ def _virtualises() -> bool:
 
 def _status(shared: Path) -> int:
     status = shared / "status"
-    told = status.read_text().strip() if status.exists() else ""
-    if told.isdigit():
-        return int(told)
-    console = (shared / "console").read_text(errors="replace") if not told else ""
+    written = status.read_text().strip() if status.exists() else ""
+    if written.isdigit():
+        return int(written)
+    console = (shared / "console").read_text(errors="replace") if not written else ""
     last = "; ".join(console.strip().splitlines()[-3:]) or "nothing"
-    if not told:
+    if not written:
         raise Unavailable(f"the guest did not boot; its console's last lines: {last}")
     sys.stderr.write("can_guest: the guest died before the command ended\n")
     return DIED

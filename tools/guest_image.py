@@ -140,6 +140,6 @@ def _apt(folder: Path, *command: str) -> str:
     except FileNotFoundError as error:
         raise Unavailable(f"{command[0]} is missing; Debian's packages cannot be had") from error
     except subprocess.CalledProcessError as error:
-        told = error.stderr.strip().splitlines() or ["no reason told"]
-        raise Unavailable(f"{' '.join(command)}: {told[-1]}") from error
+        reasons = error.stderr.strip().splitlines() or ["it failed without stating a reason"]
+        raise Unavailable(f"{' '.join(command)}: {reasons[-1]}") from error
     return done.stdout

@@ -17,7 +17,7 @@ fi
 # Compiled code is cached for one kind of processor; the guest's is another, so any will do for both.
 # Plug-ins and fixtures that these tests do not need would take the guest half a minute.
 export NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= PYTEST_DISABLE_PLUGIN_AUTOLOAD=1
-tests='.venv/bin/pytest --noconftest -p pytest_rerunfailures tests/test_real_time.py -rs'
+tests='.venv/bin/pytest --noconftest -p pytest_rerunfailures tests/drivers/test_real_time.py -rs'
 if [ -e /sys/class/net/vcan0 ]; then
 	exec $tests -k vcan
 fi

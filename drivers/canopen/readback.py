@@ -94,7 +94,7 @@ class Readback:
 
     def __init__(self, axis: AxisDrive, drives: DrivesFile) -> None:
         scale = AxisScale.of(axis)
-        unit, force = ("rad", "N m") if axis.joint == "revolute" else ("m", "N")
+        unit, force = axis.unit, axis.effort_unit
         self._scale, self._unit = scale, unit
         self._units = {
             Quantity.SPEED: (scale.velocity, f"{unit}/s"),

@@ -77,7 +77,7 @@ class Power:
             self._reset(server, permitted=reset_fault)
         self.switch_off(server)
 
-    def walk(self, goal: State, cycle: Callable[[], None]) -> None:
+    def walk(self, goal: State, cycle: Callable[[], object]) -> None:
         """Bring all drives to `goal` together, one command and one SYNC (`cycle`) at a time.
 
         Raises

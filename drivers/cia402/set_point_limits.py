@@ -46,7 +46,7 @@ def check_move(
     LimitExceeded
         With value, bound and remedy.
     """
-    unit = "rad" if axis.joint == "revolute" else "m"
+    unit = axis.unit
     limits, place = axis.limits, f"joint {number} ({axis.name})"
     if not limits.q_min <= move.target <= limits.q_max:
         side = "q_min" if move.target < limits.q_min else "q_max"

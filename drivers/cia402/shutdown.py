@@ -267,7 +267,7 @@ class Shutdown:
 
     def _judged(self, axis: int, stop: AxisStop, way: float, *, resting: bool) -> Iterable[str]:
         label, bound = self._servers[axis].label, self._axes[axis].position_window
-        unit = "rad" if self._axes[axis].joint == "revolute" else "m"
+        unit = self._axes[axis].unit
         if not resting:
             stop.give_up()
             self._refused[axis] = f"it still moves, by {way:.2g} {unit} until now"
@@ -309,7 +309,7 @@ class Shutdown:
         assert stop.overrun is not None  # noqa: S101 - by the caller
         way, lasted = stop.overrun
         per_count = self._per_count[axis]
-        unit = "rad" if self._axes[axis].joint == "revolute" else "m"
+        unit = self._axes[axis].unit
         shown = "an undefined state" if stop.state is None else stop.state.value
         return (
             f"{self._servers[axis].label}: {lasted:.2g} s after quick stop it shows {shown} and has"

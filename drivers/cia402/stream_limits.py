@@ -63,7 +63,7 @@ def check_path(
     speed = np.diff(still, axis=0) / period
     bend = np.diff(speed, axis=0) / period
     for number, axis in enumerate(axes):
-        limits, unit = axis.limits, "rad" if axis.joint == "revolute" else "m"
+        limits, unit = axis.limits, axis.unit
         place = f"joint {number + 1} ({axis.name})"
         whose = own[number] if own else NONE
         _check_start(place, float(path[0, number]), here[number], axis.position_window, unit)

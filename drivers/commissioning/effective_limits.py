@@ -133,7 +133,7 @@ _KEYS = {objects.MAX_DECELERATION: ("acceleration", _STOP), _QUICK_STOP: (_STOP,
 def _bounds(axis: AxisDrive) -> Iterator[_Bound]:
     """Yield what limits an axis, in the drive's units."""
     scale, limits = AxisScale.of(axis), axis.limits
-    length, force = ("rad", "N m") if axis.joint == "revolute" else ("m", "N")
+    length, force = axis.unit, axis.effort_unit
     velocity, rpm = scale.velocity_to_counts(limits.velocity), 2 * math.pi / 60 / axis.gear_ratio
     speed = math.ceil(limits.velocity / rpm * (1 - 1e-9))
     yield _Bound(_VELOCITY, "velocity", velocity, scale.velocity, f"{length}/s")
@@ -163,7 +163,7 @@ def _range(
     present = [find(entry) for entry in entries]
     if present[0] is not None and present[1] is not None and present[0] < present[1]:
         low, high = max(low, present[0]), min(high, present[1])
-    q_present, unit = _joint(scale, present), "rad" if axis.joint == "revolute" else "m"
+    q_present, unit = _joint(scale, present), axis.unit
     if low >= high:
         raise DriveRefused(
             f"{label}: the drive's own software limits (607D) {q_present} and the drives file's"
@@ -210,7 +210,7 @@ def _too_small(label: str, bound: _Bound, stated: float) -> str:
 
 
 def _slow_stop(label: str, stop: float, axis: AxisDrive) -> str:
-    unit, limits = "rad" if axis.joint == "revolute" else "m", axis.limits
+    unit, limits = axis.unit, axis.limits
     return (
         f"{label}: its quick stop slows down by {stop:.4g} {unit}/s^2 (6085, 60C6), which takes"
         f" {limits.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"

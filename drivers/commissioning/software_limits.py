@@ -48,7 +48,7 @@ def write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry
     kept = [server.kept[entry] for entry in entries]
     if all(taken) or kept == ends:
         return
-    unit = "rad" if axis.joint == "revolute" else "m"
+    unit = axis.unit
     low, high = sorted(scale.position_from_counts(float(end)) for end in kept)
     own, ours = f"[{low:.5g}, {high:.5g}] {unit}", f"[{limits.q_min:g}, {limits.q_max:g}] {unit}"
     if kept[0] >= kept[1]:

@@ -169,7 +169,7 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
         return
     for server, axis, *ends in zip(unpowered.servers, axes, before, after, strict=True):
         sagged = abs(ends[1] - ends[0]) * abs(AxisScale.of(axis).position)
-        unit = "rad" if axis.joint == "revolute" else "m"
+        unit = axis.unit
         yield graded(
             sagged <= axis.position_window,
             Grade.REFUSED,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from drivers.commissioning.verdict import Grade, Verdict
-from drivers.operator_tools.check_motion import force_unit, friction_of, gravity_of
+from drivers.operator_tools.check_motion import friction_of, gravity_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -74,7 +74,7 @@ def judge_direction(
     passed = np.linspace(strokes[0].q[0], strokes[0].move.target, 11)
     right = float(np.mean([_torque(gravity, pose, number, q) for q in passed]))
     wrong = -float(np.mean([_torque(gravity, pose, number, -q) for q in passed]))
-    unit = force_unit(drive)
+    unit = drive.effort_unit
     found = f"gravity {measured:+.3g} {unit}"
     bound = f"model: {right:+.3g} {unit}, turned round {wrong:+.3g} {unit}"
     apart = abs(right - wrong)

@@ -84,9 +84,9 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
         Grade.WARNING if overlap else Grade.REFUSED,
         server.label,
         check,
-        f"[{q_low:.4g}, {q_high:.4g}] {_unit(axis)}",
+        f"[{q_low:.4g}, {q_high:.4g}] {axis.unit}",
         stated,
-        f"the tighter of both holds, [{q_low_held:.4g}, {q_high_held:.4g}] {_unit(axis)}: plan"
+        f"the tighter of both holds, [{q_low_held:.4g}, {q_high_held:.4g}] {axis.unit}: plan"
         " within it, or widen the drive's limits with the maker's tool"
         if overlap
         else "the two have nothing in common: correct sign, zero and gear in the drives file",
@@ -94,7 +94,7 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
 
 
 def _limits(axis: AxisDrive) -> Iterator[_Limit]:
-    scale, limits, unit = AxisScale.of(axis), axis.limits, _unit(axis)
+    scale, limits, unit = AxisScale.of(axis), axis.limits, axis.unit
     rpm, force = 2 * math.pi / 60 / axis.gear_ratio, "N m" if unit == "rad" else "N"
     for entry, key, stated, per_count, of in (
         (objects.MAX_PROFILE_VELOCITY, "velocity", limits.velocity, scale.velocity, f"{unit}/s"),
@@ -135,7 +135,3 @@ def _judge(place: str, limit: _Limit, found: int) -> Verdict:
         if limit.own_holds
         else f"the drive allows less than the file: lower {limit.key}, or the file's is written",
     )
-
-
-def _unit(axis: AxisDrive) -> str:
-    return "rad" if axis.joint == "revolute" else "m"

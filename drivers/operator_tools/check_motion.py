@@ -54,7 +54,7 @@ def judge_rest(
     q, tau : ndarray, shape (n,)
         [rad], [N m]; NaN where TPDOs are missing.
     """
-    unit, force = _units(drive)
+    unit, force = drive.unit, drive.effort_unit
     wander = float(np.nanmax(q) - np.nanmin(q))
     yield graded(
         wander <= drive.position_window,
@@ -108,7 +108,7 @@ def _velocity(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdic
     wanted = strokes[0].move.velocity
     found = [_slope(stroke) for stroke in strokes]
     worst = max(found, key=lambda value: abs(abs(value) - wanted))
-    unit = _units(drive)[0]
+    unit = drive.unit
     return graded(
         abs(abs(worst) - wanted) <= VELOCITY_SAME * wanted,
         Grade.REFUSED,
@@ -122,7 +122,7 @@ def _velocity(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdic
 
 def _current_sign(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
     friction, error = friction_of(strokes)
-    force = _units(drive)[1]
+    force = drive.effort_unit
     found = f"friction {friction:+.3g} ± {error:.2g} {force}"
     bound = "along the motion: positive"
     if not abs(friction) > SIGNIFICANT * error:
@@ -142,7 +142,7 @@ def _current_sign(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Ve
 
 def _following(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
     largest = max(stroke.following_error for stroke in strokes)
-    unit, window = _units(drive)[0], drive.following_error_window
+    unit, window = drive.unit, drive.following_error_window
     if math.isnan(largest):
         return unknown(place, "following error (60F4)", "watch it in the maker's tool")
     return graded(
@@ -195,12 +195,3 @@ def _slope(stroke: Stroke) -> float:
     if np.count_nonzero(use) < 2:
         return math.nan
     return float(np.polyfit(stroke.time[use], stroke.q[use], 1)[0])
-
-
-def force_unit(drive: AxisDrive) -> str:
-    """Return the unit of an axis's torque or force."""
-    return _units(drive)[1]
-
-
-def _units(drive: AxisDrive) -> tuple[str, str]:
-    return ("rad", "N m") if drive.joint == "revolute" else ("m", "N")

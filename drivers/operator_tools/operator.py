@@ -31,7 +31,7 @@ class Operator(Protocol):
     def agrees(self, intent: str) -> bool:
         """Ask before anything is powered; may wait for as long as it takes."""
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Show a line."""
 
     def pressed(self) -> str:
@@ -61,7 +61,7 @@ def answer(bus: DriveBus, operator: Operator, question: str, choices: str) -> st
     StoppedByOperator
         A stop key was pressed instead.
     """
-    operator.tell(question)
+    operator.show(question)
     while True:
         keys = operator.pressed()
         if STOP_KEYS.intersection(keys):

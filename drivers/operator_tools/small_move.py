@@ -151,7 +151,7 @@ class _Watch:
         self._label = label
         self._span = max(1, round(SPEED_TIME / period))
         self._period = period
-        self._unit = "rad/s" if drive.joint == "revolute" else "m/s"
+        self._unit = f"{drive.unit}/s"
         step = 2 * abs(AxisScale.of(drive).position)
         self._way = TOO_FAST * move.velocity * self._span * period + step
         self._commanded = move.velocity

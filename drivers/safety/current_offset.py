@@ -49,10 +49,10 @@ def offsets(
     for axis, current in zip(axes, np.mean(rows, axis=0), strict=True):
         torque = abs(float(current) * AxisScale.of(axis).torque)
         if torque > OFFSET * axis.limits.torque:
-            unit = "N m" if axis.joint == "revolute" else "N"
+            unit = axis.effort_unit
             bound = OFFSET * axis.limits.torque
             found.append(
-                f"{axis.name} (node {axis.node}): {when} its current reads {torque:.3g} {unit}, at "
+                f"{axis.label}: {when} its current reads {torque:.3g} {unit}, at "
                 f"most {bound:.3g} {unit} may be; the torques of this axis carry that offset: have "
                 "it adjusted, and measure the axis again if it was not there from the start"
             )

@@ -125,9 +125,9 @@ class Trips:
         axis = next(i for i, (p, low, high) in enumerate(bounds) if not low <= p <= high)
         to_joint = self._scales[axis].position_from_counts
         ends = sorted((to_joint(self._lows[axis]), to_joint(self._highs[axis])))
-        unit = self._unit(axis)
+        unit = self._axes[axis].unit
         return Tripped(
-            f"{self._label(axis)}: at {to_joint(positions[axis]):.4g} {unit}, outside"
+            f"{self._axes[axis].label}: at {to_joint(positions[axis]):.4g} {unit}, outside"
             f" {ends[0]:.4g} ... {ends[1]:.4g} {unit}, where its set-point leads (following error"
             f" window {self._axes[axis].following_error_window:g} {unit}); check sign, gear ratio,"
             " brake, encoder and load"
@@ -139,9 +139,9 @@ class Trips:
         for axis, velocity in enumerate(self._velocities):
             way = abs(positions[axis] - last[axis])
             if way > velocity * (elapsed + JITTER * self._period):
-                per_count, unit = abs(self._scales[axis].position), self._unit(axis)
+                per_count, unit = abs(self._scales[axis].position), self._axes[axis].unit
                 return Tripped(
-                    f"{self._label(axis)}: {way * per_count:.4g} {unit} in {elapsed:.3g} s is"
+                    f"{self._axes[axis].label}: {way * per_count:.4g} {unit} in {elapsed:.3g} s is"
                     f" {way * per_count / elapsed:.4g} {unit}/s, at most"
                     f" {velocity * per_count:.4g} {unit}/s may be (trip.velocity); the axis runs"
                     " away or its encoder jumps: check encoder cable and tuning"
@@ -156,17 +156,11 @@ class Trips:
             lasted = time - self._since.setdefault(axis, time)
             if lasted > self._axes[axis].trip.torque_time:
                 per_count = abs(self._scales[axis].torque)
-                unit = "N m" if self._axes[axis].joint == "revolute" else "N"
+                unit = self._axes[axis].effort_unit
                 return Tripped(
-                    f"{self._label(axis)}: {abs(current) * per_count:.4g} {unit} for"
+                    f"{self._axes[axis].label}: {abs(current) * per_count:.4g} {unit} for"
                     f" {lasted:.3g} s, more than {bound * per_count:.4g} {unit} may not last longer"
                     f" than {self._axes[axis].trip.torque_time:g} s (trip.torque); the axis is"
                     " blocked or overloaded: check brake, load and obstacles"
                 )
         return None
-
-    def _label(self, axis: int) -> str:
-        return f"{self._axes[axis].name} (node {self._axes[axis].node})"
-
-    def _unit(self, axis: int) -> str:
-        return "rad" if self._axes[axis].joint == "revolute" else "m"

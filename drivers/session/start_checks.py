@@ -55,9 +55,9 @@ def refuse_outside(axes: Sequence[AxisDrive], positions: Sequence[int]) -> None:
             axis.position_window,
         )
         if not limits.q_min - slack <= q <= limits.q_max + slack:
-            unit = "rad" if axis.joint == "revolute" else "m"
+            unit = axis.unit
             outside.append(
-                f"{axis.name} (node {axis.node}): stands at {q:.4g} {unit}, must be in "
+                f"{axis.label}: stands at {q:.4g} {unit}, must be in "
                 f"[{limits.q_min:g}, {limits.q_max:g}] {unit}; bring it back without power or "
                 "with the maker's tool, or correct zero, sign or limits in the drives file"
             )

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, read_text
 from drivers.found_settings.settings_file import load_found_settings
-from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.lock import locked_bus
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def forget_run(interface: str, channel: str, kept: Path) -> None:
     """Withdraw what `name_run` stated, once everything in `kept` has been put back."""
     word = word_file(interface, channel)
     if word.exists() and word.read_bytes() == f"{kept.resolve()}\n".encode():
-        with operator_told(word, "removed"):
+        with file_errors(word, "removed"):
             word.unlink(missing_ok=True)
 
 
@@ -149,5 +149,5 @@ def _remedy(path: Path | str, interface: str, channel: str) -> str:
 
 
 def _make_folder(path: Path) -> None:
-    with operator_told(path.parent, "made"):
+    with file_errors(path.parent, "made"):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -127,7 +127,7 @@ def jog(
     ):
         way, velocity = _si(drive, by), _si(drive, speed)
         stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
-    torque = "N m" if drive.joint == "revolute" else "N"
+    torque = drive.effort_unit
     out.print(
         f"{drive.name}: from {jogging.shown(drive, stroke.q[0])} to"
         f" {jogging.shown(drive, stroke.q[-1])}, torque at most {stroke.peak_torque:.3g} {torque},"

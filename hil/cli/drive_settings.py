@@ -22,7 +22,7 @@ from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil.cli import bus_state, changes_view
 from hil.runs import SIMULATED
-from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.atomic_file import file_errors, write_file
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -148,5 +148,5 @@ def changed_row(entry: Entry, present: int | None, value: int) -> changes_view.O
 
 def _remove_restored(path: Path) -> None:
     if load_found_settings(path).restored:
-        with operator_told(path, "removed"):
+        with file_errors(path, "removed"):
             path.unlink(missing_ok=True)

@@ -93,6 +93,7 @@ def run(
     from hil.cli.robot_drives import load_robots_drives, narrowed, packaged_drives
     from hil.cli.run_session import carry_out, prepare_folder
     from hil.planning.dry_run import dry_run
+    from hil.runs.journal import BusName
 
     the_plan, the_robot = load(plan_file, robot_file, workspace)
     if symmetric is not None:
@@ -117,7 +118,7 @@ def run(
             lambda: open_drive_bus(
                 drives, interface, channel, options, pacing.value, frame_log, keeper
             ),
-            f"{interface} {channel}",
+            BusName(interface, channel),
             out,
             speed if rehearse else None,
             lambda: bus_access.real_time_if(realtime, lock_step=_in_lock_step(interface, pacing)),

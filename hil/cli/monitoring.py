@@ -86,7 +86,7 @@ def _snapshot(picture: BusPicture, drives: DrivesFile) -> monitor_view.Snapshot:
 
 def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.AxisLine:
     silent = monotonic() - axis.heard
-    unit = "N m" if drive.joint == "revolute" else "N"
+    unit = drive.effort_unit
     return monitor_view.AxisLine(
         axis.name,
         str(axis.node),

@@ -70,7 +70,7 @@ def _head(table: Table, group: str, members: Sequence[int]) -> None:
 
 
 def _figure(deviation: float) -> str:
-    return rounded(deviation, deviation) if math.isfinite(deviation) else "not told"
+    return rounded(deviation, deviation) if math.isfinite(deviation) else "not identifiable"
 
 
 def _weight(found: Precision, k: int) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from checked_files.yaml_file import FileError
 from drivers.drives_file import load_drives
 from hil.cli.robot_match import StatedAxis, refuse_contradictions
 from hil.model.robot import ROBOTS
-from hil.runs.atomic_file import operator_told
+from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,7 +41,7 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
         It cannot be used, or contradicts the robot file.
     """
     drives = load_drives(path)
-    with operator_told(path, "read"):
+    with file_errors(path, "read"):
         text = path.read_text(encoding="utf-8")
     axes = [
         StatedAxis(

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
+    from hil.runs.journal import BusName
 
     RealTime = Callable[[], AbstractContextManager[Sequence[str]]]
 
@@ -77,7 +78,7 @@ def prepare_folder(
 def carry_out(
     folder: RunFolder,
     open_bus: Callable[[], DriveBus],
-    bus_name: str,
+    bus_name: BusName,
     out: Console,
     rehearsal: float | None = None,
     real_time: RealTime | None = None,
@@ -103,11 +104,7 @@ def carry_out(
     if not folder.missing and rehearsal is None:
         out.print(f"{folder.path}: nothing is missing", highlight=False, soft_wrap=True)
         return
-    if (
-        rehearsal is None
-        and folder.journal.rehearsed is None
-        and not bus_name.startswith(SIMULATED)
-    ):
+    if rehearsal is None and folder.journal.rehearsed is None and bus_name.interface != SIMULATED:
         out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
     with locked(folder.path):
         _carry_out(folder, open_bus, bus_name, out, rehearsal, real_time)
@@ -116,7 +113,7 @@ def carry_out(
 def _carry_out(
     folder: RunFolder,
     open_bus: Callable[[], DriveBus],
-    bus_name: str,
+    bus_name: BusName,
     out: Console,
     rehearsal: float | None,
     real_time: RealTime | None,
@@ -142,7 +139,7 @@ def _carry_out(
 def _move(
     folder: RunFolder,
     open_bus: Callable[[], DriveBus],
-    bus_name: str,
+    bus_name: BusName,
     out: Console,
     rehearsal: float | None,
     real_time: RealTime | None,

@@ -10,9 +10,9 @@ parameter adds one direction u, its column of K_all,
 
 delta is estimated with everything else at once, by the same least squares as p. Its evidence is
 delta over its standard error, from leaving out one measurement at a time, so that what differs from
-one measurement to the next counts as error (`hil.estimation.subspace_fit`). A direction inside T's
+one measurement to the next counts as error (`hil.regression.uncertainty`). A direction inside T's
 span is absorbed: that parameter cannot show. Directions that agree but for T's span, or that these
-very measurements do not tell apart, stand together as one candidate.
+very measurements do not distinguish, stand together as one candidate.
 
 After the strongest candidate has been taken in, all others are tested anew: what only resembled it
 loses its evidence. This goes on until nothing is significant at `SIGNIFICANCE`, shared out among
@@ -22,16 +22,17 @@ all candidates (Bonferroni).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import linalg
+from scipy import stats
 
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.subspace_fit import SubspaceFit
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
+from hil.regression.least_squares import eliminated, orthonormal, shares_without_nuisance
+from hil.regression.uncertainty import correlation_of, leave_one_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,7 +49,7 @@ SIGNIFICANCE = 0.001
 MOST_STEPS = 6
 """Candidates that are taken in one after the other at most."""
 ALIKE = 0.98
-"""Correlation from which on the measurements do not tell two candidates apart."""
+"""Correlation from which on the measurements do not distinguish two candidates."""
 _SEEN = 1e-4
 """Least share of a direction's information that the stated parameters cannot imitate."""
 _SAME = 1e-6
@@ -108,7 +109,7 @@ class ModelErrors:
     absorbed : tuple of str
         Left-out parameters that cannot show, whatever is measured.
     unmeasured : tuple of str
-        Left-out parameters of which these measurements tell nothing.
+        Left-out parameters that are not identifiable from these measurements.
     threshold : float
         p-value below which a candidate is significant.
     """
@@ -147,11 +148,12 @@ def examine(robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> ModelE
     whole = complete(robot)
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
-    fit = SubspaceFit(SimultaneousFit(whole, prepared), len(K))
+    shares, sides = zip(*SimultaneousFit(whole, prepared).shares, strict=True)
+    measured = _Measured(*shares_without_nuisance(np.array(shares), np.array(sides), len(K)))
     absent, absorbed = _absent(robot, K, stated)
-    candidates, unmeasured = _grouped(fit, stated, absent)
+    candidates, unmeasured = _grouped(measured, stated, absent)
     threshold = SIGNIFICANCE / max(len(candidates), 1)
-    alone = _tested(fit, stated, candidates)
+    alone = _tested(measured, stated, candidates)
     found: list[Candidate] = []
     basis, rest = stated, alone
     while rest and rest[0].p_value < threshold and len(found) < MOST_STEPS:
@@ -159,8 +161,8 @@ def examine(robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> ModelE
         basis = np.column_stack([basis, rest[0].direction])
         taken = [candidate.names for candidate in found]
         left = {names: u for names, u in candidates.items() if names not in taken}
-        rest = _tested(fit, basis, left)
-    value, error, p_value = fit.solve(basis)
+        rest = _tested(measured, basis, left)
+    value, error, p_value = measured.solve(basis)
     n = stated.shape[1]
     return ModelErrors(
         complete=whole,
@@ -182,7 +184,7 @@ def examine(robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> ModelE
 
 def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Columns of K of left-out parameters that can show; names of those that cannot."""
-    inside = linalg.orth(stated)
+    inside, _ = orthonormal(stated)
     shown, absorbed = {}, []
     for name, u in zip(robot.standard_parameters, K.T, strict=True):
         if name in robot.present and name not in robot.ties:
@@ -194,15 +196,33 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
     return shown, tuple(absorbed)
 
 
+class _Measured(NamedTuple):
+    """Shares of all measurements in the normal equations of `complete`'s base parameters."""
+
+    shares: Array
+    sides: Array
+
+    def beside(self, basis: Array, directions: Array) -> tuple[Array, Array]:
+        """Information on `directions` less what `basis` can imitate, (k, k); and all of it."""
+        X, k = np.column_stack([directions, basis]), directions.shape[1]
+        N = X.T @ self.shares.sum(axis=0) @ X
+        return eliminated(N, basis.shape[1])[0], N[:k, :k]
+
+    def solve(self, basis: Array) -> tuple[Array, Array, Array]:
+        """Coefficients of `basis`, standard errors and p-values, shape (k,) each."""
+        x, covariance, degrees = leave_one_out(basis.T @ self.shares @ basis, self.sides @ basis)
+        error = np.sqrt(np.diag(covariance))
+        return x, error, np.asarray(2 * stats.t.sf(np.abs(x) / error, degrees))
+
+
 def _grouped(
-    fit: SubspaceFit, stated: Array, absent: dict[str, Array]
+    measured: _Measured, stated: Array, absent: dict[str, Array]
 ) -> tuple[dict[tuple[str, ...], Array], tuple[str, ...]]:
-    """Candidates that these measurements tell apart, and names of which they tell nothing."""
+    """Candidates that these measurements distinguish, and names that they do not identify."""
     names, U = list(absent), np.array(list(absent.values())).T.reshape(len(stated), -1)
-    beside, whole = fit.beside(stated, U)
+    beside, whole = measured.beside(stated, U)
     seen = np.diag(beside) > _SEEN * np.diag(whole)
-    size = np.sqrt(np.where(seen, np.diag(beside), np.inf))
-    alike = np.abs(beside / np.outer(size, size)) > ALIKE
+    alike = np.abs(correlation_of(beside)) > ALIKE
     groups: dict[int, list[int]] = {}
     for k in np.flatnonzero(seen):
         first = next((g for g in groups if alike[g, k]), int(k))
@@ -212,14 +232,14 @@ def _grouped(
 
 
 def _tested(
-    fit: SubspaceFit, basis: Array, candidates: dict[tuple[str, ...], Array]
+    measured: _Measured, basis: Array, candidates: dict[tuple[str, ...], Array]
 ) -> list[Candidate]:
     """Every candidate by itself beside `basis`, strongest evidence first."""
     tested = []
     for names, u in candidates.items():
-        own, whole = fit.beside(basis, u[:, np.newaxis])
+        own, whole = measured.beside(basis, u[:, np.newaxis])
         if own[0, 0] > _SEEN * whole[0, 0]:
-            value, error, p_value = fit.solve(np.column_stack([basis, u]))
+            value, error, p_value = measured.solve(np.column_stack([basis, u]))
             tested.append(_candidate(names, u, value[-1], error[-1], p_value[-1]))
     return sorted(tested, key=lambda candidate: (candidate.p_value, -abs(candidate.t)))
 

@@ -7,7 +7,7 @@ regressor for the measured motion of all joints,
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e,
 
 and friction is again fitted for this measurement alone; the columns, and which samples are usable,
-are told in `hil.regression.terms`. The coefficients `a` are eliminated at once by orthogonal
+are those of `hil.regression.terms`. The coefficients `a` are eliminated at once by orthogonal
 projection (Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next.
 
 What is left of thousands of samples is a small information matrix and vector over p and b, which
@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.motors import motor_torque
+from hil.regression.least_squares import eliminated
 from hil.regression.terms import FEWEST, columns, usable
 
 if TYPE_CHECKING:
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from hil.planning.strokes import Strokes
 
     Array = NDArray[np.float64]
-
-_RANK = 1e-12
-"""Relative size below which a combination of friction's columns counts as none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,25 +113,3 @@ def products(
     stacked = s.smoothed(np.column_stack([torques, motor, rows, common, friction]))[used]
     product, rank = eliminated(stacked.T @ stacked, friction.shape[1])
     return product, len(stacked) - rank
-
-
-def eliminated(product: Array, k: int) -> tuple[Array, int]:
-    """Inner products of columns with the span of the last `k` projected out, and its rank.
-
-    Parameters
-    ----------
-    product : ndarray, shape (n + k, n + k)
-
-    Returns
-    -------
-    product : ndarray, shape (n, n)
-    rank : int
-    """
-    n = len(product) - k
-    diagonal = np.diag(product)[n:]
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    sizes, vectors = np.linalg.eigh(product[n:, n:] * np.outer(scale, scale))
-    told = sizes > _RANK * sizes[-1]
-    basis = scale[:, np.newaxis] * vectors[:, told] / np.sqrt(sizes[told])
-    within = product[:n, n:] @ basis
-    return product[:n, :n] - within @ within.T, int(told.sum())

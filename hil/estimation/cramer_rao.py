@@ -1,12 +1,12 @@
-"""The limit: how precisely any unbiased estimator could tell the base parameters.
+"""The limit: how precisely any unbiased estimator could identify the base parameters.
 
 The Cramer-Rao bound of measurements as they were made, for white torque noise of known variance and
 a motion known exactly: the inverse of Fisher's information (Kay, *Fundamentals of Statistical
-Signal Processing*, 1993, chapter 3). What is unknown besides is what the joint estimator takes as
-unknown, friction of each measurement and the common terms of each axis; with friction known the
-bound is lower, and both are told. Every sample of an axis in motion counts, unfiltered, so the
-estimator loses against the bound by its filter, by samples that it leaves out, and by everything
-about friction that is not white.
+Signal Processing*, 1993, chapter 3). What is unknown besides is what the simultaneous estimator
+takes as unknown, friction of each measurement and the common terms of each axis; with friction
+known the bound is lower, and both are stated. Every sample of an axis in motion counts, unfiltered,
+so the estimator loses against the bound by its filter, by samples that it leaves out, and by
+everything about friction that is not white.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.condensed import eliminated
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
+from hil.regression.least_squares import eliminated, inverse
 from hil.regression.terms import columns, n_unknowns, place
 
 if TYPE_CHECKING:
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 MOVING = 0.005
 """Share of the speed limit from which on an axis counts as in motion."""
-_RANK = 1e-10
 
 
 def cramer_rao(
@@ -73,10 +72,7 @@ def cramer_rao(
             information[at] += share / variance[axis]
     if friction_known:
         information = information[:n_base, :n_base]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=_RANK, hermitian=True)
-    least: Array = (inverse * np.outer(scale, scale))[:n_base, :n_base]
-    return least
+    return inverse(information)[:n_base, :n_base]
 
 
 def _share(robot: Robot, s: Signals, axis: int, *, friction_known: bool) -> Array:

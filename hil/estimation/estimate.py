@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.intervals import half_width
+from hil.regression.uncertainty import correlation_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,11 +99,3 @@ class Estimate:
             f"<Estimate of {len(self.p)} base parameters, {self.method} method,"
             f" {self.n_measurements} measurements>"
         )
-
-
-def correlation_of(covariance: Array) -> Array:
-    """Correlations that belong to a covariance; zero where there is no variance."""
-    scale = np.sqrt(np.diag(covariance))
-    scale = np.where(scale > 0, scale, 1.0)
-    found: Array = covariance / np.outer(scale, scale)
-    return found

@@ -1,10 +1,10 @@
 """The paper's Fig. 7: what a left-out centre of mass does to the phase of a gravity torque.
 
 Gravity is linear in the sine and cosine of each joint angle, so the gravity torque of one axis over
-the angle of another is a sinusoid, told by its values at three angles. What the robot file leaves
-out shifts it. Every pair of axes is looked at where, of the measured configurations, its stated
-sinusoid is largest, and the one that is shifted most is shown; of several alike the one with the
-weakest motor, whose friction hides least.
+the angle of another is a sinusoid, determined by its values at three angles. What the robot file
+leaves out shifts it. Every pair of axes is looked at where, of the measured configurations, its
+stated sinusoid is largest, and the one that is shifted most is shown; of several alike the one with
+the weakest motor, whose friction hides least.
 
 A measurement at another configuration is brought to the one shown: it is drawn as the extended
 model there, plus what the extended model leaves of it where it was taken, less what it leaves of

@@ -7,14 +7,12 @@ improved
     The condensed measurements of all kinds are added up and solved for all groups at once
     (`hil.estimation.simultaneous`).
     Before, the torque of each axis is shifted by its lag behind the positions, as the measurements
-    themselves tell it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
+    themselves show it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
 
-Standard errors come from leaving out one measurement at a time (the delete-one jackknife, Efron and
-Tibshirani, *An Introduction to the Bootstrap*, 1993, chapter 11): how much the result depends on
-which measurements happened to be taken holds whatever differs from one measurement to the next,
-noise, drift or a misfit of the friction terms, and assumes nothing about any of them. If few
-measurements carry a parameter the standard error is itself uncertain, so each parameter has its
-effective degrees of freedom, (sum d^2)^2 / sum d^4 - 1 of the changes d.
+Standard errors come from leaving out one measurement at a time (the jackknife of
+`hil.regression.uncertainty`): they hold whatever differs from one measurement to the next, noise,
+drift or a misfit of the friction terms, and assume nothing about any of them. If few measurements
+carry a parameter its standard error is itself uncertain; it has fewer degrees of freedom.
 
 Two errors cannot show in the data, however long one measures: those of the torque constants and of
 the rotor inertias. Where the robot file states their uncertainty it is carried to the parameters.
@@ -35,7 +33,10 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_lag import find_lags
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
+from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS, shows_element
+from hil.regression.least_squares import undetermined
+from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -56,7 +57,8 @@ if TYPE_CHECKING:
 
 TwoStepMethod = Literal["improved", "printed"]
 TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
-_RANK = 1e-8
+_FEWEST_DEGREES = 2.0
+"""Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
 
 
 class ParameterSolver(Protocol):
@@ -113,15 +115,15 @@ def _estimate(
         TwoStep(robot, fits) if method == "printed" else SimultaneousFit(robot, prepared)
     )
     p = solver.solve()
-    covariance, degrees = jackknife(solver, p)
+    changes = np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
     local = tuple(each.at(p) for each in fits)
     relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
     carried = solver.sensitivity() * relative
     return Estimate(
         method=method,
         p=p,
-        covariance=covariance if lags is None else covariance + lags.covariance,
-        degrees_of_freedom=degrees,
+        covariance=jackknife(changes) + (0.0 if lags is None else lags.covariance),
+        degrees_of_freedom=effective_degrees(changes**2, _FEWEST_DEGREES),
         drive_covariance=carried @ carried.T,
         drive_effect=carried,
         residual=_residual(robot, local),
@@ -172,16 +174,6 @@ def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[
     return found, left_out
 
 
-def jackknife(solver: ParameterSolver, p: Array) -> tuple[Array, Array]:
-    """Covariance of `p` and effective degrees of freedom of its diagonal."""
-    n = solver.n_measurements
-    changes = np.array([solver.solve(without) for without in range(n)]) - p
-    covariance = (n - 1) / n * changes.T @ changes
-    squares, fourths = (changes**2).sum(axis=0), (changes**4).sum(axis=0)
-    effective = squares**2 / np.maximum(fourths, np.finfo(float).tiny)
-    return covariance, np.clip(effective - 1.0, 2.0, n - 1.0)
-
-
 def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
     """Root mean square of what the local models of inertia and coupling leave of each axis."""
     found = np.full(robot.n_joints, np.nan)
@@ -202,20 +194,21 @@ def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
     """
     base = base_parameters(robot)
     condition: dict[str, float] = {}
-    for name, kind in ELEMENT_KINDS.items():
-        columns = list(base.groups[kind.group])
+    for group in GROUPS:
+        columns = list(base.groups[group])
         if not columns:
             continue
-        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind == name]
+        kinds = [name for name, kind in ELEMENT_KINDS.items() if kind.group == group]
+        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
         W = np.array(rows).reshape(len(rows), len(columns))
-        sizes = np.linalg.svd(W, compute_uv=False)
-        if len(sizes) < len(columns) or sizes[-1] < _RANK * sizes[0]:
+        if undetermined(W.T @ W).any():
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
-                f"{len(rows)} usable {name} measurements do not tell {names} apart; measure more"
-                f" configurations of that kind (see: hil dry-run), or finish the run with --resume"
+                f"{len(rows)} usable {' and '.join(kinds)} measurements do not identify {names};"
+                " measure more configurations of that kind (see: hil dry-run), or finish the run"
+                " with --resume"
             )
-        condition[kind.group] = float(sizes[0] / sizes[-1])
+        condition[group] = float(np.linalg.cond(W))
     return condition
 
 

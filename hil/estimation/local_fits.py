@@ -26,6 +26,7 @@ from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
+from hil.regression.least_squares import orthonormal
 from hil.regression.terms import SLOW
 
 if TYPE_CHECKING:
@@ -138,10 +139,8 @@ def _mass_element(
             " with a longer stroke or a higher velocity"
         )
     C = s.filtered(_sides(robot, s, element[0]))[used]
-    scale = np.linalg.norm(W, axis=0)
-    W, scale = W / np.where(scale > 0, scale, 1.0), np.where(scale > 0, scale, 1.0)
-    inverse = np.linalg.pinv(W.T @ W)
-    pr = inverse @ (W.T @ C)
+    Q, root = orthonormal(W)
+    pr = root @ (Q.T @ C)
     left = C - W @ pr
     weight = s.qdd[used, element[1]] ** 2
     rows = _inertia_rows(robot, s, *element)[used]
@@ -152,10 +151,10 @@ def _mass_element(
         partner=element[1],
         q=_mean_q(s, used),
         time=float(s.time.mean()),
-        sides=pr[0] / scale[0],
-        friction=(levels / scale) @ pr,
+        sides=pr[0],
+        friction=levels @ pr,
         gram=left.T @ left / (len(W) - W.shape[1]),
-        leverage=float(np.sqrt(inverse[0, 0])) / scale[0],
+        leverage=float(np.linalg.norm(root[0])),
         row=weight @ rows / weight.sum(),
     )
 

@@ -28,7 +28,7 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import MINUTE, Noise, stated_noise
 from hil.planning.prediction.precision import added_up
-from hil.regression.least_squares import solved
+from hil.regression.least_squares import inverse_root, solved
 from hil.regression.terms import FEWEST, place, usable
 from hil.regression.window import noise_gain
 
@@ -54,7 +54,7 @@ WANDER_SPREAD = 2.0
 
 
 class Levels(NamedTuple):
-    """Noise as a campaign shows it, and what the campaign tells under it."""
+    """Noise as a campaign shows it, and the campaign's information under it."""
 
     noise: Noise
     known: Information
@@ -82,7 +82,7 @@ class _Sums(NamedTuple):
 
 def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     """Find the noise of each axis from prepared measurements."""
-    used = [(m, s) for m, s in prepared if _is_told(robot, m, s)]
+    used = [(m, s) for m, s in prepared if _is_used(robot, m, s)]
     joint = SimultaneousFit(robot, used)
     pieces = list(_pieces(robot, used, joint))
     expected = stated_noise(robot)
@@ -93,11 +93,11 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
         found.append(_likeliest(sums, float(level), float(expected.walk[axis])))
     a, b = np.array(found).T
     noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
-    told = (replace(each.foreseen, information=each.measured.information) for each in pieces)
-    return Levels(noise, added_up(robot, told, noise))
+    measured = (replace(each.foreseen, information=each.measured.information) for each in pieces)
+    return Levels(noise, added_up(robot, measured, noise))
 
 
-def _is_told(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
+def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
     """Whether the estimator uses `measurement` at all."""
     used = (s.valid & usable(robot, s, axis) for axis in measurement.moved)
     return any(each.sum() >= FEWEST for each in used)
@@ -115,7 +115,7 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) ->
     """Sums of each axis, one for each kind of measurement that it moved in."""
     n_base = len(base_parameters(robot))
     x, inverse = _solution(joint)
-    metric = np.linalg.cholesky(np.linalg.inv(inverse[:n_base, :n_base])).T
+    metric = inverse_root(inverse[:n_base, :n_base]).T
     squares: dict[tuple[int, str], list[Array]] = defaultdict(list)
     for piece in pieces:
         item, at = piece.measured, place(robot, piece.measured.axis)

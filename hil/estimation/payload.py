@@ -23,11 +23,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import stats
 
 from hil.errors import NoLoad
 from hil.model.base_parameters import base_parameters
 from hil.model.robot_file import LINK_PARAMETERS
+from hil.regression.least_squares import inverse_root, orthonormal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -171,11 +172,9 @@ def estimate_payload(
     known = np.zeros(10)
     if mass is not None:
         known[MASS], free = mass, _but_mass(free)
-    white = linalg.solve_triangular(linalg.cholesky(covariance, lower=True), np.eye(len(change)),
-                                    lower=True)  # fmt: skip
-    W = white @ K @ free
-    inverse = np.linalg.pinv(W.T @ W)
-    phi = known + free @ (inverse @ W.T @ (white @ (change - K @ known)))
+    white = inverse_root(covariance).T
+    Q, root = orthonormal(white @ K @ free)
+    phi = known + free @ (root @ Q.T @ (white @ (change - K @ known)))
     left = white @ (change - K @ phi)
     last = [name[: -len(str(robot.n_joints))] for name in robot.present if _of_last(robot, name)]
     return Payload(
@@ -186,11 +185,11 @@ def estimate_payload(
         expected=K @ phi,
         covariance=covariance,
         phi=phi,
-        phi_covariance=free @ inverse @ free.T,
+        phi_covariance=free @ root @ root.T @ free.T,
         stated_mass=mass,
         unseen=tuple(name for name in LINK_PARAMETERS if name not in last),
         chi_squared=float(left @ left),
-        degrees_of_freedom=len(change) - int(np.linalg.matrix_rank(W)),
+        degrees_of_freedom=len(white) - Q.shape[1],
     )
 
 

@@ -2,8 +2,8 @@
 
 A torque constant that is off by a share epsilon makes all torques of its axis wrong by that share
 and shows in no residual of a run: the base parameters take it up. The change that a known mass
-brings about is known too, however, so two runs, with and without it, tell. With s = 0 and 1 for
-the run without and with the load, the torque read on axis a is
+brings about is known too, however, so two runs, with and without it, identify the constant. With
+s = 0 and 1 for the run without and with the load, the torque read on axis a is
 
     Q = (1 + epsilon_a) [(1 + rho_a) Qm + A (p + s K_n phi)] + friction + common terms,
 
@@ -24,7 +24,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.payload import MASS, load_columns
+from hil.regression.least_squares import solved
 from hil.regression.terms import N_COMMON
+from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,10 +41,9 @@ if TYPE_CHECKING:
 
 WEAK_PRIOR = 0.5
 """Standard deviation of the gains before any measurement, so that none is undetermined."""
-UNTOLD = 0.1
-"""Standard error from which on the load does not tell a gain."""
+UNIDENTIFIABLE = 0.1
+"""Standard error from which on a gain is not identifiable from the load."""
 _EXACT = 1e-6
-_RIDGE = 1e-9
 _ROUNDS = 8
 
 
@@ -68,10 +69,10 @@ class Gains:
     p: Array
 
     @property
-    def told(self) -> NDArray[np.bool_]:
-        """Which gains the load tells, shape (n_joints,)."""
-        known: NDArray[np.bool_] = self.standard_error < UNTOLD
-        return known
+    def identifiable(self) -> NDArray[np.bool_]:
+        """Which gains the load identifies, shape (n_joints,)."""
+        found: NDArray[np.bool_] = self.standard_error < UNIDENTIFIABLE
+        return found
 
 
 def drive_gains(
@@ -96,15 +97,15 @@ def drive_gains(
     theta[: model.n_base] = without.solve()
     for _ in range(_ROUNDS):
         scores, information = model.scores(theta, measured)
-        theta = theta + np.linalg.solve(information, scores.sum(axis=0) - model.prior * theta)
+        theta = theta + solved(information, scores.sum(axis=0) - model.prior * theta)
     scores, information = model.scores(theta, measured)
-    inverse = np.linalg.inv(information)
-    change = scores @ inverse
-    covariance = change.T @ change + inverse * model.stated @ inverse
-    error = theta[model.gains]
-    scatter = np.sqrt(np.diag(covariance)[model.gains])
+    meat = scatter(scores) + np.diag(model.stated)
+    inverse = solved(information, np.eye(model.size))
+    covariance = sandwich(inverse[model.gains], meat)
+    error, standard_error = theta[model.gains], np.sqrt(np.diag(covariance))
     constant = robot.torque_constant / (1 + error)
-    return Gains(error, scatter, constant, constant / (1 + error) * scatter, theta[: model.n_base])
+    constant_error = constant / (1 + error) * standard_error
+    return Gains(error, standard_error, constant, constant_error, theta[: model.n_base])
 
 
 class _Bilinear:
@@ -125,7 +126,7 @@ class _Bilinear:
         self._rotors = self.gains + self._n
         self._common = first + 2 * self._n
         self.size = self._common + 2 * self._n * N_COMMON
-        self.prior = np.full(self.size, _RIDGE)
+        self.prior = np.zeros(self.size)
         self.prior[self.gains] = WEAK_PRIOR**-2
         spread = np.maximum(robot.rotor_inertia_uncertainty, _EXACT)
         self.prior[self._rotors] = spread**-2

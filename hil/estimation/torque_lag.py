@@ -9,8 +9,8 @@ axis a taken delta_a later, all axes together minimise
 the improved method's own least squares. The torque at any shift is a combination of the torques
 shifted by whole samples, so all that J needs is condensed once (`hil.estimation.condensed`), and
 searching costs next to nothing. Measurements of inertia alone are used: where nothing accelerates
-nothing tells time. Most is told by the corners of the trapezoids, which the estimate itself leaves
-out, because there it takes the lag to be known. Weights are the reciprocal residual variances,
+no lag shows. It shows most at the corners of the trapezoids, which the estimate itself leaves out,
+because there it would have to know the lag. Weights are the reciprocal residual variances,
 which maximises the likelihood.
 
 Standard errors come from the scores of the measurements (sandwich). What an error of the lags does
@@ -29,7 +29,9 @@ from hil.estimation.condensed import products
 from hil.estimation.signals import interpolation
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL
+from hil.regression.least_squares import eliminated, inverse
 from hil.regression.terms import FEWEST, moving, n_unknowns, place
+from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,14 +47,15 @@ if TYPE_CHECKING:
 
 EARLIEST, LATEST = -0.002, 0.012
 """Range that is searched [s]."""
-UNTOLD = 0.0005
+UNIDENTIFIABLE = 0.0005
 """Standard error from which on a lag is taken as zero [s]."""
 THINNED = 3
 """Every so many samples are used: smoothed ones next to each other say the same."""
 _GRID = 57
 _ROUNDS = 3
-_RIDGE = 1e-9
-_TOLD = 1e-6
+_RANK = 1e-6
+"""Least share of information that counts: measurements of inertia show some combinations of
+parameters so faintly that these would follow the corners of the motion as the lag does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,9 +65,9 @@ class Lags:
     Attributes
     ----------
     lag : ndarray, shape (n_joints,)
-        Positive where the torque is late [s]; zero where the measurements do not tell.
+        Positive where the torque is late [s]; zero where it is not identifiable.
     standard_error : ndarray, shape (n_joints,)
-        [s]; NaN where the measurements do not tell.
+        [s]; NaN where the lag is not identifiable.
     covariance : ndarray, shape (n_base, n_base)
         Of the base parameters, from the lags' errors.
     """
@@ -151,7 +154,7 @@ class _Likelihood:
     def lags(self, lag: Array, free: Sequence[int]) -> Lags:
         """Uncertainty of the lags and what it means for the base parameters."""
         x, n = self._solution(lag), self._n
-        information = _RIDGE * np.eye(n + self._size)
+        information = np.zeros((n + self._size, n + self._size))
         scores = []
         for item in self._items:
             J = np.zeros((len(item.product), n + self._size))
@@ -161,18 +164,14 @@ class _Likelihood:
             w = self._weight[item.axis]
             scores.append(w * J.T @ item.product @ c)
             information += w * J.T @ item.product @ J
-        scale = 1 / np.sqrt(np.diag(information))
-        inverse = np.linalg.pinv(information * np.outer(scale, scale), hermitian=True)
-        inverse = inverse * np.outer(scale, scale)
-        change = (np.array(scores) @ inverse)[:, :n]
-        covariance = change.T @ change
+        covariance = sandwich(inverse(information)[:n], scatter(np.array(scores)))
         error = np.sqrt(np.diag(covariance))
-        told = (error > 0) & (error < UNTOLD)
-        covariance = covariance * np.outer(told, told)
+        identifiable = (error > 0) & (error < UNIDENTIFIABLE)
+        covariance = covariance * np.outer(identifiable, identifiable)
         effect = self._effect(lag, free)
         return Lags(
-            lag=np.where(told, lag, 0.0),
-            standard_error=np.where(told, error, np.nan),
+            lag=np.where(identifiable, lag, 0.0),
+            standard_error=np.where(identifiable, error, np.nan),
             covariance=effect @ covariance @ effect.T,
         )
 
@@ -197,14 +196,13 @@ class _Likelihood:
 
     def _form(self) -> Array:
         """Q of J = c'Qc, the weights of all axes' torques and motors being c."""
-        Q = np.zeros((self._n * self._k, self._n * self._k))
-        V = np.zeros((self._size, self._n * self._k))
+        n = self._n * self._k
+        product = np.zeros((n + self._size, n + self._size))
         for axis in self._axes:
-            own = slice(axis * self._k, (axis + 1) * self._k)
-            product = self._weight[axis] * self._total[axis]
-            Q[own, own] = product[: self._k, : self._k]
-            V[self._place(axis), own] = product[self._k :, : self._k]
-        return Q - V.T @ _solve(self._information(), V)
+            own = np.arange(axis * self._k, (axis + 1) * self._k)
+            at = np.concatenate([own, n + self._place(axis)])
+            product[np.ix_(at, at)] += self._weight[axis] * self._total[axis]
+        return eliminated(product, self._size, _RANK)[0]
 
     def _weigh(self, lag: Array) -> None:
         """Weights from the residuals at these lags."""
@@ -220,12 +218,12 @@ class _Likelihood:
         for axis in self._axes:
             rows = self._weight[axis] * self._total[axis][self._k :, : self._k]
             side[self._place(axis)] += rows @ self._coefficients(lag[axis])
-        return _solve(self._information(), side)
+        return inverse(self._information(), _RANK) @ side
 
     def _effect(self, lag: Array, free: Sequence[int]) -> Array:
         """Change of the `free` base parameters by the lags, shape (n_base, n_joints).
 
-        The others are told by measurements without acceleration and held.
+        The others are held: measurements without acceleration identify them.
         """
         side = np.zeros((self._size, self._n))
         for axis in self._axes:
@@ -233,7 +231,7 @@ class _Likelihood:
             side[self._place(axis), axis] += rows @ self._slope(lag[axis])
         kept = np.concatenate([np.asarray(free, int), np.arange(self._n_base, self._size)])
         effect = np.zeros((self._size, self._n))
-        effect[kept] = _solve(self._information()[np.ix_(kept, kept)], side[kept])
+        effect[kept] = inverse(self._information()[np.ix_(kept, kept)], _RANK) @ side[kept]
         return effect[: self._n_base]
 
     def _information(self) -> Array:
@@ -261,12 +259,3 @@ class _Likelihood:
 
     def _place(self, axis: int) -> NDArray[np.intp]:
         return place(self._robot, axis)
-
-
-def _solve(N: Array, side: Array) -> Array:
-    """Solve normal equations scaled to a unit diagonal; what nothing tells stays zero."""
-    diagonal = np.diag(N)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    inverse = np.linalg.pinv(N * np.outer(scale, scale), rcond=_TOLD, hermitian=True)
-    solution: Array = ((inverse @ (side.T * scale).T).T * scale).T
-    return solution

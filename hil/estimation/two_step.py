@@ -17,6 +17,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS
+from hil.regression.least_squares import fitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,5 +74,5 @@ class TwoStep:
                 weight = self._weight[rows]
                 C = weight * (values[rows] - self._rows[rows] @ p)
                 W = weight[:, np.newaxis] * self._rows[np.ix_(rows, columns)]
-                p[columns] = np.linalg.lstsq(W, C, rcond=None)[0]
+                p[columns] = fitted(W, C)
         return p

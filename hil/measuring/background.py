@@ -71,8 +71,8 @@ class Background:
         """
         self._tasks.put(None)
         self._worker.join()
-        told = 0 if exc else 1
-        for error in self._failed[told:]:
+        raised = 0 if exc else 1
+        for error in self._failed[raised:]:
             log.error("%s", error)
         if exc is None:
             self.check()

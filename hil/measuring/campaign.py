@@ -17,6 +17,7 @@ from hil.measuring.checks.axis_limits import limited, refuse_beyond
 from hil.measuring.events import Recorded
 from hil.measuring.rehearsal import rehearse
 from hil.measuring.sequencer import measure, never
+from hil.runs.journal import BusName
 from hil.runs.recording_file import Measured
 from hil.runs.sync_timing import SyncTiming
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 def run_campaign(
     folder: RunFolder,
     bus: DriveBus,
-    bus_name: str = "",
+    bus_name: BusName = BusName(),  # noqa: B008 - immutable
     pause: Callable[[], bool] = never,
     real_time: Sequence[str] = (),
 ) -> Generator[Event]:
@@ -44,8 +45,8 @@ def run_campaign(
         A new one, or one prepared by `RunFolder.set_aside_damaged`.
     bus : DriveBus
         Not entered yet.
-    bus_name : str
-        What the bus is, for the journal: python-can's interface and channel.
+    bus_name : BusName
+        What the bus is, for the journal.
     pause : callable
         See `hil.measuring.sequencer.measure`.
     real_time : sequence of str
@@ -88,7 +89,7 @@ def run_campaign(
 def rehearse_campaign(
     folder: RunFolder,
     bus: DriveBus,
-    bus_name: str,
+    bus_name: BusName,
     speed: float,
     pause: Callable[[], bool] = never,
     real_time: Sequence[str] = (),

@@ -1,4 +1,4 @@
-"""What the sequencer tells while it works.
+"""What the sequencer reports while it works.
 
 `time` is the bus's time, `remaining` the robot time that is expected to be left; both in s. In
 lock-step robot time runs faster than the clock on the wall.

@@ -124,7 +124,7 @@ MANNERS = {
 class _PartnerStrokes:
     """Sends the partner back and forth while the other axis creeps.
 
-    The bus tells only when all axes have arrived, so the partner's turns go by its profile's
+    The bus reports only that all axes have arrived, so the partner's turns go by its profile's
     duration. No stroke begins that would not end before the creeping axis brakes.
     """
 

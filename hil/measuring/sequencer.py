@@ -1,4 +1,4 @@
-"""Carries out a plan on a `DriveBus` and tells what happens, event by event.
+"""Carries out a plan on a `DriveBus` and reports what happens, event by event.
 
 The sequencer runs inside ``with bus:``, whose end stops the axes whatever happened. It never
 sleeps and never asks what is behind the bus. Each measurement is checked as soon as it is

@@ -74,7 +74,7 @@ def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
 
 
 def astray(recording: Recording, trajectory: Trajectory) -> Iterator[Finding]:
-    """Tell where an axis did not follow the path."""
+    """Find where an axis did not follow the path."""
     period = round(recording.period, 9)
     index = np.rint((recording.time - recording.time[0]) / period).astype(int)
     path = trajectory.path(period)

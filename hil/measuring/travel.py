@@ -40,7 +40,7 @@ def locate(bus: DriveBus) -> Sample:
     Raises
     ------
     MoveFailed
-        An axis tells no position within 20 samples.
+        An axis reports no position within 20 samples.
     """
     for _ in range(20):
         sample = bus.sample()

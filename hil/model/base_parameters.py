@@ -1,6 +1,6 @@
-"""Base parameters: the least set of parameters that the torques tell, as readable expressions.
+"""Base parameters: the least set of parameters that the torques depend on, as readable expressions.
 
-The ten standard parameters of each link are more than any motion can tell apart. From the tip down
+The ten standard parameters of each link are more than any motion distinguishes. From the tip down
 each link gives what it can to the link before (`model.transfer`): Gautier and Khalil's regrouping,
 analytic and for any serial chain of revolute and prismatic joints. What is left, in the order of
 eq. (5), heads one base parameter each. Then the robot's own sparsity is put in: absent parameters

@@ -64,7 +64,7 @@ class Dependencies:
 
 
 def find_dependencies(mass: Array, gravity: Array) -> Dependencies:
-    """Tell from `influences` of the base parameters where each one occurs."""
+    """Find from `influences` of the base parameters where each one occurs."""
     return Dependencies(_occurs(mass), _occurs(gravity))
 
 

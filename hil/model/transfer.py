@@ -1,4 +1,4 @@
-"""Which link parameters can move to the link before without any motion telling.
+"""Which link parameters can move to the link before without a change of torque in any motion.
 
 A change of the standard parameters of links j and j-1 shows in no torque if it leaves the kinetic
 energy, and the potential energy up to a constant, as they were for every motion. From the tip down

@@ -144,7 +144,7 @@ def _judge(
     best: Array,
     found: dict[int, Hit],
 ) -> NDArray[np.bool_]:
-    """Note hits in `best` and `found`; tell which cells must be halved."""
+    """Note hits in `best` and `found`; return which cells must be halved."""
     owner, low, high = cells
     middle = sweep.at(owner, (low + high) / 2)
     half = _farthest(middle, sweep.at(owner, low), sweep.at(owner, high))

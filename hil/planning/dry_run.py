@@ -208,7 +208,7 @@ def _check_profile(
 
 
 def _check_window(here: tuple[str | int, ...], measurement: Strokes) -> Iterator[Problem]:
-    """Tell a stroke too short for constant velocity, or for the partner's strokes."""
+    """Find a stroke too short for constant velocity, or for the partner's strokes."""
     if measurement.cruise is None:
         return
     begin, end = measurement.profile(0).window
@@ -224,7 +224,7 @@ def _check_window(here: tuple[str | int, ...], measurement: Strokes) -> Iterator
 
 
 def _angle_remedy(value: float, low: float, high: float, remedy: str) -> str:
-    """Tell who wrote degrees that radians are wanted."""
+    """Return `remedy`, or where degrees seem to have been written the value in radians."""
     if abs(value) > 5 * max(abs(low), abs(high)) and low <= math.radians(value) <= high:
         return f"is it in degrees? then write {math.radians(value):.5g}"
     return remedy

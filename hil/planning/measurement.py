@@ -249,11 +249,6 @@ def element_measurements(measurements: Iterable[Measurement]) -> list[ElementMea
     return [m for m in measurements if shows_element(m)]
 
 
-def of_kind(model: type[M], measurements: Iterable[Measurement]) -> list[M]:
-    """Those of one kind."""
-    return [m for m in measurements if isinstance(m, model)]
-
-
 def recorded_as(model: type[M], recorded: Iterable[tuple[Measurement, T]]) -> list[tuple[M, T]]:
     """Measurements of one kind with what was recorded of them."""
     return [(m, recording) for m, recording in recorded if isinstance(m, model)]

@@ -107,7 +107,7 @@ class Obstacle:
 
 
 def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
-    """Tell all paths of `plan` that come too near to a box of its workspace."""
+    """Find all paths of `plan` that come too near to a box of its workspace."""
     workspace, measurements = plan.workspace, plan.measurements
     if workspace is None:
         return

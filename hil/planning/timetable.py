@@ -1,6 +1,6 @@
 """How long things take: travels between configurations, measurements, a whole plan.
 
-Used by the dry run, which tells it beforehand, and by the sequencer, which tells what is left.
+Used by the dry run, which states it beforehand, and by the sequencer, which states what is left.
 """
 
 from __future__ import annotations

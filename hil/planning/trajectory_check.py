@@ -17,7 +17,7 @@ AT_REST = 1e-3
 
 
 def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Iterator[str]:
-    """Tell what is wrong with a trajectory, sampled every `period` [s].
+    """Find what is wrong with a trajectory, sampled every `period` [s].
 
     Yields
     ------

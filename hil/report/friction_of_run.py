@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hil.errors import FileError, Mismatch
 from hil.estimation.friction.symmetry import BOUND
-from hil.planning.measurement import Friction, of_kind, recorded_as
+from hil.planning.measurement import Friction, recorded_as
 from hil.results.friction import evaluate
 from hil.results.friction_file import load_friction
 
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 def friction_alone(run: Run) -> bool:
     """Whether a run measures nothing but friction."""
-    planned = run.plan.measurements
-    return len(of_kind(Friction, planned)) == len(planned)
+    return all(isinstance(each, Friction) for each in run.plan.measurements)
 
 
 def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:

@@ -17,7 +17,7 @@ from hil.report.plots.style import drawn
 from hil.report.reported_run import identified, read
 from hil.report.sections import OF_CAMPAIGN, OF_FRICTION
 from hil.results.tables.html import environment
-from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def _text(templates: Environment, section: Section) -> str:
 
 
 def _write_figures(folder: Path, plots: Iterable[Plot]) -> None:
-    with operator_told(folder, "made"):
+    with file_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
     for plot in plots:
         write_file(folder / f"{plot.name}.png", plot.image("png"))

@@ -16,6 +16,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
+from hil.regression.least_squares import inverse
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
@@ -184,7 +185,7 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     )
     candidates = [m for m in plan.measurements if m.kind == kind]
     W = group_observations(plan, robot, group)
-    G = np.linalg.pinv(W.T @ W)
+    G = inverse(W.T @ W)
     at = groups[group].index(k)
     gains = (W @ G[:, at]) ** 2 / (1.0 + np.einsum("ij,jk,ik->i", W, G, W)) / G[at, at]
     best = candidates[int(np.argmax(gains))]

@@ -16,10 +16,10 @@ import numpy as np
 
 from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import InvalidArray
-from hil.estimation.estimate import correlation_of
 from hil.estimation.intervals import combined_degrees, half_width
 from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
+from hil.regression.uncertainty import correlation_of
 from hil.results.model_file import NAME, ModelFile
 from hil.results.samples import samples
 from hil.results.tables.parameters import parameters

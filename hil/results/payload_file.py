@@ -192,7 +192,7 @@ def _gains(found: FoundPayload, gains: Gains) -> tuple[GainRecord, ...]:
         GainRecord(
             axis=k + 1,
             assumed=float(assumed),
-            told=bool(gains.told[k]),
+            told=bool(gains.identifiable[k]),
             corrected=float(gains.constant[k]),
             standard_error=float(gains.constant_error[k]),
             error=float(gains.error[k]),

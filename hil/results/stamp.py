@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileModel
-from hil.runs.atomic_file import operator_told
+from hil.runs.atomic_file import file_errors
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _recordings(folder: Run) -> str:
     for measurement in folder.plan.measurements:
         path = folder.recording_path(measurement)
         if path.exists():
-            with operator_told(path, "read"):
+            with file_errors(path, "read"):
                 digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 

@@ -37,7 +37,7 @@ def write_file(path: Path, content: bytes) -> None:
         Disk full, read-only, folder gone.
     """
     part = path.with_name(f"{path.name}.{secrets.token_hex(4)}{PART}")
-    with operator_told(path, "written"):
+    with file_errors(path, "written"):
         try:
             with os.fdopen(os.open(part, _FRESH, 0o666), "wb") as file:
                 file.write(content)
@@ -65,7 +65,7 @@ def own_folder(path: Path) -> None:
         It is a symbolic link, or cannot be made.
     """
     refuse_link(path)
-    with operator_told(path, "made"):
+    with file_errors(path, "made"):
         path.mkdir(exist_ok=True)
 
 
@@ -85,8 +85,8 @@ def refuse_link(path: Path) -> None:
 
 
 @contextmanager
-def operator_told(path: Path, what: str) -> Iterator[None]:
-    """Turn an error of the file system into a `FileError` that names file and reason."""
+def file_errors(path: Path, what: str) -> Iterator[None]:
+    """Raise an error of the file system as a `FileError` that names file and reason."""
     try:
         yield
     except OSError as error:

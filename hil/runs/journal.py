@@ -10,7 +10,7 @@ import platform
 import sys
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -39,8 +39,18 @@ def versions() -> dict[str, str]:
     return found
 
 
+class BusName(NamedTuple):
+    """What a bus is: python-can's interface and channel."""
+
+    interface: str = ""
+    channel: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.interface} {self.channel}".strip()
+
+
 class Axis(FileModel):
-    """What a drive told about itself."""
+    """What a drive reports of itself."""
 
     name: str
     identity: str
@@ -55,6 +65,8 @@ class Session(FileModel):
     ended: str | None = None
     reason: str = "was killed"
     bus: str
+    simulated: bool | None = None
+    """Whether it was the virtual plant's bus; None in files of earlier versions."""
     axes: tuple[Axis, ...] = ()
     sync: SyncTiming = SyncTiming()
     real_time: tuple[str, ...] = ()
@@ -78,7 +90,7 @@ class Journal(FileModel):
     @property
     def simulated(self) -> bool:
         """Whether all of it was measured on the virtual plant."""
-        return bool(self.sessions) and all(s.bus.split()[0] == SIMULATED for s in self.sessions)
+        return bool(self.sessions) and all(_simulated(s) for s in self.sessions)
 
     def with_session(self, session: Session) -> Journal:
         """Return the journal with one more session."""
@@ -88,6 +100,12 @@ class Journal(FileModel):
         """Return the journal with the last session changed."""
         last = self.sessions[-1].model_copy(update=changes)
         return self.model_copy(update={"sessions": (*self.sessions[:-1], last)})
+
+
+def _simulated(session: Session) -> bool:
+    if session.simulated is None:  # a file of an earlier version states the bus's name alone
+        return session.bus.partition(" ")[0] == SIMULATED
+    return session.simulated
 
 
 def axis_records(axes: Sequence[AxisInfo]) -> tuple[Axis, ...]:

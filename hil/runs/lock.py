@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from hil.runs.atomic_file import operator_told
+from hil.runs.atomic_file import file_errors
 
 try:
     import fcntl
@@ -63,7 +63,7 @@ def _held(path: Path, flags: int, refusal: str) -> Iterator[None]:
     if fcntl is None:
         yield
         return
-    with operator_told(path, "locked"):
+    with file_errors(path, "locked"):
         handle = os.open(path, flags, 0o600)
     try:
         try:

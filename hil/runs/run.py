@@ -14,7 +14,7 @@ from checked_files.yaml_file import FileError
 from hil.errors import NotEnoughData, UnknownName
 from hil.model.robot import Robot, load_robot
 from hil.planning.plan import Plan, load_plan
-from hil.runs.atomic_file import operator_told
+from hil.runs.atomic_file import file_errors
 from hil.runs.journal import Journal, read_journal
 from hil.runs.recording_file import Measured, read_measured
 
@@ -163,7 +163,7 @@ class Run:
 
 def digest_of_file(path: Path) -> str | None:
     """SHA-256 of a file, in hexadecimal; None where there is none."""
-    with operator_told(path, "read"):
+    with file_errors(path, "read"):
         return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
 
 

@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.planning.plan import dump_plan
+from hil.runs import SIMULATED
 from hil.runs.atomic_file import (
     PART,
-    operator_told,
+    file_errors,
     own_folder,
     refuse_link,
     whole_name,
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import AxisInfo
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.runs.journal import BusName
     from hil.runs.recording_file import Measured
     from hil.runs.sync_timing import SyncTiming
 
@@ -83,7 +85,7 @@ class RunFolder(Run):
             raise FileError(
                 f"{path}: is there already; go on with --resume, or choose another folder with -o"
             )
-        with operator_told(path, "made"):
+        with file_errors(path, "made"):
             path.mkdir(parents=True, exist_ok=True)
         own_folder(path / "recordings")
         write_file(path / "plan.yaml", dump_plan(plan).encode())
@@ -98,9 +100,9 @@ class RunFolder(Run):
 
     @staticmethod
     def is_stub(path: Path) -> bool:
-        """Tell whether a run folder was killed while it was made: there is nothing to resume."""
+        """Whether a run folder was killed while it was made: there is nothing to resume."""
         recordings = path / "recordings"
-        with operator_told(path, "read"):
+        with file_errors(path, "read"):
             if (path / "run.json").exists() or recordings.is_symlink() or not _is_empty(recordings):
                 return False
             return all(whole_name(entry.name) in _STUB for entry in path.iterdir())
@@ -159,9 +161,9 @@ class RunFolder(Run):
         FileError
             The recordings lie behind a symbolic link, or cannot be renamed.
         """
-        told = []
+        set_aside = []
         refuse_link(self.path / "recordings")
-        with operator_told(self.path / "recordings", "cleaned up"):
+        with file_errors(self.path / "recordings", "cleaned up"):
             for part in (*self.path.glob(f"*{PART}"), *self.path.glob(f"recordings/*{PART}")):
                 part.unlink()
         for measurement in self.plan.measurements:
@@ -171,10 +173,10 @@ class RunFolder(Run):
             try:
                 self.read(measurement)
             except FileError as error:
-                with operator_told(path, "set aside"):
+                with file_errors(path, "set aside"):
                     aside = path.replace(_unused(path))
-                told.append(f"{error}; kept as {aside.name}, will be measured again")
-        return told
+                set_aside.append(f"{error}; kept as {aside.name}, will be measured again")
+        return set_aside
 
     def discard_if_empty(self) -> bool:
         """Remove the folder if nothing was rehearsed or measured; return whether it is gone."""
@@ -184,7 +186,7 @@ class RunFolder(Run):
             return False
         if not self._settings_restored:
             return False
-        with operator_told(self.path, "removed"):
+        with file_errors(self.path, "removed"):
             for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json", _SETTINGS):
                 (self.path / name).unlink(missing_ok=True)
             (self.path / "recordings").rmdir()
@@ -199,15 +201,20 @@ class RunFolder(Run):
         return not path.exists() or load_yaml(path, _FoundSettings).restored
 
     @contextmanager
-    def session(self, bus_name: str, real_time: Sequence[str] = ()) -> Iterator[int]:
+    def session(self, bus_name: BusName, real_time: Sequence[str] = ()) -> Iterator[int]:
         """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
         number = len(self.journal.sessions)
-        started = Session(started=now(), bus=bus_name, real_time=tuple(real_time))
+        started = Session(
+            started=now(),
+            bus=str(bus_name),
+            simulated=bus_name.interface == SIMULATED,
+            real_time=tuple(real_time),
+        )
         self._note(self.journal.with_session(started))
         try:
             yield number
         except BaseException as error:
-            with suppress(FileError):  # a full disk has been told already
+            with suppress(FileError):  # a full disk is reported already
                 self._note(self.journal.with_last(ended=now(), reason=_reason(error)))
             raise
         self._note(self.journal.with_last(ended=now(), reason="finished"))
@@ -223,7 +230,7 @@ class RunFolder(Run):
         self._note(self.journal.model_copy(update={"rehearsed": speed}))
 
     def keep_axes(self, axes: Sequence[AxisInfo]) -> None:
-        """Note what the drives told about themselves; goes to the disk with `save_journal`."""
+        """Note what the drives report of themselves; goes to the disk with `save_journal`."""
         self.journal = self.journal.with_last(axes=axis_records(axes))
 
     def keep_notes(self, notes: Sequence[str]) -> None:
@@ -254,7 +261,7 @@ def _digest(text: str | None) -> str | None:
 
 
 def _is_empty(path: Path) -> bool:
-    with operator_told(path, "read"):
+    with file_errors(path, "read"):
         return path.is_dir() and not any(path.iterdir())
 
 

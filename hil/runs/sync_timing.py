@@ -1,4 +1,4 @@
-"""How well SYNC kept its period while it was recorded, and what got lost: told with every run.
+"""How well SYNC kept its period while it was recorded, and what got lost: stated with every run.
 
 In lock-step nothing can be off. On the wall clock this is what says whether computer and bus were
 up to the rate. Travel between measurements does not count.

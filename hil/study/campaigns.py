@@ -9,7 +9,8 @@ compensated
 warmed
     the same after half an hour of motion, which does not count as measuring time.
 
-Several different trajectories, each optimised from starts of its own, tell more than one repeated.
+Several different trajectories, each optimised from starts of its own, carry more information than
+one repeated.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ KINDS = ("two-step", "trajectory", "compensated", "warmed")
 TRAJECTORIES, PERIOD = 4, 10.0
 """Different ones, and the period of each [s]."""
 SPEEDS, SLOWEST = 12, 0.01
-"""Of the sweep beforehand: creep tells the peak at standstill, which no compensation uses."""
+"""Of the sweep beforehand: creep shows the peak at standstill, which no compensation uses."""
 WARM_UP = 1800.0
 """[s]."""
 TRAVEL_AND_REST = 3.5

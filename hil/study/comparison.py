@@ -1,9 +1,9 @@
-"""Estimate against truth, which only the virtual plant can tell.
+"""Estimate against truth, which is known of the virtual plant only.
 
 Parameters of size 0 have no relative error, so groups are judged by their norm, and the model as
 such by the torques that it predicts on a motion that has nothing to do with the measurements
 (`trajectory`): the rigid-body part, relative to its root mean square. How often intervals of
-95 % hold the truth tells whether the stated uncertainties mean something.
+95 % hold the truth shows whether the stated uncertainties are right.
 """
 
 from __future__ import annotations

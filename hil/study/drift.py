@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from checked_files.yaml_file import FileError
 from hil.model.robot import ROBOTS, load_robot
-from hil.runs.atomic_file import operator_told, own_folder, write_file
+from hil.runs.atomic_file import file_errors, own_folder, write_file
 from hil.study.campaigns import KINDS, campaigns
 from hil.study.cell import Cell, judge, measure
 from hil.study.scenarios import SCENARIOS, write_plant
@@ -95,7 +95,7 @@ def prepare(
     folder.mkdir(parents=True, exist_ok=True)
     _keep(folder / SETTINGS, {"robot": the_robot.digest, "plant": plant, "share": share})
     write_file(folder / "robot.yaml", the_robot.text.encode())
-    with operator_told(drives, "read"):
+    with file_errors(drives, "read"):
         text = drives.read_bytes()
     write_file(folder / "drives.yaml", text)
     for name in scenarios:

@@ -1,7 +1,7 @@
 """What the friction of the plants in a study does: one plant file made of another, key by key.
 
 Two things may spoil an identification, that friction changes while one measures and that it is no
-function of the form assumed. The scenarios tell them apart: "off" has the misfit alone, "on" and
+function of the form assumed. The scenarios distinguish them: "off" has the misfit alone, "on" and
 "strong" have drift besides, "asymmetric" also breaks the assumption of the two-step method, and
 under "load" friction grows with the torque that the gear transmits, which no model of speed holds.
 """
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from checked_files.yaml_file import FileError
-from hil.runs.atomic_file import operator_told, write_file
+from hil.runs.atomic_file import file_errors, write_file
 from hil.study.truth import find_plant
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
         No such plant file, or one that says something else than when the study was begun.
     """
     source = find_plant(plant)
-    with operator_told(source, "read"):
+    with file_errors(source, "read"):
         content = yaml.safe_load(source.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or not isinstance(content.get("axes"), list):
         raise FileError(f"{source}: is no plant file: it has no list of axes")

@@ -154,9 +154,9 @@ def _refuse_other_frames(robot: Robot, plant: _Plant, path: Path) -> None:
 def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> None:
     """Refuse links with parameters that matter and that the robot file calls absent or tied."""
     mass, gravity = influences(robot)
-    told = np.vstack([mass.reshape(-1, standard.size), gravity.reshape(-1, standard.size)])
-    true = told @ standard
-    missed = np.abs(true - told @ base_parameters(robot).placement @ p).max()
+    rows = np.vstack([mass.reshape(-1, standard.size), gravity.reshape(-1, standard.size)])
+    true = rows @ standard
+    missed = np.abs(true - rows @ base_parameters(robot).placement @ p).max()
     if missed > _TOLERANCE * np.abs(true).max():
         names = robot.standard_parameters
         absent = [n for n, v in zip(names, standard, strict=True) if v and n not in robot.present]

@@ -36,7 +36,7 @@ class Keys:
     Attributes
     ----------
     listening : bool
-        Whether keys can come at all; what to tell the operator follows from it.
+        Whether keys can come at all; what the operator is asked follows from it.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:

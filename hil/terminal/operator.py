@@ -47,13 +47,13 @@ class TerminalOperator:
         """Ask before anything is powered; without a terminal a line of standard input counts."""
         if self._agreed:
             return True
-        self.tell(f"{intent} [y/N]")
+        self.show(f"{intent} [y/N]")
         key = self._wait() if self._keys.listening else sys.stdin.readline()[:1]
         if key.lower() == "y" and self._keys.listening:
-            self.tell(HINT)
+            self.show(HINT)
         return key.lower() == "y"
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Show a line."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 

@@ -101,7 +101,7 @@ class _PlainLines:
 
 
 def _notice(event: Event) -> str:
-    """What the operator must be told even when it scrolls by."""
+    """What must be shown to the operator even when it scrolls by."""
     if isinstance(event, Repeated):
         reason = event.findings[0].message
         return f"{event.measurement.id}: attempt {event.attempt} is repeated: {reason}"

@@ -2,7 +2,7 @@
 
 The node never sees a bus. Frames come in through the handlers that `routes` names and go out
 through `emit`; who listens to which identifier changes with NMT state and configuration, so the
-node tells `rewired` and is asked again.
+node calls `rewired` and is asked again.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class CanopenNode:
     emit : callable
         Sends a frame: identifier and data.
     rewired : callable
-        Told when any of `routes`, `remote_routes`, `sync_actions`, `sync_reports`, `event_actions`
-        has changed.
+        Called when any of `routes`, `remote_routes`, `sync_actions`, `sync_reports` and
+        `event_actions` has changed.
     personality : Personality
         Which objects the dictionary shows, and when RPDOs act.
     """

@@ -1,7 +1,7 @@
 """Emergencies of one node (CiA 301): EMCY message, error register 1001h, history 1003h.
 
 An error is raised once and stays active until it is cleared. The error register is the union of all
-active errors' bits. When the last one goes an EMCY with code 0000h tells so.
+active errors' bits. When the last one goes, an EMCY with code 0000h reports it.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Emergencies:
         self._send(code, self._register() | _bits(code))
 
     def clear(self, code: int) -> None:
-        """Take an error back; the last one to go is told to the bus."""
+        """Take an error back; an EMCY reports that the last one has gone."""
         if code in self._active:
             self._active.remove(code)
             if not self._active:

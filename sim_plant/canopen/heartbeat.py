@@ -1,4 +1,4 @@
-"""Heartbeats: each node tells its state (1017h) and watches others (1016h).
+"""Heartbeats: each node reports its state (1017h) and watches others (1016h).
 
 A consumer begins to watch with the first heartbeat that it receives. One that then stays away
 longer than its time is an error until it comes back.
@@ -54,9 +54,9 @@ class HeartbeatConsumer:
     dictionary : ObjectDictionary
     timers : Timers
     lost, returned : callable
-        Told when a watched heartbeat has stayed away, and when all are back.
+        Called when a watched heartbeat has stayed away, and when all are back.
     rewired : callable
-        Told when `watched` has changed.
+        Called when `watched` has changed.
     """
 
     ENTRIES = 4

@@ -46,7 +46,7 @@ class NmtSlave:
     ----------
     node_id : int
     changed : callable
-        Told every new state that services must follow.
+        Called with every new state that services must follow.
     reset : callable
         Resets the node, all of it or its communication only (argument False), ending in boot-up.
     """

@@ -29,7 +29,7 @@ class NodeGuarding:
     answer : callable
         Sends the NMT state with the given toggle bit.
     lost, returned : callable
-        Told when requests have stayed away, and when they are back.
+        Called when requests have stayed away, and when they are back.
 
     Attributes
     ----------

@@ -2,7 +2,7 @@
 
 Every service (SDO, PDO, NMT, the drive profile) meets here. A write from the bus passes access,
 length and range as the EDS states them, then the *guards* of its index, which may refuse it, is
-stored, and then told to the *reactions* of its index. Some personalities round or clip a value
+stored, and then passed to the *reactions* of its index. Some personalities round or clip a value
 before its range is looked at. A value that lives elsewhere, such as the actual position, has a
 *source* that is asked whenever it is read.
 """
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Value: TypeAlias = int | bytes
 RowReader: TypeAlias = "Callable[[], tuple[int, ...]]"
-"""Tells the present values of several objects at once."""
+"""Returns the present values of several objects at once."""
 Hook: TypeAlias = "Callable[[int, int], None]"
 """Called with sub-index and integer value."""
 

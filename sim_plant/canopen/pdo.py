@@ -40,7 +40,7 @@ class Pdo:
     base : int
         Index of the first communication record: 1400h or 1800h; mappings stand 200h behind.
     rewired : callable
-        Told when the identifier or the type has changed.
+        Called when the identifier or the type has changed.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class Report(NamedTuple):
     ----------
     identifier : int
     data : callable
-        Tells the present data.
+        Returns the present data.
     imaged : tuple of (int, str), or None
         Where in the image its values stand and their struct codes; None if some stand elsewhere.
     """
@@ -157,7 +157,7 @@ class Report(NamedTuple):
 
 
 class Tpdo(Pdo):
-    """Objects told by the node."""
+    """Objects that the node transmits."""
 
     def __init__(
         self,

@@ -24,7 +24,7 @@ _HEADER = struct.Struct("<BHB")
 _SIZE = struct.Struct("<I")
 _TOGGLE = 0x10
 _UNDEFINED = b"\xa5"
-"""What stands in bytes that do not count, where nobody is told which those are."""
+"""What stands in bytes that do not count, where the response does not state which those are."""
 
 
 class Transfer(Protocol):

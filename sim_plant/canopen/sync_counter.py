@@ -26,7 +26,7 @@ class SyncCounter:
     dictionary : ObjectDictionary
     emergencies : Emergencies
     rewired : callable
-        Told when `expected` has changed.
+        Called when `expected` has changed.
     """
 
     def __init__(

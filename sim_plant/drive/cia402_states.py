@@ -10,7 +10,7 @@ import enum
 
 
 class State(enum.IntEnum):
-    """States; the value is what the statusword shows in the bits of `STATE_BITS`."""
+    """States; the value is that of the statusword's bits 0 to 3, 5 and 6."""
 
     NOT_READY = 0x00
     SWITCH_ON_DISABLED = 0x40

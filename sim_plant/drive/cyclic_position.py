@@ -4,7 +4,8 @@ Each write of the target position (607Ah) is a set-point; the drive interpolates
 interpolation time period (60C2h, value and power of ten of a second). No handshake. A set-point
 that stays out brings the demand to rest at the last one within a further period. Until the first
 one has come the axis holds where it is, whatever 607Ah said before. Targets outside 607Dh are
-clipped, and halt (bit 8) stops as 605Dh says. Statusword bit 12 tells that set-points are followed.
+clipped, and halt (bit 8) stops as 605Dh says. Statusword bit 12 reports that
+set-points are followed.
 """
 
 from __future__ import annotations

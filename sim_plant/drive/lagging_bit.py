@@ -1,4 +1,4 @@
-"""A bit of the statusword that follows what it tells with a lag, as slow firmware has it."""
+"""A bit of the statusword that follows what it reports with a lag, as slow firmware has it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class LaggingBit:
     rise, fall : float
         How late it is set and cleared [s]; 0 is at once.
     changed : callable
-        Told when `shown` has changed by itself.
+        Called when `shown` has changed by itself.
 
     Attributes
     ----------

@@ -31,7 +31,7 @@ class ModeOfOperation:
     timers : Timers
     personality : Personality
     changed : callable
-        Told when a mode was chosen.
+        Called when a mode was chosen.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Commands to the axis and what is known about their completion.
 
 Whatever was reported before a command says nothing about the command, so each one forgets it; the
-next event or latched reading tells anew.
+next event or latched reading reports it anew.
 """
 
 from __future__ import annotations

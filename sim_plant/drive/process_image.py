@@ -1,9 +1,9 @@
 """What all axes show, side by side, and which of them have news for their drive.
 
 Every SYNC latches all axes, and nearly always nothing has happened that a drive must react to. So
-what each drive already knows is kept here in columns, and one compiled look over all axes tells
+what each drive already knows is kept here in columns, and one compiled look over all axes finds
 whether any has changed its events or left the range of positions in which its drive has nothing to
-tell. `FrameBlock` packs what is shown into the frames that answer a SYNC.
+report. `FrameBlock` packs what is shown into the frames that answer a SYNC.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class ProcessImage:
         place.
     watch : ndarray, shape (3, n_axes)
         `AxisEvent` bits that each drive knows of, and between which positions [increments] there
-        is nothing to tell.
+        is nothing to report.
     """
 
     def __init__(self, n_axes: int) -> None:
@@ -69,7 +69,7 @@ class ProcessImage:
         _latch_and_pack(self.values, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
     def latch(self, readings: Integers) -> bool:
-        """Take what `Machine.read` returned; tell whether any axis has news."""
+        """Take what `Machine.read` returned; return whether any axis has news."""
         return _latch_and_pack(readings, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
     def news(self) -> list[int]:

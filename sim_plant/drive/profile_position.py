@@ -1,7 +1,7 @@
 """Profile position mode (CiA 402, mode 1): set-points, their handshake, halt, target reached.
 
-A rising edge of controlword bit 4 hands over target, velocity, acceleration and deceleration as
-they stand at that moment; statusword bit 12 acknowledges. With bit 5 (change immediately) the
+A rising edge of controlword bit 4 sets target, velocity, acceleration and deceleration as they
+stand at that moment; statusword bit 12 acknowledges. With bit 5 (change immediately) the
 set-point replaces the present one at once, otherwise it waits in a buffer of one until the present
 one is done; bit 12 falls when bit 4 has fallen and the buffer is free. A set-point that comes while
 the buffer is full is not taken. Some drives have no buffer and acknowledge until the target is
@@ -31,7 +31,7 @@ TARGET_MIN, TARGET_MAX = -(2**31), 2**31 - 1
 
 
 class SetPoint(NamedTuple):
-    """What one edge of bit 4 handed over [increments, increments/s, increments/s^2]."""
+    """Set-point of one rising edge of bit 4 [increments, increments/s, increments/s^2]."""
 
     target: int
     velocity: float

@@ -106,7 +106,7 @@ class MasterHeartbeatLost(Injection):
 
 
 class TransmitOutage(Injection):
-    """Our adapter takes no frame, but hands over what arrives."""
+    """Our adapter sends no frame, but receives whatever arrives."""
 
     def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
         """Refuse it."""

@@ -33,7 +33,7 @@ class Progress:
 
 
 class Watch:
-    """Tells whether a fault is present."""
+    """Finds out whether a fault is present."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault

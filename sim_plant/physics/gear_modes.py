@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Arm = tuple[tuple[int, ...], Array, Array, Array]
 
 FOLLOWED = 0.8
-"""Largest eigenvalue that is let pass: configurations between those tried may be faster."""
+"""Largest eigenvalue that is accepted: configurations between those tried may be faster."""
 CONFIGURATIONS = 300
 
 

@@ -7,7 +7,7 @@ moment and inertia about the frame's origin; so a set of base parameters without
 link as a real body. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d) Rz(q) Tz(r)`` takes
 link i-1 to link i, and each link's vectors are expressed in its own frame.
 
-Joint indices are handed over as a tuple because the length of a tuple is part of its type: the
+Joint indices are passed as a tuple because the length of a tuple is part of its type: the
 compiler then unrolls all loops for this very arm, and the dynamics take two thirds of the time.
 
 Nothing is shared with the model that the identification uses: two derivations, two programs.

@@ -1,8 +1,8 @@
 """Where everything about an axis stands in the arrays that the compiled loop works on.
 
 One row an axis, one column a quantity: a compiled function takes two arrays instead of fifty
-arguments, and the whole state of the plant can be copied or compared in one statement. `CONST` is
-fixed when the plant is built, `STATE` is what time changes, `PROFILE` is the trapezoid under way.
+arguments, and the whole state of the plant can be copied or compared in one statement. `const` is
+fixed when the plant is built, `state` is what time changes, `profile` is the trapezoid under way.
 All joint side, SI.
 """
 

@@ -5,9 +5,9 @@ switches the plant on, the last one shut down switches it off; all buses of one 
 channel share it and see each other's frames as well as the drives', so that a logger can listen
 beside a master.
 
-`PlantBus.lock_step` tells a master whether the plant keeps step with its SYNC: whatever the drives
+`PlantBus.lock_step` states whether the plant keeps step with a master's SYNC: whatever the drives
 have to say to a frame is in the receive queue before `send` returns. Such a master may also take
-the answers to a SYNC as one block, the way a kernel hands frames over: see `PlantBus.recv_block`.
+the answers to a SYNC as one block, the way a kernel delivers frames: see `PlantBus.recv_block`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class PlantBus(can.BusABC):
     lock_step : bool
         Whether the plant's time advances by SYNC alone.
     idle : callable
-        Tells whether no frame waits that has not been looked at.
+        Returns whether no frame waits that has not been looked at.
 
     Raises
     ------

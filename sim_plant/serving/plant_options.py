@@ -1,4 +1,4 @@
-"""What can be asked of a simulated plant besides its name, as python-can hands options over."""
+"""What can be asked of a simulated plant besides its name, as options that python-can passes on."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PlantOptions:
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     cycle : float
-        SYNC period while no drive was told one (1006h) [s].
+        SYNC period while no drive is set to one (1006h) [s].
     personality : str, optional
         Of all drives, by name or path, instead of those of the plant file.
     faults : str, optional

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 import signal
 import threading
-import time
 from collections import deque
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import drive_bus_conformance as conformance
 import local_drives
+import numpy as np
 import pytest
 from local_bench import NODES, all_off, build, drives_file, never_energised, refused
 
@@ -413,26 +413,37 @@ def test_saturation_is_flagged(can_bus: Any, drive_bus: CanopenDriveBus) -> None
 
 
 @pytest.fixture
-def wall_bus(can_bus: Any) -> CanopenDriveBus:
-    """The driver on the wall clock, slow enough for a busy machine."""
-    return CanopenDriveBus(can_bus, drives_file(), period=0.02, pacing="wall-clock")
+def timed_bus() -> Iterator[Any]:
+    bus = local_drives.TimedBus(NODES, {})
+    yield bus
+    bus.shutdown()
 
 
-@pytest.mark.flaky(reruns=2)
+@pytest.fixture
+def wall_bus(timed_bus: Any) -> CanopenDriveBus:
+    """The driver that keeps deadlines, whatever this machine does beside."""
+    return CanopenDriveBus(timed_bus, drives_file(), period=0.02, pacing="wall-clock")
+
+
 def test_on_the_wall_clock_samples_come_at_their_deadlines(wall_bus: CanopenDriveBus) -> None:
     with wall_bus:
-        begin, first = time.perf_counter(), wall_bus.sample()
-        samples = [wall_bus.sample() for _ in range(10)]
-        elapsed = time.perf_counter() - begin
-        assert samples[-1].time - first.time == pytest.approx(elapsed, abs=0.03)
-        slots = 10 + wall_bus.skipped_syncs
-        assert wall_bus.skipped_syncs < 10
-        assert samples[-1].time - first.time == pytest.approx(slots * 0.02, abs=0.015)
+        times = [wall_bus.sample().time for _ in range(10)]
+        assert np.diff(times) == pytest.approx(0.02)
+        assert wall_bus.skipped_syncs == 0
 
 
-@pytest.mark.flaky(reruns=2)
+def test_on_the_wall_clock_a_deadline_that_was_missed_is_skipped_and_counted(
+    timed_bus: Any, wall_bus: CanopenDriveBus
+) -> None:
+    with wall_bus:
+        first = wall_bus.sample()
+        timed_bus.time += 0.05
+        assert wall_bus.sample().time - first.time == pytest.approx(0.06)
+        assert wall_bus.skipped_syncs == 2
+
+
 def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
-    can_bus: Any, wall_bus: CanopenDriveBus
+    timed_bus: Any, wall_bus: CanopenDriveBus
 ) -> None:
     held: list[can.Message] = []
 
@@ -443,19 +454,18 @@ def test_on_the_wall_clock_a_tpdo_that_comes_after_its_sample_is_late(
         return [frame]
 
     with wall_bus:
-        can_bus.outgoing = outgoing
+        timed_bus.outgoing = outgoing
         assert wall_bus.sample().flags[1] == SampleFlag.MISSING
-        can_bus.inbox.extend(held)
-        can_bus.drives[2].position = can_bus.drives[2].target = 500.0 - 512
+        timed_bus.inbox.extend(held)
+        timed_bus.drives[2].position = timed_bus.drives[2].target = 500.0 - 512
         sample = wall_bus.sample()
         assert sample.flags == (0, SampleFlag.LATE, 0)
         assert sample.q[1] == pytest.approx(2 * math.pi / 800)
         assert wall_bus.sample().flags == (0, 0, 0)
 
 
-@pytest.mark.flaky(reruns=2)
 def test_on_the_wall_clock_answers_that_lag_by_a_sync_are_flagged_as_long_as_nobody_knows(
-    can_bus: Any, wall_bus: CanopenDriveBus
+    timed_bus: Any, wall_bus: CanopenDriveBus
 ) -> None:
     held: list[can.Message] = []
 
@@ -467,18 +477,18 @@ def test_on_the_wall_clock_answers_that_lag_by_a_sync_are_flagged_as_long_as_nob
 
     with wall_bus:
         wall_bus.sample()
-        can_bus.outgoing = outgoing
+        timed_bus.outgoing = outgoing
         assert wall_bus.sample().flags[1] == SampleFlag.MISSING
         assert [wall_bus.sample().flags[1] for _ in range(DOUBT)] == [SampleFlag.LATE] * DOUBT
         assert wall_bus.sample().flags[1] == 0
-        can_bus.outgoing = lambda frame: [frame]
+        timed_bus.outgoing = lambda frame: [frame]
 
 
 def test_on_the_wall_clock_a_node_that_never_falls_silent_keeps_no_sample_waiting(
-    can_bus: Any,
+    timed_bus: Any,
 ) -> None:
     patient = drives_file().model_copy(update={"heartbeat_timeout": 60.0})
-    wall_bus = CanopenDriveBus(can_bus, patient, period=0.02, pacing="wall-clock")
+    wall_bus = CanopenDriveBus(timed_bus, patient, period=0.02, pacing="wall-clock")
 
     class Endless(deque[can.Message]):
         def popleft(self) -> can.Message:
@@ -487,35 +497,36 @@ def test_on_the_wall_clock_a_node_that_never_falls_silent_keeps_no_sample_waitin
 
     with wall_bus:
         wall_bus.sample()
-        quiet, can_bus.inbox = can_bus.inbox, Endless(can_bus.inbox)
-        can_bus.inbox.append(can.Message(arbitration_id=0x733, data=b"\5", is_extended_id=False))
-        can_bus.outgoing = lambda frame: [] if frame.arbitration_id == 0x182 else [frame]
+        quiet, timed_bus.inbox = timed_bus.inbox, Endless(timed_bus.inbox)
+        timed_bus.inbox.append(can.Message(arbitration_id=0x733, data=b"\5", is_extended_id=False))
+        timed_bus.outgoing = lambda frame: [] if frame.arbitration_id == 0x182 else [frame]
         assert wall_bus.sample().flags[1] == SampleFlag.MISSING
-        can_bus.inbox, can_bus.outgoing = quiet, lambda frame: [frame]
+        timed_bus.inbox, timed_bus.outgoing = quiet, lambda frame: [frame]
 
 
-def test_a_late_frame_of_another_length_is_no_tpdo(can_bus: Any, wall_bus: CanopenDriveBus) -> None:
+def test_a_late_frame_of_another_length_is_no_tpdo(
+    timed_bus: Any, wall_bus: CanopenDriveBus
+) -> None:
     with wall_bus:
         wall_bus.sample()
-        can_bus.inbox.append(can.Message(arbitration_id=0x181, data=b"\1", is_extended_id=False))
+        timed_bus.inbox.append(can.Message(arbitration_id=0x181, data=b"\1", is_extended_id=False))
         assert wall_bus.sample().flags == (0, 0, 0)
 
 
-@pytest.mark.flaky(reruns=2)
 def test_on_the_wall_clock_our_heartbeat_goes_on_during_a_long_set_up(
-    can_bus: Any, wall_bus: CanopenDriveBus
+    timed_bus: Any, wall_bus: CanopenDriveBus
 ) -> None:
     beats: list[float] = []
 
     def dawdle(frame: can.Message) -> None:
-        time.sleep(0.003)
+        timed_bus.time += 0.003
         if frame.arbitration_id == 0x77F:
-            beats.append(time.perf_counter())
+            beats.append(timed_bus.time)
 
-    can_bus.on_send = dawdle
-    begin = time.perf_counter()
+    timed_bus.on_send = dawdle
+    begin = timed_bus.time
     with wall_bus:
-        ends = [begin, *beats, time.perf_counter()]
+        ends = [begin, *beats, timed_bus.time]
     assert ends[-1] - begin > 0.5
     assert max(after - before for before, after in pairwise(ends)) < 0.4
 

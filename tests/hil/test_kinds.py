@@ -7,21 +7,29 @@ from __future__ import annotations
 
 import ast
 import re
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import pytest
+from synthetic import TABLE_3_A, Friction, record
 
 import hil
+from hil.estimation.identify import estimate
 from hil.estimation.local_fits import ELSEWHERE, LOCAL_FITS
-from hil.measuring.checks.recording_checks import CHECKS
+from hil.measuring.checks.recording_checks import CHECKS, check
 from hil.measuring.motion import MANNERS
 from hil.model.dependencies import GROUPS
+from hil.planning.design.by_counts import design
 from hil.planning.design.measurable_elements import ELEMENTS
+from hil.planning.dry_run import dry_run
 from hil.planning.measurement import ELEMENT_KINDS, KEYS, KINDS, Measurement
+from hil.planning.strokes import Strokes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from hil.model.robot import Robot
 
 ROOT = Path(hil.__file__).parent
 HOMES = {
@@ -51,7 +59,8 @@ OWN = {
 """Files about one kind alone, which may name it."""
 OTHERWISE = {
     ("gravity", "model/dependencies.py"): "a group of base parameters",
-    ("gravity", "model/robot_file.py"): "the acceleration of gravity",
+    ("gravity", "model/robot.py"): "the acceleration of gravity",
+    ("gravity", "model/robot_file.py"): "the same",
     ("friction", "report/header.py"): "a title",
     ("friction", "report/sections/friction_over_campaign.py"): "a plot of levels in all kinds",
     ("friction", "cli/__init__.py"): "a family of commands",
@@ -86,7 +95,39 @@ def test_the_table_holds_every_model_that_a_plan_may_state() -> None:
     assert {kind.model for kind in KINDS.values()} == set(get_args(union))
 
 
-def test_every_group_of_base_parameters_is_served_and_ids_tell_kinds_apart() -> None:
+class Probe(Strokes):
+    """A sixth kind: gravity under another name."""
+
+    kind: Literal["probe"] = "probe"
+
+
+def test_a_further_kind_passes_dry_run_checks_and_estimate_by_its_entries_alone(
+    manutec: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = design(manutec, {"gravity": 12, "inertia": 24, "coupling": 3})
+    row = replace(ELEMENT_KINDS["gravity"], model=Probe, letter="p")
+    for table, entry in (
+        (KINDS, row),
+        (ELEMENT_KINDS, row),
+        (CHECKS, CHECKS["gravity"]),
+        (LOCAL_FITS, LOCAL_FITS["gravity"]),
+    ):
+        monkeypatch.setitem(table, "probe", entry)
+    probes = [
+        Probe(**m.model_dump(exclude={"kind"})) if m.kind == "gravity" else m
+        for m in plan.measurements
+    ]
+    probed = plan.model_copy(update={"measurements": tuple(probes)})
+    assert dry_run(probed, manutec).groups == dry_run(plan, manutec).groups
+    recorded = [(m, record(manutec, m, TABLE_3_A, Friction())) for m in probes]
+    for m, (probe, recording) in zip(plan.measurements, recorded, strict=True):
+        assert check(recording, probe) == check(recording, m)
+    found = estimate(manutec, recorded)
+    assert {value.kind for value in found.local} == {"probe", "inertia", "coupling"}
+    assert found.p == pytest.approx(TABLE_3_A, rel=1e-2, abs=1e-2)
+
+
+def test_every_group_of_base_parameters_is_served_and_ids_distinguish_kinds() -> None:
     assert {kind.group for kind in ELEMENT_KINDS.values()} == set(GROUPS)
     letters = [kind.letter for kind in ELEMENT_KINDS.values()]
     assert len(set(letters)) == len(letters)

@@ -70,7 +70,7 @@ class DriveBusConformance:
             assert sum(steps) / len(steps) == pytest.approx(bus.period, rel=0.1)
             assert min(steps) > 0
 
-    def test_nothing_moves_unless_it_was_told_to(self, open_bus: Callable[[], DriveBus]) -> None:
+    def test_nothing_moves_without_a_command(self, open_bus: Callable[[], DriveBus]) -> None:
         with open_bus() as bus:
             first = bus.sample()
             samples = [bus.sample() for _ in range(100)]

@@ -311,6 +311,27 @@ class LocalBus(can.BusABC):
         return (self.inbox.popleft() if self.inbox else None), False
 
 
+class TimedBus(LocalBus):
+    """Local drives in a time of their own: it passes with frames, and while none comes."""
+
+    FRAME = 1e-4
+    """What a frame takes [s]."""
+
+    def __init__(self, nodes: int, changes: dict[int, dict[tuple[int, int], Any]]) -> None:
+        self.time = 0.0
+        super().__init__(nodes, changes)
+
+    def clock(self) -> float:
+        return self.time
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if not self.inbox:
+            self.time += timeout or 0.0
+            return None
+        self.time += self.FRAME
+        return self.inbox.popleft()
+
+
 def _changed(changes: dict[tuple[int, int], Any]) -> dict[tuple[int, int], tuple[str, int]]:
     objects = {**OBJECTS, **{key: value for key, value in changes.items() if value is not None}}
     return {key: value for key, value in objects.items() if changes.get(key, value) is not None}

@@ -23,17 +23,17 @@ class Scripted:
 
     def __init__(self, *, agreed: bool = True, present: bool = False, **keys: int) -> None:
         self.present = present
-        self.told: list[str] = []
+        self.shown: list[str] = []
         self._agreed = agreed
         self._keys = {key: int(look) for key, look in keys.items()}
         self._looks = 0
 
     def agrees(self, intent: str) -> bool:
-        self.told.append(intent)
+        self.shown.append(intent)
         return self._agreed
 
-    def tell(self, text: str) -> None:
-        self.told.append(text)
+    def show(self, text: str) -> None:
+        self.shown.append(text)
 
     def pressed(self) -> str:
         self._looks += 1
@@ -52,7 +52,7 @@ class Answering(Scripted):
 
 
 class AlteredBus(can.BusABC):
-    """The plant's bus with frames altered on their way; also tells whether a motor had power."""
+    """The plant's bus with frames altered on their way; also notes whether a motor had power."""
 
     lock_step = True
 

@@ -1,15 +1,18 @@
 """Run folders with known parameters, written in a moment: recordings without a plant."""
 
+import json
+
 import numpy as np
 from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
 from hil.planning.design.by_counts import design
+from hil.runs.journal import BusName
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
 
 COUNTS = {"gravity": 12, "inertia": 24, "coupling": 3}
-SIMULATED = "sim_plant manutec-r15"
+SIMULATED = BusName("sim_plant", "manutec-r15")
 NOISE = 0.0025
 
 
@@ -33,6 +36,14 @@ def write_run(path, robot, truth=None, seed=1, more=()):
             folder.write(Measured(measurement, recording, session=session))
             begin = float(recording.time[-1]) + 1.0
     return folder
+
+
+def as_on_hardware(journal, bus):
+    """Let the `run.json` of a run say that it was measured on another bus."""
+    content = json.loads(journal.read_text())
+    for session in content["sessions"]:
+        session |= {"bus": bus, "simulated": False}
+    journal.write_text(json.dumps(content))
 
 
 def empty_plots(monkeypatch):

@@ -85,5 +85,5 @@ def here(function: Callable[[Cell], object], jobs: Iterable[Cell]) -> Iterator[t
             yield job, error
 
 
-def told(done: Iterable[Done]) -> dict[tuple[str, str], str]:
+def errors_of(done: Iterable[Done]) -> dict[tuple[str, str], str]:
     return {(each.step, str(each.cell)): each.error for each in done}

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 NO_VCAN = (
-    "no vcan0 here; where qemu is: tools/can_guest.py .venv/bin/pytest tests/test_real_time.py"
+    "no vcan0 here; where qemu is:"
+    " tools/can_guest.py .venv/bin/pytest tests/drivers/test_real_time.py"
 )
 DRIVES = ROBOTS / "manutec-r15.drives.yaml"
 

@@ -1,4 +1,4 @@
-"""A campaign over a bus that hands over single frames, as hardware does, and by the block."""
+"""A campaign over a bus that delivers single frames, as hardware does, and by the block."""
 
 from __future__ import annotations
 

@@ -172,21 +172,21 @@ def spoilt(draw: Any, valid: str) -> bytes:
 
 
 @contextmanager
-def told_lines() -> Iterator[list[str]]:
-    """Catch a `FileError` and hand out its lines."""
-    told: list[str] = []
+def lines_of_error() -> Iterator[list[str]]:
+    """Catch a `FileError` and collect the lines of its message."""
+    lines: list[str] = []
     try:
-        yield told
+        yield lines
     except FileError as error:
-        told += str(error).splitlines()
+        lines += str(error).splitlines()
 
 
-def loads_or_tells_where(load: Callable[[Path], object], path: Path, content: bytes) -> None:
+def loads_or_states_where(load: Callable[[Path], object], path: Path, content: bytes) -> None:
     path.write_bytes(content)
-    with told_lines() as told:
+    with lines_of_error() as lines:
         load(path)
-    for line in told:
-        assert re.match(rf"{re.escape(str(path))}:\d+: \S", line), told
+    for line in lines:
+        assert re.match(rf"{re.escape(str(path))}:\d+: \S", line), lines
 
 
 FEW = settings(
@@ -206,11 +206,11 @@ def test_the_valid_file_is_read(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", LOADERS)
 @FEW
 @given(data=st.data())
-def test_a_spoilt_file_is_valid_or_told_with_its_line(
+def test_a_spoilt_file_is_valid_or_refused_with_its_line(
     name: str, tmp_path: Path, data: st.DataObject
 ) -> None:
     text, load = LOADERS[name]
-    loads_or_tells_where(load, tmp_path / "file.yaml", data.draw(spoilt(text)))
+    loads_or_states_where(load, tmp_path / "file.yaml", data.draw(spoilt(text)))
 
 
 @pytest.mark.parametrize("name", LOADERS)
@@ -218,8 +218,8 @@ def test_a_spoilt_file_is_valid_or_told_with_its_line(
 @given(
     st.binary(max_size=60) | st.text(max_size=60).map(lambda text: text.encode("utf-8", "replace"))
 )
-def test_any_bytes_are_told_with_their_line(name: str, tmp_path: Path, content: bytes) -> None:
-    loads_or_tells_where(LOADERS[name][1], tmp_path / "file.yaml", content)
+def test_any_bytes_are_refused_with_their_line(name: str, tmp_path: Path, content: bytes) -> None:
+    loads_or_states_where(LOADERS[name][1], tmp_path / "file.yaml", content)
 
 
 ALIASES = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -320,9 +320,9 @@ def test_a_spoilt_recording_is_never_read_as_another(
             content = data.draw(st.binary(max_size=200))
     path.write_bytes(content)
     read = None
-    with told_lines() as told:
+    with lines_of_error() as lines:
         read = read_measured(path)
-    assert all(line.startswith(f"{path}: ") for line in told)
+    assert all(line.startswith(f"{path}: ") for line in lines)
     if read is not None:
         known = read_measured(recording)
         assert read.measurement == known.measurement
@@ -349,7 +349,7 @@ def test_a_spoilt_recording_is_never_read_as_another(
         lambda file: (file.__delitem__("q"), file.__setitem__("q", h5py.ExternalLink("/x", "q"))),
     ],
 )
-def test_a_recording_with_foreign_content_is_told_as_damaged(
+def test_a_recording_with_foreign_content_is_refused_as_damaged(
     recording: Path, tmp_path: Path, spoil: Callable[[h5py.File], object]
 ) -> None:
     path = tmp_path / "foreign.h5"

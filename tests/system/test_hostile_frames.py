@@ -19,6 +19,7 @@ from hostile.plant_storm import recorded_session, storm
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from drivers.canopen.emergency import Emergencies
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.objects import DEVICE_TYPE
 from drivers.canopen.sdo import RemoteDictionary
@@ -163,7 +164,7 @@ def test_the_plant_survives_any_frames_that_an_adapter_may_deliver(
 
 
 @given(st.binary(max_size=64))
-def test_an_emergency_of_any_length_can_be_told(data: bytes) -> None:
+def test_an_emergency_of_any_length_can_be_shown(data: bytes) -> None:
     emergency = decode_emergency(data)
     assert emergency.code == int.from_bytes(data[:2], "little")
     assert f"{emergency.code:04X}" in str(emergency)
@@ -237,7 +238,8 @@ def test_a_node_that_never_falls_silent_keeps_nobody_waiting_for_ever() -> None:
 def test_an_emergency_without_a_code_takes_no_other_back(length: int) -> None:
     with Scripted([]) as bus:
         network = PumpedNetwork(bus, synchronous=True)
-        supervision = Supervision(network, [RemoteDictionary(network, 1, "axis")])
+        supervision = Supervision([RemoteDictionary(network, 1, "axis")])
+        Emergencies(network, [1], supervision.take_emergency)
         network.notify(0x81, bytearray(b"\x10\x23"), 0.0)
         network.notify(0x81, bytearray(length), 0.0)
         assert "2310" in str(supervision.diagnose(RemoteDictionary(network, 1, "axis"), 0x08))

@@ -65,9 +65,9 @@ def test_a_full_disk_ends_the_campaign_with_axes_off_and_resuming_completes_it(
 
     with monkeypatch.context() as disk:
         disk.setattr(os, "fsync", full)
-        with pytest.raises(FileError) as told:
+        with pytest.raises(FileError) as refused:
             list(run_campaign(folder, ideal_bus))
-    assert str(told.value) == f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}"
+    assert str(refused.value) == f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}"
     assert ideal_bus.log[-1] == "powered off"
     assert "i1" not in measured_ids(folder)
     assert not list(folder.path.rglob("*.part")), "what does not fit must not fill the disk"
@@ -126,7 +126,7 @@ def test_a_stalling_disk_does_not_stop_the_robot(
     assert measured_ids(folder) == ["g1", "i1", "c1"]
 
 
-def test_a_disk_that_takes_nothing_any_more_is_told() -> None:
+def test_a_disk_that_takes_nothing_any_more_is_reported() -> None:
     released = threading.Event()
     with Background(waiting_max=1, patience=0.01) as background:
         background.do(lambda: released.wait(60))
@@ -137,7 +137,7 @@ def test_a_disk_that_takes_nothing_any_more_is_told() -> None:
             released.set()
 
 
-def test_what_was_handed_over_is_written_although_the_operator_interrupts() -> None:
+def test_what_was_queued_is_written_although_the_operator_interrupts() -> None:
     done: list[str] = []
 
     def interrupted() -> None:
@@ -218,8 +218,8 @@ def test_an_incomplete_run_says_so_wherever_it_is_used(
         with pytest.raises(SystemExit) as ended:
             main([command, str(path)])
         assert ended.value.code == 0
-        told = capsys.readouterr().out.replace("\n", " ")
-        assert "2 of 39 measurements are missing; measure them with --resume" in told
+        printed = capsys.readouterr().out.replace("\n", " ")
+        assert "2 of 39 measurements are missing; measure them with --resume" in printed
     assert Model.load(path).provenance.missing == 2
 
 

@@ -1,10 +1,10 @@
 """Drives as they are: the same campaign on each, or the reason why not.
 
 The plant of the campaign has no drift and no ripple, and sensor noise of some 1.5 counts (per mille
-of rated current). So what is left to tell two drives apart is how they round: a reading is off by
-at most half a count, so two readings of the same torque by one count. No torque that the identified
-models predict may differ by more; averaged over thousands of samples it differs by far less. A
-count is 0.03 % of the peak torque of joint 1.
+of rated current). So two drives differ only in how they round: a reading is off by at most half a
+count, so two readings of the same torque by one count. No torque that the identified models predict
+may differ by more; averaged over thousands of samples it differs by far less. A count is 0.03 % of
+the peak torque of joint 1.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     Recorded_ = list[tuple[Measurement, Recording]]
 
 COUNTS = {"gravity": 3, "inertia": 14, "coupling": 1}
-"""The fewest measurements that tell the 14 base parameters apart."""
+"""The fewest measurements that identify the 14 base parameters."""
 CLEAN = {"drift": False, "symmetric": True, "noise": {"torque": 5e-4, "ripple": 0.0}}
 
 

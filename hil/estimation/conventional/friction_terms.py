@@ -35,7 +35,9 @@ BEND = 0.08
 """Share of the speed limit at which the rich set's atan bends."""
 
 
-def columns(robot: Robot, q: Array, qd: Array, axis: int, terms: Terms, direction: Array) -> Array:
+def friction_columns(
+    robot: Robot, q: Array, qd: Array, axis: int, terms: Terms, direction: Array
+) -> Array:
     """Columns of one axis's friction, shape (n, n_terms).
 
     Parameters

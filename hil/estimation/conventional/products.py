@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.condensed import eliminated
-from hil.estimation.conventional.friction_terms import columns, compensated
+from hil.estimation.conventional.friction_terms import compensated, friction_columns
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
+from hil.regression.least_squares import eliminated
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -131,7 +131,7 @@ def products(
 
 def _n_friction(robot: Robot, terms: Terms) -> int:
     still = np.zeros((1, robot.n_joints))
-    return int(columns(robot, still, still, 0, terms, np.zeros(1)).shape[1])
+    return int(friction_columns(robot, still, still, 0, terms, np.zeros(1)).shape[1])
 
 
 def _axis(
@@ -148,7 +148,7 @@ def _axis(
     for q, qd, qdd in ((s.q, s.qd, s.qdd), commanded):
         direction = np.sign(s.smoothed(qd[:, axis]))
         stacked.append(regressor(robot, q, qd, qdd, joints=[axis])[:, 0])
-        stacked.append(columns(robot, q, qd, axis, terms, direction))
+        stacked.append(friction_columns(robot, q, qd, axis, terms, direction))
     slow = np.abs(s.smoothed(s.qd[:, axis])) < slowest * robot.velocity_limit[axis]
     used = s.away_from(slow) if slowest else np.ones(len(y), dtype=bool)
     return s.smoothed(np.hstack(stacked)), used

@@ -27,6 +27,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from hil.regression.least_squares import solved_square, total_least_squares
+from hil.regression.uncertainty import sandwich, scatter
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -87,9 +90,9 @@ def solve(
     weights = _weights(data, system, sums, torque_limit, weighting, expected)
     square = system.matrix(sums, weights, instrumental=solver == "instrumental")
     right = system.vector(sums, weights, instrumental=solver == "instrumental")
-    x = _solved(square, right)
+    x = solved_square(square, right)
     if solver == "total":
-        x = _total(square, right, float(weights @ sums[:, 0, 0]))
+        x = total_least_squares(square, right, float(weights @ sums[:, 0, 0]))
     normal = system.matrix(sums, weights)
     return Solution(
         x=x,
@@ -161,30 +164,17 @@ def _weights(
     if weighting == "prior":
         p = expected
         if p is None:
-            p = _solved(system.matrix(sums, uniform), system.vector(sums, uniform))[: system.n_base]
+            x = solved_square(system.matrix(sums, uniform), system.vector(sums, uniform))
+            p = x[: system.n_base]
         inner = sums[:, 1 : 1 + system.n_base, 1 : 1 + system.n_base]
         return np.asarray(np.maximum(counts, 1.0) / np.einsum("i,aij,j->a", p, inner, p))
     for _ in range(ROUNDS):
         before = weights
-        x = _solved(system.matrix(sums, weights), system.vector(sums, weights))
+        x = solved_square(system.matrix(sums, weights), system.vector(sums, weights))
         weights = 1.0 / np.maximum(system.variances(sums, counts, x), 1e-12)
         if np.allclose(before, weights, rtol=1e-6):
             break
     return weights
-
-
-def _solved(square: Array, right: Array) -> Array:
-    """Solve a square system scaled to a unit diagonal."""
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(square)), 1e-300))
-    return np.asarray(scale * np.linalg.solve(square * np.outer(scale, scale), right * scale))
-
-
-def _total(square: Array, right: Array, target: float) -> Array:
-    gram = np.block([[square, right[:, np.newaxis]], [right[np.newaxis], np.array([[target]])]])
-    scale = 1.0 / np.sqrt(np.diag(gram))
-    _, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
-    smallest = vectors[:, 0] * scale
-    return np.asarray(-smallest[:-1] / smallest[-1])
 
 
 def _sandwich(
@@ -203,8 +193,4 @@ def _sandwich(
             for block in data.blocks
         ]
     )
-    n = len(scores)
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(square)), 1e-300))
-    inverse = np.linalg.inv(square * np.outer(scale, scale)) * np.outer(scale, scale)
-    spread = scores - scores.mean(axis=0)
-    return np.asarray(n / max(n - 1, 1) * inverse @ (spread.T @ spread) @ inverse.T)
+    return sandwich(solved_square(square, np.eye(system.n)), scatter(scores, few=True))

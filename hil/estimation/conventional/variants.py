@@ -85,7 +85,9 @@ def trajectories(
     """
     found = recorded_as(Trajectory, recorded)
     if not found:
-        raise NotEnoughData("no trajectories among the measurements; plan some with hil trajectory")
+        raise NotEnoughData(
+            "no trajectories among the measurements; plan some with hil trajectory plan"
+        )
     return found
 
 

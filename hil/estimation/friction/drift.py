@@ -26,6 +26,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
+from hil.regression.least_squares import fitted
+from hil.regression.uncertainty import classical
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -45,11 +48,9 @@ GRID = (6, 5, 5)
 UNCERTAIN = 0.5
 """Relative standard error from which on a time constant is not identifiable."""
 SMALL = 2.0
-"""Effect over its standard error below which there is none to tell a time constant from."""
+"""Effect over its standard error below which it identifies no time constant."""
 FEWEST = 10
 """Levels beyond the number of unknowns that a fit needs."""
-SILENT = 1e-9
-"""Relative length of a column below which the data say nothing about its unknown."""
 ALONE = 3
 """Levels of one kind and speed that make it count."""
 
@@ -214,7 +215,7 @@ class _Fit:
     def _solve(self, taus: Array) -> tuple[Array, Array, Array]:
         """Columns, coefficients and residuals for given time constants."""
         X = np.column_stack([self._constants, self._states(taus)])
-        a = np.asarray(np.linalg.lstsq(X, self._y, rcond=None)[0], dtype=np.float64)
+        a = fitted(X, self._y)
         return X, a, self._y - X @ a
 
     def _left(self, taus: Array) -> Array:
@@ -228,15 +229,7 @@ class _Fit:
             (self._states(taus + d) - self._states(taus - d)) @ a / (2 * step)
             for d in step * np.eye(len(taus))
         ]
-        J = np.column_stack([X, *by_tau])
-        norm = np.linalg.norm(J, axis=0)
-        silent = norm < SILENT * norm.max()
-        length = np.where(silent, 1.0, norm)
-        J = np.where(silent, 0.0, J / length)
-        unit = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
-        covariance = variance * unit / np.outer(length, length)
-        covariance[silent, silent] = np.inf
-        return np.asarray(covariance, dtype=np.float64)
+        return classical(np.column_stack([X, *by_tau]), variance)
 
 
 def _wandering(left: Array) -> float:

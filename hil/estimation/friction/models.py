@@ -25,6 +25,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.optimize import least_squares
 
+from hil.regression.least_squares import fitted
+from hil.regression.uncertainty import classical, correlation_of
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -58,11 +61,12 @@ class FrictionModel:
     a : ndarray, shape (n_parameters,)
         Parameters in SI, units in `UNIT`.
     standard_error : ndarray, shape (n_parameters,)
-        From the scatter about the model; NaN where there are no degrees of freedom.
+        From the scatter about the model; NaN where there are no degrees of freedom or the data do
+        not determine the parameter.
     mean_square : float
         Mean quadratic error of the fit [N^2 m^2].
     unidentifiable : tuple of str
-        A sentence for every parameter that the data do not tell.
+        A sentence for every parameter that the data do not identify.
     """
 
     kind: Law
@@ -104,7 +108,8 @@ def fit_model(kind: Law, v: Array, tau: Array, limit: float) -> FrictionModel:
     back = scale / limit ** _powers(kind)
     if bounds is not None:
         back[3] = limit if kind == "stribeck" else 1.0 / limit
-    error = np.asarray(np.sqrt(np.diag(covariance)) * back, dtype=np.float64)
+    error = np.sqrt(np.diag(covariance)) * back
+    error[np.isinf(error)] = np.nan
     return FrictionModel(kind, a * back, error, float(np.mean(left**2)) * scale**2, words)
 
 
@@ -142,7 +147,7 @@ def _bounds(kind: Law, speed: Array) -> tuple[float, float] | None:
 
 
 def _linear(kind: Law, x: Array, y: Array, shape: float) -> Array:
-    return np.asarray(np.linalg.lstsq(_columns(kind, x, shape), y, rcond=None)[0], dtype=np.float64)
+    return fitted(_columns(kind, x, shape), y)
 
 
 def _non_linear(kind: Law, x: Array, y: Array, bounds: tuple[float, float]) -> Array:
@@ -181,35 +186,31 @@ def _jacobian(kind: Law, a: Array, x: Array) -> Array:
 
 
 def _covariance(kind: Law, a: Array, x: Array, left: Array) -> Array:
-    J = _jacobian(kind, a, x)
     spare = len(x) - len(a)
     variance = float(left @ left) / spare if spare > 0 else np.nan
-    length = np.linalg.norm(J, axis=0)
-    J = J / np.where(length > 0, length, 1.0)
-    unit = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
-    covariance: Array = variance * unit / np.outer(length, length).clip(1e-300)
-    return covariance
+    return classical(_jacobian(kind, a, x), variance)
 
 
 def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> tuple[str, ...]:
-    """Tell which parameters the data do not determine, and why."""
+    """State which parameters the data do not identify, and why."""
     told = []
     error = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(error, error).clip(1e-300)
+    correlated = correlation_of(covariance)
     if bounds is not None and (a[3] < bounds[0] * 1.001 or a[3] > bounds[1] * 0.999):
         told.append("a3, a4: the knee lies outside the measured speeds; only their sum is known")
         return tuple(told)
-    if bounds is not None and error[3] > UNCERTAIN * a[3]:
+    told += [f"a{k + 1}: the data do not determine it" for k in np.flatnonzero(np.isinf(error))]
+    if bounds is not None and UNCERTAIN * a[3] < error[3] < np.inf:
         told.append(
             f"a4: standard error {100 * error[3] / a[3]:.0f} % of its value, nor a3 for sure"
         )
     for k in np.flatnonzero(error[:3] > UNCERTAIN * np.abs(a[:3])):
-        others = np.abs(np.delete(correlation[k], k))
+        others = np.abs(np.delete(correlated[k], k))
         if len(others) and others.max() > TIED:
-            partner = int(np.argmax(np.abs(correlation[k]) * (np.arange(len(a)) != k)))
+            partner = int(np.argmax(np.abs(correlated[k]) * (np.arange(len(a)) != k)))
             told.append(
                 f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of its"
-                f" value, correlation {correlation[k, partner]:.2f} with a{partner + 1}: known"
+                f" value, correlation {correlated[k, partner]:.2f} with a{partner + 1}: known"
                 " together only"
             )
     return tuple(told)

@@ -26,6 +26,7 @@ from hil.estimation.local_fits import SETTLING
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, regressor
+from hil.regression.least_squares import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -222,8 +223,8 @@ def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
         columns.append(s * (when - when.mean()))
     X = np.column_stack(columns) / noise[:, np.newaxis]
     y = means / noise
-    covariance = np.asarray(np.linalg.inv(X.T @ X), dtype=np.float64)
-    value: Array = covariance @ (X.T @ y)
+    Q, root = orthonormal(X)
+    value, covariance = root @ (Q.T @ y), root @ root.T
     spare = len(means) - X.shape[1]
     if spare:
         covariance *= max(1.0, float(np.sum((y - X @ value) ** 2)) / spare)

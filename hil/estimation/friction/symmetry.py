@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
+from hil.regression.uncertainty import scatter
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 BOUND = 0.02
-"""Asymmetry that is let pass, as share of the friction level."""
+"""Largest acceptable asymmetry, as share of the friction level."""
 SIGNIFICANT = 0.01
 """p-value below which a hypothesis is given up."""
 FEWEST = 3
@@ -72,7 +74,7 @@ class Symmetry:
 
     @property
     def verdict(self) -> str:
-        """Tell the outcome in words."""
+        """State the outcome in words."""
         if not self.passed:
             return f"asymmetric by more than {100 * self.bound:g} %"
         if self.p_zero < SIGNIFICANT:
@@ -87,7 +89,7 @@ def of_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> list[Sym
     ----------
     points : sequence of FrictionPoint
     bound : float
-        Asymmetry that is let pass, as share of the friction level.
+        Largest acceptable asymmetry, as share of the friction level.
     """
     found = []
     for axis in sorted({point.axis for point in points}):
@@ -103,7 +105,7 @@ def of_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> list[Sym
 def of_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> list[Symmetry]:
     """Test the axes of a campaign's gravity measurements, free of charge.
 
-    The parameters that gravity is told by come from the same measurements; they leave the axis's
+    The parameters that predict gravity come from the same measurements; they leave the axis's
     mean deviation where friction's asymmetry was fitted too, as the improved method does.
     """
     gravity = [v for v in values if v.symbol == "g" and v.friction > 0]
@@ -124,8 +126,8 @@ def _test(axis: int, shares: Array, errors: Array, common: float, bound: float) 
     weights = 1.0 / np.maximum(errors, usual) ** 2
     weights = weights / weights.sum()
     mean = float(weights @ shares)
-    scatter = float(weights**2 @ (shares - mean) ** 2) * n / (n - 1)
-    error = float(np.sqrt(scatter + common**2))
+    scores = (weights * (shares - mean))[:, np.newaxis]
+    error = float(np.sqrt(scatter(scores, few=True)[0, 0] + common**2))
     degrees = n - 1
     beyond = (abs(mean) - bound) / error if error > 0 else np.copysign(np.inf, abs(mean) - bound)
     away = abs(mean) / error if error > 0 else np.copysign(np.inf, abs(mean))

@@ -30,7 +30,7 @@ RARE, OFTEN = 0.05, 0.9
 
 
 def frozen(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
-    """Tell where the torque of a measured axis repeats one value for too long in motion."""
+    """Find where the torque of a measured axis repeats one value for too long in motion."""
     moving = recording.stroke >= 0
     for index in measurement.read:
         yield from _frozen(recording.tau[moving, index], index + 1)

@@ -1,7 +1,7 @@
 """Is a recording fit to be used? Asked at once, while the measurement can still be repeated.
 
 Each check compares one figure of the recording with its bound. What it finds wrong becomes a
-`Finding` that tells value, bound and remedy. What concerns telegrams is here, what concerns the
+`Finding` that states value, bound and remedy. What concerns telegrams is here, what concerns the
 motion itself in `hil.measuring.checks.stroke_checks`, the current in
 `hil.measuring.checks.current_checks`.
 """
@@ -62,12 +62,12 @@ def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
         axes = _axes(recording, SampleFlag.MISSING)
         lacking = f"{missing} of {recording.n_samples} samples lack a telegram of axis {axes}"
         late = f"{left_out} SYNCs came too late and were left out"
-        told = " and ".join([lacking] * (missing > 0) + [late] * (left_out > 0))
+        lost = " and ".join([lacking] * (missing > 0) + [late] * (left_out > 0))
         remedies = ["check wiring, termination and bus load"] * (missing > 0) + [
             "relieve this computer or sample more slowly"
         ] * (left_out > 0)
         yield Finding(
-            "gaps", f"{told}, at most {bound} may; {', '.join(remedies)}", missing + left_out, bound
+            "gaps", f"{lost}, at most {bound} may; {', '.join(remedies)}", missing + left_out, bound
         )
     bad = SampleFlag.DOUBLED | SampleFlag.LATE
     disturbed = float(np.any(recording.flags & bad, axis=1).mean())

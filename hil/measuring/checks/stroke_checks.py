@@ -109,7 +109,7 @@ def half_sums(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
 
 
 def stuck(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
-    """Tell where the creeping axis did not move all the time."""
+    """Find where the creeping axis did not move all the time."""
     lag = max(1, round(0.2 / recording.period))
     for stroke in range(measurement.n_strokes):
         window = constant_velocity(recording, measurement, stroke)
@@ -129,7 +129,7 @@ def stuck(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
 
 
 def partners(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
-    """Tell where a partner did not go forth and back in a creep stroke, or too slowly."""
+    """Find where a partner did not go forth and back in a creep stroke, or too slowly."""
     for stroke in range(measurement.n_strokes):
         for partner in measurement.partners:
             yield from _partner(recording, measurement, stroke, partner)

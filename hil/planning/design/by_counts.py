@@ -69,7 +69,7 @@ def design(
     Raises
     ------
     ValueError
-        A count too small to tell the group's parameters apart, or no clear configurations.
+        A count too small to identify the group's parameters, or no clear configurations.
     """
     groups = base_parameters(robot).groups
     for name, kind in ELEMENT_KINDS.items():

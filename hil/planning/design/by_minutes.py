@@ -1,4 +1,4 @@
-"""A campaign of so many minutes: which measurements, of all kinds together, tell most.
+"""A campaign of so many minutes: the most informative measurements, of all kinds together.
 
 A budget counts everything: measurements, the ways between them, a warm-up. First of all each group
 of base parameters gets the measurements that its rows call for (`CORE` for each parameter), so that
@@ -6,8 +6,8 @@ the group can be identified by its own kind, as the two-step method wants it, an
 can be left out. The rest of the time goes to whatever adds most to log det of the information about
 all base parameters in its time (`hil.planning.design.selection`).
 
-A refinement knows already what an earlier run tells. It goes for the imprecise parameters: for what
-most lowers the variance of torques.
+A refinement begins with the information of an earlier run. It goes for the imprecise parameters:
+for what most lowers the variance of torques.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def design_within(
     Raises
     ------
     ValueError
-        Too little time to tell all parameters apart, or no clear configurations.
+        Too little time to identify all parameters, or no clear configurations.
     """
     guarded = narrowed(robot, workspace)
     options = pool(guarded, workspace, SAMPLE_PERIOD, noise)
@@ -102,7 +102,7 @@ def refine(
     noise : Noise
         What disturbs the torques, best as the run showed it.
     known : Information
-        What the run tells.
+        That of the run's measurements.
     run : Plan
         That of the run, from which workspace and sampling are taken.
     taken : set of str, optional

@@ -1,9 +1,9 @@
-"""All measurements that could be made, each with what it would tell and how long it would take.
+"""All measurements that could be made, each with its information and how long it would take.
 
 For every element of g(q) and M(q) the first configurations of its sequence are taken
 (`hil.planning.design.measurable_elements`). Each is planned as a measurement and judged by the
-joint estimator's own information (`hil.planning.prediction.information`), so that kinds can be
-compared with each other: an inertia measurement says a good deal about gravity too.
+simultaneous estimator's own information (`hil.planning.prediction.information`), so that kinds can
+be compared with each other: an inertia measurement says a good deal about gravity too.
 
 Least squares does not weigh noise that differs within an axis, such as friction that wanders. What
 a measurement is worth under its noise is I S^-1 I, with information I and scatter S: less than I
@@ -16,18 +16,18 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.precision import scatter_of
+from hil.regression.least_squares import inverse_root
 from hil.regression.terms import place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
@@ -41,8 +41,7 @@ if TYPE_CHECKING:
 EACH = 64
 """Configurations of every element."""
 THINNED = 2
-"""Every so many samples are judged, as means of so many: that is quicker and tells the same."""
-_RANK = 1e-8
+"""Every so many samples are judged, as means of so many: that is quicker and as informative."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +106,5 @@ def worth(
 
 def weighed(information: Array, scatter: Array) -> Array:
     """I S^-1 I, with S inverted where it has an inverse."""
-    size = np.sqrt(np.maximum(np.diag(scatter), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(scatter / np.outer(size, size))
-    told = values > _RANK * values[-1]
-    half = (vectors[:, told] / np.sqrt(values[told])).T @ (information / size[:, np.newaxis])
-    found: Array = half.T @ half
-    return found
+    half = inverse_root(scatter).T @ information
+    return half.T @ half

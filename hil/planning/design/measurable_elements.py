@@ -1,7 +1,7 @@
 """Which elements of g(q) and M(q) can be measured, and at which configurations.
 
-What a measurement can tell is one row: that of the axis's gravity torque (and of a torque offset,
-which only configurations of different gravity tell apart from it), of its moment of inertia, or of
+What a measurement determines is one row: that of the axis's gravity torque (and of a torque offset,
+which only configurations of different gravity distinguish from it), of its moment of inertia, or of
 the coupling inertia with its partner. The rows depend on few joints, found by moving one joint at a
 time. Candidates spread these joints over their ranges by a low-discrepancy sequence and leave the
 others in the middle. In a guarded workspace only those count whose strokes keep clear of the boxes.
@@ -61,7 +61,7 @@ class Element:
     strokes : dict
         Way of each axis that moves [rad].
     row : callable
-        What a configuration tells of the group's parameters.
+        Rows of configurations over the group's parameters.
     measure : callable
         Measurement of this element from its id and configuration.
     """
@@ -167,7 +167,7 @@ def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
 
 
 def _gravity_row(robot: Robot, axis: int, axes: list[int], columns: list[int]) -> Row:
-    """Gravity torque, and the offset of each axis that must be told apart from it."""
+    """Gravity torque, and the offset of each axis that must be distinguished from it."""
 
     def row(q: Array) -> Array:
         still = np.zeros_like(q)

@@ -24,6 +24,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.precision import torque_scale
 from hil.planning.timetable import SETTLING, travel_times
+from hil.regression.least_squares import solved
 from hil.regression.terms import n_unknowns
 
 if TYPE_CHECKING:
@@ -98,9 +99,9 @@ class Selection:
 
     def gains(self) -> Array:
         """What each option would add to the criterion, shape (n_options,)."""
-        inverse = np.asarray(np.linalg.inv(self._information), dtype=np.float64)
+        inverse = solved(self._information, np.eye(len(self._information)))
         nuisance = self._information[self._n_base :, self._n_base :]
-        common = np.asarray(np.linalg.inv(nuisance), dtype=np.float64)
+        common = solved(nuisance, np.eye(len(nuisance)))
         found = np.empty(len(self._worth))
         for at, numbers, worth in self._blocks:
             if self._criterion == "det":

@@ -80,7 +80,7 @@ class _Ways:
         return tour
 
     def insert(self, tour: list[int], stray: int) -> bool:
-        """Put `stray` where the ways to it and from it are clear; tell whether there is a place."""
+        """Put `stray` where the ways to and from it are clear; return whether there is a place."""
         strays = [stray] * len(tour)
         to = np.append(True, self._clear(tour, strays))
         back = np.append(self._clear(strays, tour), True)

@@ -3,10 +3,10 @@
 Each measurement gives one row of an observation matrix: gravity measurements the row of the
 axis's gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that
 of M_ij, eq. (17), each over the base parameters of its own group and weighted with the axis's
-torque limit, eq. (16). A group's matrix W tells by its rank whether every parameter can be told
-from the others, by its condition number how well the worst combination can, and, with columns
-scaled to unit length, by sqrt(diag((W'W)^-1)) how many times larger a parameter's standard error
-is than if all the others were known.
+torque limit, eq. (16). The rank of a group's matrix W states whether every parameter can be
+distinguished from the others, its condition number how well the worst combination can, and, with
+columns scaled to unit length, sqrt(diag((W'W)^-1)) how many times larger a parameter's standard
+error is than if all the others were known.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
+from hil.regression.least_squares import inverse, inverse_root, undetermined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,7 +51,7 @@ class Identifiability:
     condition : float
         Ratio of its largest to its smallest singular value; inf where the rank is short.
     poorly_identifiable : tuple of str
-        Parameters that cannot be told from others, or only badly.
+        Parameters that cannot be distinguished from others, or only badly.
     """
 
     group: str
@@ -107,16 +108,10 @@ def _judge(group: str, names: tuple[str, ...], W: NDArray[np.float64]) -> Identi
     n = len(names)
     if not len(W):
         return Identifiability(group, names, 0, 0, float("inf"), names)
-    length = np.linalg.norm(W, axis=0)
-    tiny = 1e-9 * max(float(length.max()), np.finfo(float).tiny)
-    scaled = W / np.where(length > tiny, length, np.inf)
-    _, s, vt = np.linalg.svd(scaled, full_matrices=True)
-    rank = int(np.sum(s > 1e-6 * max(1.0, float(s[0]))))
-    if rank < n:
-        lost = np.linalg.norm(vt[rank:], axis=0) > 1e-3
-        condition = float("inf")
-    else:
-        lost = np.sqrt(np.sum((vt / s[:, None]) ** 2, axis=0)) > INFLATION
+    N = W.T @ W
+    rank, lost, condition = inverse_root(N).shape[1], undetermined(N), float("inf")
+    if rank == n:
+        lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > INFLATION
         condition = float(np.linalg.cond(W))
     poorly = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)
     return Identifiability(group, names, len(W), rank, condition, poorly)

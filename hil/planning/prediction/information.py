@@ -1,9 +1,9 @@
-"""What a measurement will say about all base parameters, friction eliminated.
+"""Information of a measurement about all base parameters, friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
 need no torque (`hil.regression.terms`). So the information X'X, friction's columns projected out of
-X as the joint estimator does it (`hil.estimation.condensed`), is known as soon as the motion is
-planned.
+X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the motion
+is planned.
 
 What torque noise leaves of it is a matter of two more matrices. The estimator is least squares, so
 the covariance of X'e is X' E(e e') X, with e
@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.prediction.predicted_samples import forecast
+from hil.regression.least_squares import orthonormal
 from hil.regression.terms import FEWEST, columns, usable
 
 if TYPE_CHECKING:
@@ -32,12 +33,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_RANK = 1e-8
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Share:
-    """What one axis's torque in one measurement will tell.
+    """Information that one axis's torque in one measurement will add.
 
     Attributes
     ----------
@@ -58,7 +57,7 @@ class Share:
 
 
 def shares(robot: Robot, measurement: Strokes, period: float) -> list[Share]:
-    """What `measurement` will tell, sampled every `period` [s]: one item for each axis it moves."""
+    """Information of `measurement`, sampled every `period` [s]: an item for each axis it moves."""
     planned = forecast(measurement, period)
     found = (_share(robot, planned, axis) for axis in measurement.moved)
     return [share for share in found if share is not None]
@@ -71,7 +70,7 @@ def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
     rows, common, friction = columns(robot, planned, axis)
     stacked = planned.smoothed(np.column_stack([rows, common, friction]))[used]
     kept = stacked.shape[1] - friction.shape[1]
-    basis = _orthonormal(stacked[:, kept:])
+    basis, _ = orthonormal(stacked[:, kept:])
     left = stacked[:, :kept] - basis @ (basis.T @ stacked[:, :kept])
     X = np.zeros((len(used), kept))
     X[used] = left
@@ -84,11 +83,3 @@ def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
         white=smoothed.T @ smoothed,
         wander=planned.period * later.T @ later,
     )
-
-
-def _orthonormal(F: Array) -> Array:
-    """Orthonormal basis of the span of F's columns."""
-    length = np.linalg.norm(F, axis=0)
-    u, sizes, _ = np.linalg.svd(F / np.where(length > 0, length, 1.0), full_matrices=False)
-    basis: Array = u[:, sizes > _RANK * sizes[0]]
-    return basis

@@ -1,6 +1,6 @@
-"""How precisely a plan will tell every base parameter, before anything moves.
+"""How precisely a plan will identify every base parameter, before anything moves.
 
-What the measurements tell is added up as the joint estimator does it
+The information of the measurements is added up as the simultaneous estimator does it
 (`hil.estimation.simultaneous`): each axis weighted with the reciprocal of its torque noise,
 friction eliminated measurement by measurement (`hil.planning.prediction.information`), the common
 terms of each axis as nuisance. With the information N and the covariance S of the noise in the
@@ -12,7 +12,7 @@ A parameter's standard deviation says little by itself. Its effect is the torque
 as share of the torque limit of the axis where that is largest, root mean square over motions that
 use the whole range of the robot. Imprecise is a parameter whose effect is above `IMPRECISE`.
 
-Not counted is what no plan can tell: uncertain torque constants, and a lag of the currents.
+Not counted is what no plan can predict: uncertain torque constants, and a lag of the currents.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import element_measurements
 from hil.planning.prediction.information import shares
+from hil.regression.least_squares import inverse, undetermined, without_nuisance
 from hil.regression.terms import n_unknowns, place
+from hil.regression.uncertainty import sandwich
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -45,14 +47,13 @@ IMPRECISE = 0.001
 """Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
 _INSTANTS = 512
 _LOST = 1e-9
-"""Share of what a combination of parameters would tell if nothing else were unknown, below which
-it counts as not told."""
-_RANK = 1e-10
+"""Share of the information about a combination of parameters, if nothing else were unknown, below
+which it is not identifiable."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Information:
-    """What measurements tell, over base parameters and the axes' common terms.
+    """Information of measurements, over base parameters and the axes' common terms.
 
     Attributes
     ----------
@@ -78,7 +79,7 @@ class Precision:
     names, units : tuple of str
         Of the base parameters.
     deviation : ndarray, shape (n_base,)
-        Standard deviations, inf where nothing tells a parameter.
+        Standard deviations, inf where a parameter is not identifiable.
     effect : ndarray, shape (n_base,)
         Torque that a standard deviation amounts to, as share of the axis's limit.
     source : str
@@ -112,7 +113,7 @@ def predict(
     period : float
         Between samples [s].
     known : Information, optional
-        What earlier measurements tell.
+        Of earlier measurements.
     """
     found = information(robot, measurements, period, noise)
     return precision(robot, found + known if known else found, noise.source)
@@ -134,14 +135,14 @@ def precision(robot: Robot, known: Information, source: str) -> Precision:
 def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
-    """What `measurements` will tell, those of use to the joint estimator."""
+    """Information of those `measurements` that the simultaneous estimator uses."""
     useful = element_measurements(measurements)
     found = (share for m in useful for share in shares(robot, m, period))
     return added_up(robot, found, noise)
 
 
 def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
-    """What shares tell together under `noise`."""
+    """Information of all shares together under `noise`."""
     n = n_unknowns(robot)
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
     for share in found:
@@ -159,16 +160,11 @@ def scatter_of(share: Share, noise: Noise) -> Array:
 
 
 def covariance(known: Information, n_base: int) -> Array:
-    """Covariance of the base parameters, shape (n_base, n_base); inf where nothing tells one."""
-    gain = _without_nuisance(known.matrix, n_base)
-    left = gain @ known.matrix[:, :n_base]
-    scatter = gain @ known.scatter @ gain.T
-    size = np.sqrt(np.maximum(np.diag(known.matrix)[:n_base], np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(left / np.outer(size, size))
-    told = values > _LOST
-    inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T / np.outer(size, size)
-    found: Array = inverse @ scatter @ inverse
-    lost = np.abs(vectors[:, ~told]).max(axis=1, initial=0.0) > 1e-3
+    """Covariance of the base parameters, shape (n_base, n_base); inf where not identifiable."""
+    P = without_nuisance(known.matrix, n_base)
+    left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
+    found = sandwich(inverse(left, _LOST, alone), sandwich(P, known.scatter))
+    lost = undetermined(left, _LOST, alone)
     found[lost, lost] = np.inf
     return found
 
@@ -190,16 +186,3 @@ def torque_scale(robot: Robot) -> Array:
     )
     scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
     return scale
-
-
-def _without_nuisance(matrix: Array, n_base: int) -> Array:
-    """Combine normal equations so that common terms drop out, shape (n_base, n).
-
-    What nothing excites is left out, as the estimator holds it at zero.
-    """
-    common = matrix[n_base:, n_base:]
-    diagonal = np.diag(common)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    inverse = np.linalg.pinv(common * np.outer(scale, scale), rcond=_RANK, hermitian=True)
-    eliminated = matrix[:n_base, n_base:] @ (inverse * np.outer(scale, scale))
-    return np.hstack([np.eye(n_base), -eliminated])

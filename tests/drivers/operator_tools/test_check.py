@@ -183,7 +183,7 @@ def test_which_way_the_joint_turned_is_asked_of_the_operator(
     (direction,) = [v for v in verdicts if v.check == "sign and size of the motion"]
     assert direction.grade is grade
     assert remedy in direction.remedy
-    assert any("moved +2° and back" in line for line in operator.told)
+    assert any("moved +2° and back" in line for line in operator.shown)
 
 
 def test_where_nobody_can_be_asked_the_direction_is_a_warning() -> None:

@@ -46,7 +46,7 @@ def test_a_jog_ends_where_it_was_sent_with_the_axis_off(way: float) -> None:
         assert position(bus, drives.axes[1]) == pytest.approx(way, abs=0.002)
     assert stroke.q[-1] - stroke.q[0] == pytest.approx(way, abs=0.002)
     assert stroke.peak_torque > 10
-    assert f"from 0° to {math.degrees(way):.4g}° at 5°/s?" in operator.told[0]
+    assert f"from 0° to {math.degrees(way):.4g}° at 5°/s?" in operator.shown[0]
 
 
 def test_only_the_axis_that_jogs_is_powered() -> None:

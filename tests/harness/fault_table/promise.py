@@ -40,7 +40,7 @@ def _broken(case: Case, outcome: Outcome) -> list[str]:
     known = not outcome.wrong or (case.noted and case.reads in "\n".join(outcome.notes))
     promises = {
         f"ends with {case.error}, not {outcome.error!r}": ended or (goes_on and case.may_go_on),
-        f"the operator reads {case.reads!r} in {outcome.told!r}": case.reads in outcome.told,
+        f"the operator reads {case.reads!r} in {outcome.text!r}": case.reads in outcome.text,
         f"{outcome.wrong} samples are wrong and not flagged": known,
         f"the check {case.finding} finds it": not case.finding or case.finding in outcome.findings,
         "samples are flagged": bool(outcome.flagged) or not case.flags,

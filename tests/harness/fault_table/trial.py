@@ -113,7 +113,7 @@ class Outcome:
     flagged : int
         Samples with a flag.
     notes : tuple of str
-        What the operator was told beside.
+        What the operator read besides.
     cycles : int or None
         SYNCs from the first frame that shows the fault to the last axis's command to stop.
     energised : bool
@@ -145,7 +145,7 @@ class Outcome:
     unwatched: set[int] = field(default_factory=set)
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """What the operator reads."""
         if self.error is not None:
             return "\n".join([str(self.error), *getattr(self.error, "__notes__", ())])

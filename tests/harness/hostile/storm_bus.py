@@ -15,7 +15,7 @@ BURST = 12
 FORGED = 0.02
 """Share of frames that are TPDOs in a drive's name, with its true state and other values."""
 TROUBLE = 1e-4
-"""Share of frames that tell, in a drive's name, of a reason to end the session."""
+"""Share of frames that report, in a drive's name, a reason to end the session."""
 SYNC, TPDO, RPDO, NEW_SET_POINT = 0x80, 0x180, 0x200, 0x10
 TPDO_SIZE = 8
 OUR_HEARTBEAT = 0x77F
@@ -104,7 +104,7 @@ class StormBus(can.BusABC):
         return next(frame for frame in self._frames if not ends_session(frame))
 
     def _trouble(self) -> can.Message:
-        """Make an EMCY, a heartbeat or a TPDO that tells of a drive in trouble, of odd length."""
+        """Make an EMCY, a heartbeat or a TPDO that reports a drive in trouble, of odd length."""
         service, size = self._random.choice([(0x80, 2), (0x80, 8), (TPDO, TPDO_SIZE), (0x700, 1)])
         data = self._random.randbytes(size - 1) + self._random.choice([b"\x10", b"\x81", b"\xff"])
         node = self._random.choice(NODES)
@@ -120,7 +120,7 @@ class StormBus(can.BusABC):
 
 
 def ends_session(frame: can.Message) -> bool:
-    """Whether a frame, taken for a drive's, tells that it is in trouble; or is our heartbeat."""
+    """Whether a frame, taken for a drive's, reports that it is in trouble; or is our heartbeat."""
     if not plain(frame):
         return False
     if frame.arbitration_id == OUR_HEARTBEAT:

@@ -149,15 +149,16 @@ def state_of_the_drives() -> dict[tuple[int, int, int], int]:
 
 def let_time_pass(syncs: int) -> None:
     """Let the plant's time go on without any heartbeat of a master."""
+    identity = bytes.fromhex("4018100100000000")
     with open_bus(PLACE) as bus:
         for _ in range(syncs):
-            bus.send(can.Message(arbitration_id=0x80, is_extended_id=False))
-            while bus.recv(0.002) is not None:
-                pass
+            for identifier, data in ((0x80, b""), (0x601, identity)):
+                bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+            while (frame := bus.recv(60.0)) is None or frame.arbitration_id != 0x581:
+                assert frame is not None
 
 
 @pytest.mark.slow
-@pytest.mark.flaky(reruns=2)
 def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
     hil: Hil, plan_file: Path, tmp_path: Path
 ) -> None:
@@ -202,7 +203,6 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
 
 
 @pytest.mark.slow
-@pytest.mark.flaky(reruns=2)
 def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

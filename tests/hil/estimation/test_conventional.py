@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from synthetic import TABLE_3_A
+from trajectory_run import COULOMB, VISCOUS, recorded, some_trajectory
 
 from hil.errors import NotEnoughData
 from hil.estimation.conventional.products import products
@@ -17,21 +18,12 @@ from hil.estimation.conventional.variants import (
     fit_trajectories,
     trajectories,
 )
-from hil.model.dynamics import inverse_dynamics
-from hil.model.motors import motor_torque
 from hil.model.robot import load_robot
-from hil.planning.design.trajectories import Basis
-from hil.planning.trajectory import REST
-from hil.runs.recording import Recording
 
 if TYPE_CHECKING:
     from hil.estimation.conventional.friction_terms import Characteristic
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
-
-PERIOD = 0.004
-COULOMB, VISCOUS = 0.04, 0.03
-"""Friction over the torque limit, at standstill and its growth up to full speed."""
 
 
 @pytest.fixture(scope="module")
@@ -41,29 +33,7 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="module")
 def trajectory(robot: Robot) -> Trajectory:
-    basis = Basis(robot, 10.0)
-    return basis.trajectory(basis.random(np.random.default_rng(7)), 3, "t")
-
-
-def recorded(
-    robot: Robot, trajectory: Trajectory, noise: float = 0.0, root: float = 0.0
-) -> list[tuple[Trajectory, Recording]]:
-    """What drives without any error would record."""
-    n = len(trajectory.path(PERIOD))
-    time = PERIOD * np.arange(n)
-    t = np.clip(time - REST, 0.0, trajectory.cycles * trajectory.period)
-    q, qd, qdd = trajectory.motion(t)
-    v = qd / robot.velocity_limit
-    level = COULOMB * np.sign(v) + VISCOUS * v + root * np.cbrt(v)
-    tau = inverse_dynamics(robot, TABLE_3_A, q, qd, qdd) + motor_torque(robot, q, qd, qdd)
-    rng = np.random.default_rng(1)
-    tau = tau + robot.torque_limit * (level + noise * rng.standard_normal(q.shape))
-    length = round(trajectory.period / PERIOD)
-    stroke = (np.arange(n) - round(REST / PERIOD)) // length
-    stroke[(stroke < 0) | (stroke >= trajectory.cycles)] = -1
-    still = np.full(n, -1, np.int16)
-    flags = np.zeros(q.shape, np.uint8)
-    return [(trajectory, Recording(time, q, tau, flags, stroke.astype(np.int16), still))]
+    return some_trajectory(robot)
 
 
 def error(robot: Robot, found: Any) -> float:

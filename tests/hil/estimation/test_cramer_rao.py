@@ -70,9 +70,9 @@ def test_the_bound_with_friction_known_is_that_of_least_squares(robot: Robot) ->
     A = np.concatenate(rows)
     bound = cramer_rao(robot, measured, variance(robot), friction_known=True)
     u = np.linalg.svd(A, full_matrices=False)
-    told = 1e-6 * u.S[0] < u.S
-    torque = NOISE**2 * u.U[:, told] @ u.U[::50, told].T
-    assert told.sum() >= 3
+    seen = 1e-6 * u.S[0] < u.S
+    torque = NOISE**2 * u.U[:, seen] @ u.U[::50, seen].T
+    assert seen.sum() >= 3
     assert np.allclose(A @ bound @ A[::50].T, torque, atol=1e-6 * NOISE**2)
 
 

@@ -68,7 +68,7 @@ def test_friction_that_does_not_drift_has_no_time_constants():
     assert all(constant.word for constant in drift(0, still, past).constants)
 
 
-def test_a_few_levels_tell_nothing():
+def test_a_few_levels_identify_nothing():
     levels, past = with_stops(0.001)
     assert drift(0, levels[:8], past) is None
 

@@ -67,6 +67,18 @@ def test_mass_and_centre_of_a_load_are_found(robot, runs):
     assert found.p_value > 1e-4
 
 
+def test_a_known_mass_is_held_and_makes_the_rest_surer(robot, runs):
+    both = [estimate(robot, run) for run in runs]
+    free, held = estimate_payload(robot, *both), estimate_payload(robot, *both, mass=10.86)
+    quantities = {q.name: q for q in held.quantities()}
+    assert (quantities["mass"].value, quantities["mass"].standard_error) == (10.86, 0.0)
+    assert held.degrees_of_freedom == free.degrees_of_freedom + 1
+    for name in ("sz", "centre z", "Ixx"):
+        found, alone = quantities[name], next(q for q in free.quantities() if q.name == name)
+        assert found.standard_error <= alone.standard_error
+    assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
+
+
 def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
     off = np.array([1.0, 1.02, 1.0, 1.0, 1.0, 1.0])
     wrong = [[(m, replace(r, tau=r.tau * off)) for m, r in run] for run in runs]

@@ -31,7 +31,7 @@ class Interrupting:
 
 
 def interrupted_at(number: int) -> bool:
-    """Interrupt the handing over of a task; return whether it came to that."""
+    """Interrupt the queueing of a task; return whether it came to that."""
     done = threading.Event()
     with Background() as background:
         before = sys.gettrace()

@@ -118,16 +118,16 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
 
     monkeypatch.setattr(canopen_bus, "open_drive_bus", lambda *_: ideal_bus)
     folder = tmp_path / "first"
-    status, told = hil(plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
+    status, printed = hil(plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
     assert (status, len(RunFolder.open(folder).missing)) == (0, 3)
-    assert "all ways of the plan passed at 50% of the speed limits" in told
+    assert "all ways of the plan passed at 50% of the speed limits" in printed
     assert RunFolder.open(folder).journal.rehearsed == 0.5
 
     other = tmp_path / "other.yaml"
     other.write_text(plan_file.read_text().replace("velocity: 0.4", "velocity: 0.5", 1))
-    status, told = hil(other, "-o", folder)
+    status, printed = hil(other, "-o", folder)
     assert status == 1
-    assert "the plan differs from the one that the run was started with" in told
+    assert "the plan differs from the one that the run was started with" in printed
 
     assert hil(plan_file, "-o", folder)[0] == 0
     assert RunFolder.open(folder).missing == ()

@@ -121,12 +121,12 @@ def test_planar_arm_across_gravity_keeps_only_planar_parameters(chains):
     assert base.groups["gravity"] == ()
 
 
-def test_planar_arm_in_gravity_also_tells_first_moments_of_its_first_link(chains):
+def test_planar_arm_in_gravity_also_identifies_first_moments_of_its_first_link(chains):
     base = base_parameters(chains.robot(chains.joint(), chains.joint(d="a"), gravity=(0, -9.81, 0)))
     assert expressions(base) == ["Izz1 + a^2 m2", "sx1 + a m2", "sy1", "Izz2", "sx2", "sy2"]
 
 
-def test_sliding_only_chain_tells_only_masses(chains):
+def test_sliding_only_chain_identifies_only_masses(chains):
     slide = chains.joint("prismatic")
     across = chains.joint("prismatic", alpha="pi/2")
     assert expressions(base_parameters(chains.robot(slide, across))) == ["m1", "m2"]
@@ -144,7 +144,7 @@ def test_prismatic_joint_gives_its_whole_inertia_away(chains):
     assert third == ["sx3", "sy3", "sz3", "m3"]
 
 
-def test_slide_along_the_first_turning_axis_tells_mass_but_no_moment_along_it(chains):
+def test_slide_along_the_first_turning_axis_identifies_mass_but_no_moment_along_it(chains):
     base = base_parameters(chains.robot(chains.joint(), chains.joint("prismatic", d="a")))
     assert expressions(base) == ["Izz1 + Izz2 + 2 a sx2", "m2"]
 

@@ -32,7 +32,7 @@ def test_it_has_the_paper_s_counts_and_takes_at_most_45_minutes(robot, plan):
     assert result.duration <= 45 * 60
 
 
-def test_every_parameter_can_be_told_apart(robot, plan):
+def test_every_parameter_is_identifiable(robot, plan):
     for group in identifiability(plan, robot):
         assert group.complete, group
         assert group.condition < 50, group

@@ -1,4 +1,4 @@
-"""Plans within minutes: they take that long, tell everything, and more than a plan by counts."""
+"""Plans within minutes: they take that long, and identify all, better than a plan by counts."""
 
 from functools import partial
 
@@ -53,7 +53,7 @@ def test_it_takes_its_minutes_and_hardly_less(manutec, plan):
     assert 0.95 * MINUTES < dry_run(plan, manutec).duration / 60 <= MINUTES
 
 
-def test_it_may_be_run_and_tells_every_group(manutec, plan):
+def test_it_may_be_run_and_identifies_every_group(manutec, plan):
     result = dry_run(plan, manutec)
     assert not result.problems
     assert all(group.complete and group.condition < 100 for group in result.groups)
@@ -62,7 +62,7 @@ def test_it_may_be_run_and_tells_every_group(manutec, plan):
         assert count(plan, kind) >= CORE * len(columns)
 
 
-def test_it_tells_more_than_a_plan_by_counts_that_takes_as_long(manutec, plan, noise):
+def test_it_is_more_informative_than_a_plan_by_counts_that_takes_as_long(manutec, plan, noise):
     n_base = len(base_parameters(manutec))
     by_counts = design(manutec, {"gravity": 22, "inertia": 32, "coupling": 3})
     assert dry_run(by_counts, manutec).duration >= 0.99 * dry_run(plan, manutec).duration
@@ -85,9 +85,9 @@ def test_a_warm_up_counts(manutec, noise):
 
 
 def test_too_few_minutes_are_refused_with_what_is_needed(manutec, noise):
-    with pytest.raises(ValueError, match=r"2 minutes for measurements must be at least \d") as told:
+    with pytest.raises(ValueError, match=r"2 minutes for measurements must be at least \d") as e:
         design_within(manutec, 2.0, noise)
-    needed = float(str(told.value).split("at least ")[1].split(",")[0])
+    needed = float(str(e.value).split("at least ")[1].split(",")[0])
     plan = design_within(manutec, needed + 0.05, noise)
     assert dry_run(plan, manutec).duration / 60 <= needed + 0.05
 

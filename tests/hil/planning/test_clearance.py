@@ -126,7 +126,7 @@ def test_a_wrong_capsule_is_refused_with_its_line(
 ) -> None:
     stated = "{ends: [[0, 0, 0], [0.50, 0, 0]], radius: 0.15}"
     assert stated in manutec.text
-    with pytest.raises(FileError) as told:
+    with pytest.raises(FileError) as refused:
         parse_robot(manutec.text.replace(stated, capsule), "robot.yaml")
-    assert message in str(told.value)
-    assert "robot.yaml:29: joints.1.capsule." in str(told.value)
+    assert message in str(refused.value)
+    assert "robot.yaml:29: joints.1.capsule." in str(refused.value)

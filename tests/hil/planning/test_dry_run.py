@@ -118,18 +118,18 @@ def test_a_bus_loaded_above_70_percent_is_refused(
         (2, {"stroke": 0.04}, "of creep, needed for two strokes of the partner"),
     ],
 )
-def test_a_problem_is_told_with_line_value_bound_and_remedy(
+def test_a_problem_is_stated_with_line_value_bound_and_remedy(
     small_plan: Plan, manutec: Robot, number: int, changes: dict[str, object], message: str
 ) -> None:
-    told = problems(with_(small_plan, number, **changes), manutec)
-    assert any(message in line for line in told), told
+    found = problems(with_(small_plan, number, **changes), manutec)
+    assert any(message in line for line in found), found
 
 
 def test_many_problems_are_counted_rather_than_listed(small_plan: Plan, manutec: Robot) -> None:
     q = (0.0, -1.8, 0.2, 0.0, 0.5, 0.0)
-    told = problems(gravity_plan(small_plan, 2, *[q] * 15), manutec)
-    assert len(told) == 11
-    assert told[-1] == "... and 5 more of that kind"
+    found = problems(gravity_plan(small_plan, 2, *[q] * 15), manutec)
+    assert len(found) == 11
+    assert found[-1] == "... and 5 more of that kind"
 
 
 def test_the_stretch_proposed_is_long_enough(small_plan: Plan, manutec: Robot) -> None:
@@ -177,7 +177,7 @@ def test_coupling_rows_relate_the_creeping_axis_to_its_partner(
     assert abs(row[0, 0]) > 1e-6
 
 
-def test_one_configuration_cannot_tell_three_parameters_apart(
+def test_one_configuration_cannot_identify_three_parameters(
     small_plan: Plan, manutec: Robot
 ) -> None:
     plan = gravity_plan(small_plan, 2, (0.0, 0.2, 0.3, 0.4, 0.5, 0.0))

@@ -51,7 +51,7 @@ def test_creeping_strokes_span_a_turn_of_the_motor(robot, swept):
         assert (end - begin) * m.velocity > turn or end - begin > 0.45
 
 
-def test_motion_with_stops_tells_the_torque_every_twelve_seconds(robot):
+def test_motion_with_stops_measures_the_torque_every_twelve_seconds(robot):
     planned = stops(robot, 1)
     steady = [m for m in planned.measurements if m.exercise]
     for m in steady:
@@ -90,7 +90,7 @@ def test_an_axis_without_room_for_its_ramps_is_swept_as_fast_as_it_can_go(robot)
     assert not dry_run(planned, robot).problems
 
 
-def test_an_axis_that_cannot_pass_its_range_clear_of_boxes_is_told(robot):
+def test_an_axis_that_cannot_pass_its_range_clear_of_boxes_is_refused(robot):
     everywhere = Box(name="ceiling", low=(-3, -3, -3), high=(3, 3, 3))
     with pytest.raises(ValueError, match="axis 1 cannot pass its range clear"):
         sweep(robot, [0], workspace=Workspace(boxes=(everywhere,)))

@@ -12,7 +12,7 @@ from hil.model.robot import parse_robot
 from hil.planning.design.by_counts import design
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import Noise, stated_noise
-from hil.planning.prediction.precision import predict, torque_scale
+from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
 from hil.planning.prediction.predicted_samples import forecast
 from hil.regression.terms import usable
 from hil.regression.window import noise_gain
@@ -58,9 +58,9 @@ def test_the_information_foreseen_is_what_the_estimator_takes_from_an_ideal_moti
         assert before.n == pytest.approx(after.n, rel=0.03)
         n_base = len(base_parameters(manutec))
         expected, found = np.diag(before.information)[:n_base], np.diag(after.information)[:n_base]
-        told = found > 1e-6 * found.max()
-        assert told.any()
-        ratio = expected[told] / found[told]
+        shown = found > 1e-6 * found.max()
+        assert shown.any()
+        ratio = expected[shown] / found[shown]
         assert ratio == pytest.approx(1.0, abs=0.05)
 
 
@@ -120,14 +120,19 @@ def test_friction_that_wanders_spoils_gravity_most(manutec, plan):
     assert max(ratio[list(groups["diagonal"])]) < min(ratio[list(groups["gravity"])])
 
 
-def test_what_nothing_tells_is_infinitely_uncertain(manutec, plan):
+def test_what_is_not_identifiable_is_infinitely_uncertain(manutec, plan):
     sixth = [m for m in plan.measurements if m.kind == "inertia" and m.axis == 6]
     found = predict(manutec, sixth, PERIOD, stated_noise(manutec))
-    told = dict(zip(found.names, np.isfinite(found.deviation), strict=True))
-    assert told.pop("p14")
-    assert not any(told.values())
+    identifiable = dict(zip(found.names, np.isfinite(found.deviation), strict=True))
+    assert identifiable.pop("p14")
+    assert not any(identifiable.values())
     assert not found.imprecise[found.names.index("p14")]
     assert found.imprecise[found.names.index("p1")]
+
+
+def test_what_rounding_leaves_of_a_column_determines_no_parameter():
+    rounding = Information(np.diag([1.0, 1e-31, 1.0]), np.diag([1.0, 1e-31, 1.0]))
+    assert np.diag(covariance(rounding, 2)).tolist() == [1.0, np.inf]
 
 
 def test_a_unit_of_a_parameter_weighs_most_where_limits_are_small(manutec):

@@ -32,7 +32,7 @@ def guarded(plan: Plan, *boxes: Box, **changes: object) -> Plan:
     return plan.model_copy(update={"workspace": Workspace(boxes=boxes, **changes)})
 
 
-def told(plan: Plan, robot: Robot) -> str:
+def reported(plan: Plan, robot: Robot) -> str:
     return describe_problems(dry_run(plan, robot), dump_plan(plan), "plan.yaml")
 
 
@@ -53,28 +53,28 @@ def test_a_plan_clear_of_all_boxes_has_no_problems(small_plan: Plan, manutec: Ro
     assert not dry_run(guarded(small_plan, FLOOR), manutec).problems
 
 
-def test_a_measurement_in_a_box_is_told_with_link_box_and_place(
+def test_a_measurement_in_a_box_is_reported_with_link_box_and_place(
     small_plan: Plan, manutec: Robot
 ) -> None:
-    text = told(guarded(reaching(small_plan, UP, AT_POST), POST), manutec)
+    text = reported(guarded(reaching(small_plan, UP, AT_POST), POST), manutec)
     assert "measurements.1.q: g1: link" in text
     assert "into post at q = (0.5, 0, 1.5" in text
     assert "plan again with --workspace, choose another configuration" in text
 
 
-def test_a_stroke_that_sweeps_into_a_box_is_told(small_plan: Plan, manutec: Robot) -> None:
+def test_a_stroke_that_sweeps_into_a_box_is_reported(small_plan: Plan, manutec: Robot) -> None:
     still = guarded(reaching(small_plan, RIGHT), POST)
     assert not dry_run(still, manutec).problems
     swung = still.measurements[0].model_copy(update={"axis": 1, "stroke": 1.2})
-    text = told(still.model_copy(update={"measurements": (swung,)}), manutec)
+    text = reported(still.model_copy(update={"measurements": (swung,)}), manutec)
     assert "g0: link" in text
     assert "post" in text
 
 
-def test_a_travel_through_a_box_between_clear_ends_is_told(
+def test_a_travel_through_a_box_between_clear_ends_is_reported(
     small_plan: Plan, manutec: Robot
 ) -> None:
-    text = told(guarded(reaching(small_plan, LEFT, RIGHT), POST), manutec)
+    text = reported(guarded(reaching(small_plan, LEFT, RIGHT), POST), manutec)
     assert text.startswith("plan.yaml:")
     assert "measurements.1.q: travel to g1: link" in text
     assert "runs right into post" in text
@@ -89,17 +89,17 @@ def test_the_warm_up_is_guarded_too(small_plan: Plan, manutec: Robot) -> None:
     plan = guarded(reaching(small_plan, RIGHT, (-0.2, *UP[1:]), (1.2, *UP[1:]), LEFT), POST)
     assert not dry_run(plan, manutec).problems
     warm = plan.model_copy(update={"warm_up": WarmUp(duration=60.0)})
-    assert "warm-up after g3: link" in told(warm, manutec)
+    assert "warm-up after g3: link" in reported(warm, manutec)
 
 
 def test_the_margin_counts(small_plan: Plan, manutec: Robot) -> None:
     plan = reaching(small_plan, RIGHT)
     assert not dry_run(guarded(plan, POST, margin=0.0), manutec).problems
-    assert "comes within" in told(guarded(plan, POST, margin=0.5), manutec)
+    assert "comes within" in reported(guarded(plan, POST, margin=0.5), manutec)
 
 
 def test_narrowed_ranges_are_kept_by_the_dry_run(small_plan: Plan, manutec: Robot) -> None:
-    text = told(guarded(small_plan, ranges={2: (-0.1, 0.1)}), manutec)
+    text = reported(guarded(small_plan, ranges={2: (-0.1, 0.1)}), manutec)
     assert "joint 2, with half its stroke, at -0.5 rad is outside -0.1 ... 0.1 rad" in text
 
 
@@ -116,7 +116,7 @@ def test_the_planner_chooses_clear_configurations_and_travels(manutec: Robot) ->
     assert plan.workspace == CELL
 
 
-def test_a_cell_without_room_is_told_by_the_planner(manutec: Robot) -> None:
+def test_a_cell_without_room_is_refused_by_the_planner(manutec: Robot) -> None:
     full = Workspace(boxes=(Box(name="wall", low=(-2, -2, -2), high=(2, 2, 2)),))
     with pytest.raises(ValueError, match="no configuration with axis 2 in motion keeps clear"):
         design(manutec, {"gravity": 9, "inertia": 22, "coupling": 1}, workspace=full)

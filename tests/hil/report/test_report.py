@@ -8,7 +8,7 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from small_run import SIMULATED, empty_plots, write_run
+from small_run import as_on_hardware, empty_plots, write_run
 
 from hil import cli
 from hil.errors import NotIdentifiable
@@ -161,7 +161,7 @@ class TestOtherRuns:
 
     def test_a_run_on_hardware_is_not_called_simulated(self, as_it_was):
         journal = as_it_was / "run.json"
-        journal.write_text(journal.read_text().replace(SIMULATED, "socketcan <can0>"))
+        as_on_hardware(journal, "socketcan <can0>")
         page = report(Run.open(as_it_was)).read_text()
         assert "SIMULATED" not in page
         assert "socketcan &lt;can0&gt;" in page

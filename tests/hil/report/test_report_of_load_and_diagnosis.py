@@ -97,6 +97,10 @@ class TestLoad:
         assert {q.name for q in kept.load} >= {"mass", "sz", "centre z", "Ixx", "Izz"}
         assert len(kept.elements_without) == len(kept.elements_loaded) == 36
 
+    def test_the_stated_mass_is_held(self, kept):
+        (mass,) = (q for q in kept.load if q.name == "mass")
+        assert (mass.value, mass.standard_error) == (kept.mass, 0.0) == (10.86, 0.0)
+
     def test_the_report_has_table_3_of_the_robot(self, page):
         text = text_of(page)
         table = text[text.index("Table 3 of this robot") : text.index("The load, in the last")]

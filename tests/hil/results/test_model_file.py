@@ -82,7 +82,7 @@ def test_the_covariance_fits_the_standard_errors_and_intervals(model):
 def test_it_says_where_it_comes_from(manutec, model):
     origin = model.provenance
     assert (origin.robot, origin.robot_digest) == (manutec.name, manutec.digest)
-    assert (origin.bus, origin.method, origin.measurements) == (SIMULATED, "improved", 39)
+    assert (origin.bus, origin.method, origin.measurements) == (str(SIMULATED), "improved", 39)
     assert origin.left_out == ()
 
 

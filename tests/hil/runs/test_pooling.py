@@ -102,7 +102,7 @@ def test_a_dry_run_predicts_from_an_earlier_run(hil, run):
     assert "noise expected: 0.25% of the torque limit" in out
 
 
-def test_refining_tells_the_deviations_now_and_then(hil, run, tmp_path):
+def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
     path = tmp_path / "next.yaml"
     status, out, err = hil("plan", "--refine", run, "--minutes", "2", "-o", path)
     assert (status, err) == (0, "")
@@ -130,7 +130,7 @@ def test_options_that_contradict_each_other_are_refused(hil, tmp_path, arguments
     assert message in err.replace("│", " ").replace("\n", " ").replace("  ", " ")
 
 
-def test_too_few_minutes_are_told_in_one_line(hil, tmp_path):
+def test_too_few_minutes_are_refused_in_one_line(hil, tmp_path):
     status, _, err = hil("plan", "manutec-r15", "--minutes", "1", "-o", tmp_path / "plan.yaml")
     assert status == 1
     assert err.startswith("manutec-r15: 1 minutes for measurements must be at least")

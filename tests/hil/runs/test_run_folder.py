@@ -17,6 +17,7 @@ from hil.measuring.events import Recorded
 from hil.model.robot import Robot, load_robot
 from hil.planning.plan import Plan
 from hil.runs.finding import Finding
+from hil.runs.journal import BusName, Session
 from hil.runs.lock import locked
 from hil.runs.recording import Recording
 from hil.runs.recording_file import Measured
@@ -119,10 +120,10 @@ def test_a_damaged_file_is_set_aside_and_measured_again(
         folder.write(Measured(measurement, recording))
     path = folder.recording_path(gravity)
     path.write_bytes(path.read_bytes()[:keep])
-    told = RunFolder.open(folder.path).set_aside_damaged()
-    assert len(told) == 1
-    assert "g1.h5" in told[0]
-    assert "kept as g1.h5.damaged, will be measured again" in told[0]
+    set_aside = RunFolder.open(folder.path).set_aside_damaged()
+    assert len(set_aside) == 1
+    assert "g1.h5" in set_aside[0]
+    assert "kept as g1.h5.damaged, will be measured again" in set_aside[0]
     assert (folder.path / "recordings" / "g1.h5.damaged").exists()
     assert folder.missing == (gravity, coupling)
 
@@ -189,7 +190,7 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
         RunFolder.open(tmp_path)
 
 
-def test_a_full_disk_is_told_once_and_clearly(
+def test_a_full_disk_is_reported_once_and_clearly(
     folder: RunFolder, recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(handle: int) -> None:
@@ -203,7 +204,7 @@ def test_a_full_disk_is_told_once_and_clearly(
     assert not path.exists()
 
 
-def test_a_place_that_cannot_be_written_is_told(
+def test_a_place_that_cannot_be_written_is_refused(
     tmp_path: Path, small_plan: Plan, manutec: Robot
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -212,7 +213,7 @@ def test_a_place_that_cannot_be_written_is_told(
 
 
 def test_a_campaign_ends_in_a_folder_with_all_recordings(folder: RunFolder, ideal_bus) -> None:
-    events = list(run_campaign(folder, ideal_bus, "ideal test"))
+    events = list(run_campaign(folder, ideal_bus, BusName("ideal", "test")))
     assert sum(isinstance(event, Recorded) for event in events) == 3
     again = RunFolder.open(folder.path)
     assert again.missing == ()
@@ -272,3 +273,31 @@ def test_the_folder_of_a_run_without_recordings_can_be_discarded(
     folder.recording_path(folder.plan.measurements[0]).unlink()
     assert folder.discard_if_empty()
     assert not folder.path.exists()
+
+
+@pytest.mark.parametrize(
+    ("bus", "stated", "simulated"),
+    [
+        ("socketcan sim_plant", False, False),
+        ("anything", True, True),
+        ("sim_plant manutec-r15", None, True),
+        ("socketcan can0", None, False),
+        ("", None, False),
+    ],
+)
+def test_a_journal_states_whether_its_bus_was_the_virtual_plant_s(
+    folder: RunFolder, bus: str, stated: bool | None, simulated: bool
+) -> None:
+    """Files of earlier versions have the bus's name alone."""
+    journal = folder.journal.with_session(Session(started="x", bus=bus, simulated=stated))
+    assert journal.simulated is simulated
+
+
+@pytest.mark.parametrize("interface", ["sim_plant", "socketcan"])
+def test_a_session_notes_whether_its_bus_is_the_virtual_plant_s(
+    folder: RunFolder, interface: str
+) -> None:
+    with folder.session(BusName(interface, "a b")):
+        pass
+    (session,) = RunFolder.open(folder.path).journal.sessions
+    assert (session.bus, session.simulated) == (f"{interface} a b", interface == "sim_plant")

@@ -1,4 +1,4 @@
-"""What a run tells about its SYNC."""
+"""What a run states about its SYNC."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def recording(time, flags=None) -> Recording:
     return Recording(np.asarray(time), np.zeros((n, 2)), np.zeros((n, 2)), flags, still, still)
 
 
-def test_lock_step_is_told_as_such() -> None:
+def test_lock_step_is_stated_as_such() -> None:
     timing = SyncTiming().with_recording(recording(PERIOD * np.arange(1000)))
     assert str(timing) == "1000 samples, 0 flagged, 0 left out; SYNC in lock-step"
 

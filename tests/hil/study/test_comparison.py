@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from small_run import SIMULATED, write_run
+from small_run import as_on_hardware, write_run
 from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import FileError
@@ -81,7 +81,7 @@ class TestTruth:
         with pytest.raises(FileError, match="torques: sx4; add what the plant has to the robot"):
             true_parameters(manutec, plant)
 
-    def test_parameters_that_no_torque_tells_do_not_matter(self, manutec, tmp_path):
+    def test_parameters_that_show_in_no_torque_do_not_matter(self, manutec, tmp_path):
         plant = plant_file(tmp_path, "{Izz: 32.015}", "{Izz: 32.015, m: 100, sz: 7}")
         assert true_parameters(manutec, plant) == pytest.approx(TABLE_3_A)
 
@@ -146,7 +146,7 @@ class TestCommand:
     def test_a_run_on_hardware_is_refused_with_the_reason(self, run, tmp_path, console):
         shutil.copytree(run, tmp_path / "run")
         journal = tmp_path / "run" / "run.json"
-        journal.write_text(journal.read_text().replace(SIMULATED, "socketcan can0"))
+        as_on_hardware(journal, "socketcan can0")
         with pytest.raises(Mismatch, match=r"measured on socketcan can0; only on the virtual"):
             compare(Run.open(tmp_path / "run"), PLANT, console)
 

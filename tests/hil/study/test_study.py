@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from small_study import PLANT, SEEDS, begun, cell_of, here, opened, put, small_plans, told
+from small_study import PLANT, SEEDS, begun, cell_of, errors_of, here, opened, put, small_plans
 
 from checked_files.yaml_file import FileError
 from hil import cli
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def finished(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Done]]:
-    """A study with all its campaigns, and what was told."""
+    """A study with all its campaigns, and what was reported."""
     folder = tmp_path_factory.mktemp("study") / "study"
     cells = begun(folder, manutec)
     with execution.local(1) as execute:
@@ -104,7 +104,7 @@ class TestStudy:
 
     def test_called_again_it_measures_and_judges_nothing(self, study: Path) -> None:
         before = files(study)
-        assert set(told(carry_out(opened(study), here)).values()) == {""}
+        assert set(errors_of(carry_out(opened(study), here)).values()) == {""}
         assert files(study) == before
 
     def test_a_deleted_verdict_is_judged_again(self, study: Path) -> None:
@@ -167,7 +167,7 @@ class TestStudy:
 
 
 class TestFailure:
-    def test_a_campaign_that_fails_is_told_and_the_others_go_on(
+    def test_a_campaign_that_fails_is_reported_and_the_others_go_on(
         self, study: Path, hil: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(execution, "local", lambda _workers: nullcontext(here))
@@ -191,7 +191,7 @@ class TestFailure:
         cells = opened(study)
         cells[0].plant.write_text("axes: [")
         cells[0].verdict.unlink()
-        errors = told(carry_out(cells, here))
+        errors = errors_of(carry_out(cells, here))
         assert "plant.yaml" in errors["judged", str(cells[0])]
         assert [error for error in errors.values() if error] == [errors["judged", str(cells[0])]]
 
@@ -258,7 +258,7 @@ class TestCluster:
             ) as cluster,
             execution.cluster(cluster.scheduler_address) as execute,
         ):
-            assert set(told(carry_out(cells, execute)).values()) == {""}
+            assert set(errors_of(carry_out(cells, execute)).values()) == {""}
         for found, expected in zip(judged(cells), judged(opened(finished[0])), strict=True):
             for one, other in zip(found.outcomes, expected.outcomes, strict=True):
                 assert (one.method, one.inside) == (other.method, other.inside)
@@ -273,7 +273,7 @@ class TestCluster:
         assert status == 1
         assert "pip install 'canopen-robot-identification[dask]'" in err
 
-    def test_a_scheduler_that_does_not_answer_is_told(self) -> None:
+    def test_a_scheduler_that_does_not_answer_is_reported(self) -> None:
         import dask
 
         with (

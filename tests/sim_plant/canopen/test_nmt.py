@@ -59,7 +59,7 @@ def test_master_objects_see_boot_up_after_reset(master: canopen.Network) -> None
     assert master[3].nmt.state == "PRE-OPERATIONAL"
 
 
-def test_the_heartbeat_tells_the_state_that_a_command_led_to(desk: Desk) -> None:
+def test_the_heartbeat_reports_the_state_that_a_command_led_to(desk: Desk) -> None:
     desk.write(0x1017, 4)
     for command, state in ((START, 5), (STOP, 4), (PRE_OPERATIONAL, 127)):
         desk.nmt(command, 1)

@@ -264,7 +264,7 @@ def test_a_frame_that_is_too_short_is_refused_with_an_emergency(desk: Desk) -> N
     assert desk.read(0x607A) == 0
 
 
-def test_a_frame_that_is_too_long_is_used_and_told(desk: Desk) -> None:
+def test_a_frame_that_is_too_long_is_used_and_reported(desk: Desk) -> None:
     desk.map_rpdo(255, TARGET)
     desk.nmt(START)
     frames = desk.send(RPDO, struct.pack("<ii", 3, 4))
@@ -272,7 +272,7 @@ def test_a_frame_that_is_too_long_is_used_and_told(desk: Desk) -> None:
     assert desk.read(0x607A) == 3
 
 
-def test_a_value_that_the_object_refuses_is_told(desk: Desk) -> None:
+def test_a_value_that_the_object_refuses_is_reported(desk: Desk) -> None:
     desk.map_rpdo(255, MODE, TARGET)
     desk.nmt(START)
     frames = desk.send(RPDO, struct.pack("<bi", 3, 42))

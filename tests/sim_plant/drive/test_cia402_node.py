@@ -91,7 +91,7 @@ def control(desk: Desk, controlword: int) -> None:
 
 
 def set_point(desk: Desk, target: int, bits: int = 0, velocity: int = 100_000) -> None:
-    """Hand over a set-point and take the edge back."""
+    """Set a set-point with a rising edge of bit 4, and take the edge back."""
     desk.write(0x6081, velocity)
     desk.write(0x607A, target)
     control(desk, ENABLE | NEW | bits)
@@ -247,7 +247,7 @@ def test_the_fault_reaction_follows_605e(desk: Desk, code: int, calls: list[str]
     assert [call[0] for call in axis(desk).calls] == calls
 
 
-def test_a_following_error_is_told_in_every_place(desk: Desk) -> None:
+def test_a_following_error_is_reported_in_every_place(desk: Desk) -> None:
     moving(desk)
     axis(desk).forced = AxisEvent.FOLLOWING_ERROR
     desk.sync()
@@ -511,7 +511,7 @@ def test_a_window_that_is_off_takes_the_demand_for_the_position(desk: Desk) -> N
 
 
 @pytest.mark.parametrize(("target", "clipped"), [(60_000, 50_000), (-70_000, -40_000)])
-def test_a_target_outside_the_software_limits_is_clipped_and_told(
+def test_a_target_outside_the_software_limits_is_clipped_and_reported(
     desk: Desk, target: int, clipped: int
 ) -> None:
     desk.write(0x607D, -40_000, 1)

@@ -279,12 +279,12 @@ def test_a_plant_file_may_name_a_personality_beside_it(tmp_path: Path) -> None:
     assert names == [PLAIN.name, "odd", *[PLAIN.name] * 4]
 
 
-def test_an_unknown_personality_is_told_with_those_that_are_known() -> None:
+def test_an_unknown_personality_is_refused_with_those_that_are_known() -> None:
     with pytest.raises(FileError, match=r"grumpy: neither a packaged personality \(bare, clipping"):
         load_machine("manutec-r15", personality="grumpy")
 
 
-def test_a_change_of_an_object_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_change_of_an_object_that_is_not_there_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "odd.yaml"
     path.write_text("name: odd\nobjects: [{index: 0x6123, access: ro}]\n")
     with pytest.raises(FileError, match=r"odd: the drive has no object 6123:00 .* give its type"):

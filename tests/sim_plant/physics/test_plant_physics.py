@@ -202,7 +202,7 @@ def test_another_seed_gives_other_noise_and_other_friction() -> None:
     assert one.const.tobytes() == other.const.tobytes()
 
 
-def test_the_seed_is_the_plant_files_unless_told_otherwise() -> None:
+def test_the_seed_is_the_plant_files_by_default() -> None:
     pieces = [0.01] * 10
     assert session(load_plant("manutec-r15"), pieces) == session(
         load_plant("manutec-r15", load_plant_file("manutec-r15").seed), pieces

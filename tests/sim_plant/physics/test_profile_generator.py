@@ -127,7 +127,7 @@ def test_demand_follows_the_closed_form_and_ends_exactly_at_the_target() -> None
     assert desk.plant.profile[0, st.TARGET] == pytest.approx(0.5, abs=1e-15)
 
 
-def test_a_stop_brakes_at_the_rate_told_and_stays() -> None:
+def test_a_stop_brakes_at_the_rate_commanded_and_stays() -> None:
     desk = Desk()
     desk.move(2.0, 1.0, 4.0)
     desk.plant.advance(0.5)

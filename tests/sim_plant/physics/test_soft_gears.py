@@ -135,7 +135,7 @@ def test_gears_that_steps_cannot_follow_are_refused_with_the_step_that_can():
         machine([{"stiffness": 2.5 * stiffness} for stiffness in SOFT])
 
 
-def test_the_step_that_was_told_can_follow():
+def test_the_step_that_the_error_states_can_follow():
     plant = machine([{"stiffness": 2.5 * stiffness} for stiffness in SOFT], step=0.0005)
     for _ in swing(plant, 3, 0.5):
         pass

@@ -123,7 +123,7 @@ def test_an_sdo_abort_leaves_the_server_ready(master: canopen.Network) -> None:
     barrier(master)
 
 
-def test_process_data_moves_an_axis_and_tells_of_it(
+def test_process_data_moves_an_axis_and_reports_it(
     master: canopen.Network, ideal_machine: IdealMachine
 ) -> None:
     node, positions = master[3], []
@@ -151,7 +151,7 @@ def test_process_data_moves_an_axis_and_tells_of_it(
     assert not any(axis.enabled for n, axis in enumerate(ideal_machine.axes) if n != 2)
 
 
-def test_an_event_driven_pdo_tells_changes_without_sync(master: canopen.Network) -> None:
+def test_an_event_driven_pdo_reports_changes_without_sync(master: canopen.Network) -> None:
     node, words = master[1], []
     node.tpdo.read()
     tpdo = node.tpdo[1]

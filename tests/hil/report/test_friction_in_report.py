@@ -1,0 +1,72 @@
+"""A report states friction as `hil friction fit` last did: by the same model, with its bound."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_run import SIMULATED, write_run
+from synthetic import TABLE_3_A, Friction, record
+
+from hil.planning.design.friction import sweep
+from hil.report import friction
+from hil.results.friction import evaluate
+from hil.results.friction_file import write_friction
+from hil.results.identification import identify
+from hil.runs.pooling import recorded
+from hil.runs.recording_file import Measured
+from hil.runs.run_folder import RunFolder
+
+LOADED = 1
+"""Index of an axis that gravity acts on: without a model its symmetry cannot be tested."""
+BOUND = 0.31
+
+
+@pytest.fixture(scope="module")
+def model_folder(manutec, tmp_path_factory):
+    run = write_run(tmp_path_factory.mktemp("identified") / "run", manutec)
+    identify(run).save(run.path / "model.yaml")
+    return run.path
+
+
+@pytest.fixture
+def run(manutec, tmp_path):
+    """A sweep of one axis, whose friction differs by direction."""
+    plan = sweep(manutec, [LOADED], speeds=6, slowest=0.02)
+    folder = RunFolder.create(tmp_path / "run", plan, manutec)
+    uneven, begin = Friction(offset=np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1])), 0.0
+    with folder.session(SIMULATED) as session:
+        for m in plan.measurements:
+            recording = record(manutec, m, TABLE_3_A, uneven, begin=begin)
+            folder.write(Measured(m, recording, session=session))
+            begin = float(recording.time[-1]) + 1.0
+    return folder
+
+
+def shown(run, monkeypatch):
+    """What the report of a campaign with friction measurements would show of them."""
+    monkeypatch.setattr("hil.report.plots.friction.drawings", lambda _result: {})
+    about = friction.of_campaign(run, list(recorded(run)), SimpleNamespace(local=()))
+    return about["friction_result"]
+
+
+def test_gravity_is_compensated_by_the_model_of_the_fit_and_its_bound_is_kept(
+    run, model_folder, monkeypatch
+):
+    write_friction(run, evaluate(run, list(recorded(run)), model_folder, BOUND))
+    found = shown(run, monkeypatch)
+    assert found.model_folder == str(model_folder)
+    assert [(test.axis, test.bound) for test in found.symmetry] == [(LOADED, BOUND)]
+
+
+def test_without_a_fit_half_differences_compensate_gravity(run, monkeypatch):
+    found = shown(run, monkeypatch)
+    assert found.model_folder is None
+    assert found.symmetry == ()
+
+
+def test_where_the_model_is_gone_half_differences_do(run, model_folder, tmp_path, monkeypatch):
+    result = evaluate(run, list(recorded(run)), model_folder, BOUND)
+    write_friction(run, result)
+    kept = (run.path / "friction.yaml").read_text()
+    (run.path / "friction.yaml").write_text(kept.replace(str(model_folder), str(tmp_path / "no")))
+    assert shown(run, monkeypatch).model_folder is None

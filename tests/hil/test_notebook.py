@@ -1,0 +1,88 @@
+"""`import hil`: what it offers, and that the documented examples do what they say."""
+
+import doctest
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_run import write_run
+
+import hil
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture(scope="module")
+def place(manutec, tmp_path_factory):
+    """A folder with a small run in `runs/first`."""
+    folder = tmp_path_factory.mktemp("notebook")
+    (folder / "runs").mkdir()
+    write_run(folder / "runs" / "first", manutec)
+    return folder
+
+
+def test_the_examples_of_the_how_to_do_what_they_say(place, monkeypatch):
+    monkeypatch.chdir(place)
+    blocks = re.findall(r"```pycon\n(.*?)```", (DOCS / "notebook.md").read_text(), re.DOTALL)
+    assert len(blocks) > 5
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    runner = doctest.DocTestRunner(optionflags=flags)
+    text = "\n".join(blocks)
+    test = doctest.DocTestParser().get_doctest(text, {}, "notebook.md", "notebook.md", 0)
+    told = []
+    assert not runner.run(test, out=told.append).failed, "".join(told)
+
+
+def test_dir_lists_the_api_and_every_name_of_it_has_a_docstring():
+    assert set(dir(hil)) >= {"Robot", "Run", "Model", "identify", "errors"}
+    for name in dir(hil):
+        assert getattr(hil, name).__doc__, name
+
+
+def test_a_name_that_is_not_offered_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="has no attribute 'load_robot'"):
+        _ = hil.load_robot
+
+
+def test_importing_hil_loads_no_numerics():
+    code = "import hil, sys; dir(hil); sys.exit('numpy' in sys.modules or 'scipy' in sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", code], check=False)  # noqa: S603 - our own code
+    assert ended.returncode == 0
+
+
+class TestRobotOfValues:
+    def test_it_is_the_robot_of_the_same_file(self, manutec):
+        content = manutec.file.model_dump(exclude_none=True)
+        same = hil.Robot.from_values(**content)
+        assert same == manutec
+        assert hil.Robot.from_values(**same.file.model_dump(exclude_none=True)).text == same.text
+
+    def test_a_tie_to_an_absent_parameter_is_refused(self, manutec):
+        content = manutec.file.model_dump(exclude_none=True) | {"ties": ("Iyy6 = Ixx9",)}
+        with pytest.raises(hil.errors.InvalidValue, match=r"ties\.0: Ixx9 is not present"):
+            hil.Robot.from_values(**content)
+
+
+class TestRecording:
+    def test_an_unknown_measurement_lists_those_recorded(self, place):
+        run = hil.Run.open(place / "runs" / "first")
+        with pytest.raises(hil.errors.UnknownName, match="no recording of 'x1'; recorded are g01"):
+            run["x1"]
+
+    def test_its_table_has_a_column_a_joint_with_its_unit(self, place):
+        pytest.importorskip("pandas")
+        recording = hil.Run.open(place / "runs" / "first")["g01"].recording
+        table = recording.to_dataframe()
+        assert np.array_equal(table["tau6"], recording.tau[:, 5])
+        assert table.attrs["units"]["tau6"] == "N m"
+        assert len(table.columns) == 3 + 3 * 6
+
+    def test_the_table_of_a_run_is_indexed_by_measurement(self, place):
+        pytest.importorskip("pandas")
+        run = hil.Run.open(place / "runs" / "first")
+        table = run.to_dataframe()
+        assert tuple(table.index.unique("measurement")) == run.ids
+        assert np.array_equal(table.loc["i03"]["q2"], run["i03"].recording.q[:, 1])

@@ -1,0 +1,208 @@
+"""A fieldbus that is no CAN: drives of CiA 402 in memory, which offer `Objects` and `ProcessData`.
+
+Each drive is a state machine, a position that goes to its target at constant velocity, and a
+dictionary. SYNC moves time on by one period; what was commanded counts from the next SYNC on.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from drivers.cia402 import objects
+from drivers.cia402.states import Control, Mode, State, Status
+from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent, SampleFlag
+
+if TYPE_CHECKING:
+    from drivers.fieldbus import Entry
+
+PERIOD = 0.004
+STEP = 40
+"""How far an axis goes in one period [increments]."""
+
+_WORDS = {
+    State.SWITCH_ON_DISABLED: 0x40,
+    State.READY_TO_SWITCH_ON: 0x21,
+    State.SWITCHED_ON: 0x23,
+    State.OPERATION_ENABLED: 0x27,
+    State.QUICK_STOP_ACTIVE: 0x07,
+    State.FAULT: 0x08,
+}
+
+
+class FakeDrive:
+    """One drive, and its object dictionary as the profile sees it (`drivers.fieldbus.Objects`).
+
+    Attributes
+    ----------
+    deaf : bool
+        It takes no command by process data any more.
+    unplugged : bool
+        It answers nothing any more.
+    history : list of State
+        Those that it was in.
+    """
+
+    def __init__(self, node: int) -> None:
+        self.node, self.label = node, f"axis {node}"
+        self.missing: set[Entry] = set()
+        self.state = State.SWITCH_ON_DISABLED
+        self.history: list[State] = []
+        self.position = self.target = 0
+        self.acknowledging = self.deaf = self.unplugged = False
+        self._values: dict[Entry, int] = {}
+
+    @property
+    def word(self) -> int:
+        """The statusword."""
+        reached = Status.TARGET_REACHED if self.position == self.target else 0
+        acknowledge = Status.SET_POINT_ACKNOWLEDGE if self.acknowledging else 0
+        return _WORDS[self.state] | reached | acknowledge
+
+    def get(self, entry: Entry) -> int:
+        """Read a number."""
+        self._answer()
+        match entry:
+            case objects.STATUSWORD:
+                return self.word
+            case objects.POSITION:
+                return self.position
+            case objects.MODE_DISPLAY:
+                return self._values.get(objects.MODE, 1)
+        if entry not in self._values:
+            raise DriveRefused(f"{self.label}: no object {entry}")
+        return self._values[entry]
+
+    def find(self, entry: Entry) -> int | None:
+        """Read a number, None where it is missing."""
+        try:
+            return self.get(entry)
+        except DriveRefused:
+            return None
+
+    def put(self, entry: Entry, value: int) -> None:
+        """Write a number."""
+        self._answer()
+        self._values[entry] = value
+        if entry == objects.CONTROLWORD:
+            self.control(value, self.target)
+
+    def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
+        """Write a number."""
+        self.put(entry, value)
+
+    def _answer(self) -> None:
+        if self.unplugged:
+            raise NodeSilent(f"{self.label}: no answer")
+
+    def control(self, word: int, target: int) -> None:
+        """Take a controlword and the target that comes with it."""
+        if not word & 0x02:
+            self.state = State.SWITCH_ON_DISABLED
+        elif not word & 0x04:
+            if self.state is State.OPERATION_ENABLED:
+                self.state, self.target = State.QUICK_STOP_ACTIVE, self.position
+        elif self.state is not State.QUICK_STOP_ACTIVE:
+            self._switch_on(word)
+        if self._values.get(objects.MODE) == Mode.CYCLIC_POSITION:
+            self.target = target
+        new = bool(word & Control.NEW_SET_POINT) and self.state is State.OPERATION_ENABLED
+        if new and not self.acknowledging:
+            self.target = target
+        self.acknowledging = new
+
+    def _switch_on(self, word: int) -> None:
+        steps = {
+            (State.SWITCH_ON_DISABLED, 0x06): State.READY_TO_SWITCH_ON,
+            (State.READY_TO_SWITCH_ON, 0x07): State.SWITCHED_ON,
+            (State.SWITCHED_ON, 0x0F): State.OPERATION_ENABLED,
+        }
+        self.state = steps.get((self.state, word & 0x0F), self.state)
+
+    def step(self) -> None:
+        """Let one period pass."""
+        self.history.append(self.state)
+        if self.state is State.OPERATION_ENABLED:
+            way = self.target - self.position
+            self.position += max(-STEP, min(STEP, way))
+
+
+class FakeFieldbus:
+    """Process data of all axes (`drivers.fieldbus.ProcessData`), and our sign of life.
+
+    Attributes
+    ----------
+    silent : set of int
+        Axes whose telegram stays away.
+    alive : bool
+        Our sign of life has not ceased.
+    commanded : Counter of (int, int)
+        How often an axis was sent a controlword.
+    """
+
+    def __init__(self, axes: int) -> None:
+        self.drives = tuple(FakeDrive(node) for node in range(1, axes + 1))
+        self.words: tuple[int, ...] = tuple(drive.word for drive in self.drives)
+        self.positions: tuple[int, ...] = (0,) * axes
+        self.currents: tuple[int, ...] = (0,) * axes
+        self.flags: tuple[int, ...] = (0,) * axes
+        self.irregular = False
+        self.time = 0.0
+        self.silent: set[int] = set()
+        self.alive = True
+        self.commanded: Counter[tuple[int, int]] = Counter()
+
+    def now(self) -> float:
+        """Time [s]."""
+        return self.time
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send target and controlword to one axis."""
+        self._carry()
+        self.commanded[axis, controlword] += 1
+        drive = self.drives[axis]
+        if not drive.deaf:
+            drive.control(controlword, target)
+
+    def sync(self) -> float:
+        """Let one period pass; latch what all axes show."""
+        self.miss()
+        self._carry()
+        seen = [axis not in self.silent for axis in range(len(self.drives))]
+        old = zip(seen, self.drives, self.words, self.positions, strict=True)
+        latched = [(d.word, d.position) if here else (w, p) for here, d, w, p in old]
+        self.words, self.positions = zip(*latched, strict=True)
+        self.flags = tuple(0 if here else SampleFlag.MISSING.value for here in seen)
+        self.irregular = not all(seen)
+        return self.time
+
+    def unplug(self) -> None:
+        """Let no drive be heard or reached any more."""
+        for drive in self.drives:
+            drive.unplugged = True
+
+    def _carry(self) -> None:
+        if any(drive.unplugged for drive in self.drives):
+            raise BusUnavailable("cable unplugged")
+
+    def tick(self) -> None:
+        """Let one period pass."""
+        self.miss()
+
+    def miss(self) -> None:
+        """Let one period pass."""
+        self.time += PERIOD
+        for drive in self.drives:
+            drive.step()
+
+    def hurry(self, hurried: bool) -> None:
+        """Nothing is waited for here."""
+
+    def beat(self) -> None:
+        """Give our sign of life."""
+
+    def cease(self) -> None:
+        """Give it no more: drives that watch it switch off."""
+        self.alive = False
+        for drive in self.drives:
+            drive.state = State.SWITCH_ON_DISABLED
