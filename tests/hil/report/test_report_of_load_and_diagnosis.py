@@ -182,7 +182,7 @@ class TestDiagnosis:
         text = text_of(page_of(copies / "offset"))
         section = text[text.index("What the robot file leaves out") :][:1500]
         assert f"is {kept.found[0]}: add it to the robot file" in section
-        assert "Ranked by evidence" in section
+        assert "ranked by evidence" in section
 
     def test_one_of_another_estimate_is_stale(self, copies, diagnosis):
         kept = write_diagnosis(Run.open(copies / "offset"), diagnosis)
