@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-class Row(NamedTuple):
+class ObjectChange(NamedTuple):
     """One object, its value on the drive (a dash where it cannot be read), and the one written."""
 
     place: str
@@ -22,7 +22,7 @@ class Row(NamedTuple):
     value: str
 
 
-def render(label: str, rows: Sequence[Row], console: Console, column: str) -> None:
+def render(label: str, rows: Sequence[ObjectChange], console: Console, column: str) -> None:
     """Print one drive's table, or that there is nothing to write."""
     if not rows:
         console.print(f"{label}: nothing differs", highlight=False, markup=False)

@@ -139,11 +139,11 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
         raise DriveRefused("\n".join(map(str, problems)))
 
 
-def changed_row(entry: Entry, present: int | None, value: int) -> changes_view.Row:
+def changed_row(entry: Entry, present: int | None, value: int) -> changes_view.ObjectChange:
     """Return the row of an object: what the drive holds, and what is written in its place."""
     place = f"{entry.index:04X}:{entry.subindex:02X}"
     held = "-" if present is None else entry.shown(present)
-    return changes_view.Row(place, entry.name, held, entry.shown(value))
+    return changes_view.ObjectChange(place, entry.name, held, entry.shown(value))
 
 
 def _remove_restored(path: Path) -> None:

@@ -23,7 +23,7 @@ REDRAWN = 0.1
 """Time between two tables [s]."""
 
 
-class Row(NamedTuple):
+class AxisLine(NamedTuple):
     """One axis in words; `alarm` is shown in red."""
 
     axis: str
@@ -39,7 +39,7 @@ class Row(NamedTuple):
 class Snapshot(NamedTuple):
     """What was seen until now: a row an axis, and the rate of SYNC [1/s]."""
 
-    rows: Sequence[Row]
+    rows: Sequence[AxisLine]
     sync_rate: float
 
 

@@ -84,10 +84,10 @@ def _snapshot(picture: BusPicture, drives: DrivesFile) -> monitor_view.Snapshot:
     return monitor_view.Snapshot(rows, picture.sync_rate(monotonic()))
 
 
-def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.Row:
+def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.AxisLine:
     silent = monotonic() - axis.heard
     unit = drive.effort_unit
-    return monitor_view.Row(
+    return monitor_view.AxisLine(
         axis.name,
         str(axis.node),
         axis.nmt,

@@ -34,9 +34,10 @@ def identify(
     ] = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil.cli import friction_view
     from hil.estimation.friction.symmetry import of_local_values
     from hil.results import identification, model_file
+    from hil.results.tables.friction import symmetry
+    from hil.results.tables.terminal import show
     from hil.runs.pooling import open_runs
 
     begun = perf_counter()
@@ -46,7 +47,7 @@ def identify(
     path = run.path / model_file.NAME
     found.save(path)
     out.print(found.summary())
-    friction_view.render_symmetry(of_local_values(found.local), out)
+    show(symmetry(of_local_values(found.local)), out)
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
@@ -107,8 +108,8 @@ def payload(
 
     runs = Run.open(without), Run.open(loaded)
     found = payload.find_payload(*runs, mass)
-    payload_view.render(found, out)
-    _show_place("load", payload_file.write_payload(*runs, found), loaded)
+    payload_view.render(payload_file.write_payload(*runs, found), out)
+    _show_place("load", loaded / payload_file.NAME)
 
 
 @commands.command()
@@ -121,10 +122,10 @@ def diagnose(folder: RunPath) -> None:
 
     run = Run.open(folder)
     found = diagnosis.diagnose(run)
-    diagnosis_view.render(found, out)
+    diagnosis_view.render(diagnosis_file.write_diagnosis(run, found), found.estimate, out)
     plots = write_diagnosis_plots(folder, found)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
-    _show_place("diagnosis", diagnosis_file.write_diagnosis(run, found), folder)
+    _show_place("diagnosis", folder / diagnosis_file.NAME)
 
 
 def _refuse_unknown(method: str) -> None:
@@ -140,5 +141,7 @@ def _show_shortfall(run: Run) -> None:
         out.print(f"[yellow]{run.shortfall}[/]", soft_wrap=True)
 
 
-def _show_place(what: str, path: Path, folder: Path) -> None:
-    out.print(f"{what} in {path}; hil report {folder} shows it", highlight=False, soft_wrap=True)
+def _show_place(what: str, path: Path) -> None:
+    out.print(
+        f"{what} in {path}; hil report {path.parent} shows it", highlight=False, soft_wrap=True
+    )

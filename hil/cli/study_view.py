@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hil.study.drift import Done
-    from hil.study.summary import Row
+    from hil.study.summary import MethodScore
 
 
 @contextmanager
@@ -49,13 +49,13 @@ def shown(console: Console) -> Iterator[Callable[[Done], None]]:
         yield take
 
 
-def render(rows: Sequence[Row], console: Console) -> None:
+def render(rows: Sequence[MethodScore], console: Console) -> None:
     """Print one table a scenario."""
     for scenario in dict.fromkeys(row.scenario for row in rows):
         console.print(_table([row for row in rows if row.scenario == scenario]), "")
 
 
-def _table(rows: Sequence[Row]) -> Table:
+def _table(rows: Sequence[MethodScore]) -> Table:
     says = f"{rows[0].scenario}: {SCENARIOS[rows[0].scenario].says}"
     table = Table(
         title=f"{says}\nrelative errors in %, rms over the seeds",

@@ -20,8 +20,6 @@ from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.estimation.absent_parameters import Candidate
     from hil.estimation.estimate import Estimate
     from hil.results.diagnosis import Diagnosis
@@ -118,12 +116,12 @@ class DiagnosisFile(FileModel):
         return self.of.change(folder) or same_parameters(self.p, estimate.p)
 
 
-def write_diagnosis(run: Run, found: Diagnosis) -> Path:
-    """Write `diagnosis.yaml` into the run's folder, whole or not at all."""
-    path = run.path / NAME
-    content = _content(run, found).model_dump(mode="json")
-    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
-    return path
+def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
+    """Write `diagnosis.yaml` into the run's folder, whole or not at all, and return it."""
+    kept = _content(run, found)
+    text = yaml.safe_dump(kept.model_dump(mode="json"), sort_keys=False, width=100)
+    write_file(run.path / NAME, text.encode())
+    return kept
 
 
 def load_diagnosis(folder: Run) -> DiagnosisFile | None:
@@ -138,7 +136,7 @@ def load_diagnosis(folder: Run) -> DiagnosisFile | None:
     return load_yaml(path, DiagnosisFile) if path.exists() else None
 
 
-def needless(found: Diagnosis) -> tuple[Needless, ...]:
+def _needless(found: Diagnosis) -> tuple[Needless, ...]:
     """Stated parameters that the data do not need."""
     base = base_parameters(found.robot)
     return tuple(
@@ -159,7 +157,7 @@ def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
         threshold=errors.threshold,
         candidates=tuple(_candidate(c, beside.get(c.names)) for c in errors.alone),
         found=tuple(c.label for c in errors.found),
-        needless=needless(found),
+        needless=_needless(found),
         absorbed=errors.absorbed,
         unmeasured=errors.unmeasured,
         phase=_phase(found.phase) if found.phase else None,

@@ -43,6 +43,11 @@ def identify(run: Run, method: str = "improved", others: Sequence[Run] = ()) -> 
     """
     with named(run):
         found = estimate(run.robot, pooled([run, *others]), method)
+    return model_of(run, found, others)
+
+
+def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
+    """Return an estimate from a run, and others together with it, as a model."""
     return Model(
         robot=run.robot,
         values=found.p,

@@ -21,8 +21,10 @@ from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
 from hil.regression.uncertainty import correlation_of
 from hil.results.model_file import NAME, ModelFile
-from hil.results.model_summary import summary
 from hil.results.samples import samples
+from hil.results.tables.parameters import parameters
+from hil.results.tables.summary import Summary
+from hil.results.tables.torques import residuals
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.results.model_file import Provenance
-    from hil.results.summary import Summary
 
     Array = NDArray[np.float64]
 
@@ -213,7 +214,8 @@ class Model:
 
     def summary(self) -> Summary:
         """Parameters with their uncertainty, residuals and what could not be used, as tables."""
-        return summary(self)
+        remarks = tuple(f"left out: {left}" for left in self.provenance.left_out)
+        return Summary((parameters(self), residuals(self)), remarks)
 
     def __repr__(self) -> str:
         return (

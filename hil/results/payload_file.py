@@ -21,8 +21,6 @@ from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.estimation.estimate import Estimate
     from hil.estimation.payload import Quantity
     from hil.estimation.torque_constants import Gains
@@ -127,12 +125,12 @@ class PayloadFile(FileModel):
         )
 
 
-def write_payload(without: Run, loaded: Run, found: FoundPayload) -> Path:
-    """Write `payload.yaml` into the loaded run's folder, whole or not at all."""
-    path = loaded.path / NAME
-    content = _content(without, loaded, found).model_dump(mode="json")
-    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
-    return path
+def write_payload(without: Run, loaded: Run, found: FoundPayload) -> PayloadFile:
+    """Write `payload.yaml` into the loaded run's folder, whole or not at all, and return it."""
+    kept = _content(without, loaded, found)
+    text = yaml.safe_dump(kept.model_dump(mode="json"), sort_keys=False, width=100)
+    write_file(loaded.path / NAME, text.encode())
+    return kept
 
 
 def read_payload(folder: Run) -> PayloadFile | None:

@@ -34,7 +34,7 @@ LABELS, PANEL, BELOW = 2.6, 1.85, 0.62
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Row:
+class MethodScore:
     """One method in one scenario.
 
     Attributes
@@ -64,7 +64,7 @@ class Row:
     coverage: float
 
 
-def summarise(found: Sequence[Judged]) -> list[Row]:
+def summarise(found: Sequence[Judged]) -> list[MethodScore]:
     """Put the outcomes of all seeds together, our methods first."""
     cases: dict[tuple[str, str], list[int]] = {}
     ordered = sorted(found, key=_place)
@@ -82,7 +82,7 @@ def summarise(found: Sequence[Judged]) -> list[Row]:
     ]
 
 
-def write(folder: Path, rows: Sequence[Row]) -> None:
+def write(folder: Path, rows: Sequence[MethodScore]) -> None:
     """Write the table as CSV and the picture as SVG and PNG into the study's folder."""
     text = io.StringIO()
     writer = csv.writer(text)
@@ -98,7 +98,7 @@ def write(folder: Path, rows: Sequence[Row]) -> None:
             write_file(folder / f"{PICTURE}.{kind}", image(picture(rows), kind))
 
 
-def picture(rows: Sequence[Row]) -> Figure:
+def picture(rows: Sequence[MethodScore]) -> Figure:
     """Torque errors of all methods, one panel a scenario, one dot a seed, bars for their rms."""
     scenarios = list(dict.fromkeys(row.scenario for row in rows))
     methods = list(dict.fromkeys(row.method for row in rows))
@@ -121,7 +121,7 @@ def picture(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def _panel(panel: Axes, methods: Sequence[str], rows: dict[str, Row]) -> None:
+def _panel(panel: Axes, methods: Sequence[str], rows: dict[str, MethodScore]) -> None:
     for place, method in enumerate(methods):
         row = rows.get(method)
         if row is None:
@@ -144,10 +144,10 @@ def _place(found: Judged) -> tuple[int, int]:
     return list(SCENARIOS).index(found.cell.scenario), KINDS.index(found.cell.kind)
 
 
-def _row(scenario: str, method: str, outcomes: Sequence[Outcome], ours: float) -> Row:
+def _row(scenario: str, method: str, outcomes: Sequence[Outcome], ours: float) -> MethodScore:
     torques = [outcome.torque_error for outcome in outcomes]
     groups = outcomes[0].group_error
-    return Row(
+    return MethodScore(
         scenario=scenario,
         method=method,
         n=len(outcomes),

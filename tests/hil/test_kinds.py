@@ -45,7 +45,7 @@ OWN = {
         "planning/design/friction.py",
         "estimation/friction/points.py",
         "results/friction.py",
-        "report/friction.py",
+        "report/friction_of_run.py",
     ),
     "trajectory": (
         "planning/trajectory.py",
@@ -61,7 +61,8 @@ OTHERWISE = {
     ("gravity", "model/dependencies.py"): "a group of base parameters",
     ("gravity", "model/robot.py"): "the acceleration of gravity",
     ("gravity", "model/robot_file.py"): "the same",
-    ("friction", "report/plots/campaign.py"): "a plot of the levels in all kinds",
+    ("friction", "report/header.py"): "a title",
+    ("friction", "report/sections/friction_over_campaign.py"): "a plot of levels in all kinds",
     ("friction", "cli/__init__.py"): "a family of commands",
     ("trajectory", "cli/__init__.py"): "a family of commands",
     ("trajectory", "cli/trajectory.py"): "the same",
@@ -169,6 +170,6 @@ def test_the_home_of_a_kind_is_five_files_that_name_every_kind_they_serve() -> N
 
 
 def test_templates_name_no_kind_that_is_drawn() -> None:
-    for template in (ROOT / "report" / "templates").iterdir():
+    for template in (ROOT / "report").rglob("*.html"):
         quoted = set(re.findall(r"\"([a-z]+)\"", template.read_text(encoding="utf-8")))
         assert not quoted & set(ELEMENT_KINDS), template.name

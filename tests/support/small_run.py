@@ -3,12 +3,10 @@
 import json
 
 import numpy as np
-from matplotlib.figure import Figure
 from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
 from hil.planning.design.by_counts import design
-from hil.report.plots.campaign import PLOTS
 from hil.runs.journal import BusName
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
@@ -18,13 +16,15 @@ SIMULATED = BusName("sim_plant", "manutec-r15")
 NOISE = 0.0025
 
 
-def write_run(path, robot, truth=None, seed=1):
+def write_run(path, robot, truth=None, seed=1, more=()):
     """Write a whole run of a small plan; friction decays and has an offset.
 
     `truth`: the robot as it is and its base parameters, if it is not as its file says.
+    `more`: measurements that the plan has besides.
     """
     machine, p = truth or (robot, TABLE_3_A)
     plan = design(robot, COUNTS)
+    plan = plan.model_copy(update={"measurements": (*plan.measurements, *more)})
     folder = RunFolder.create(path, plan, robot)
     friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
     rng, begin = np.random.default_rng(seed), 0.0
@@ -48,6 +48,4 @@ def as_on_hardware(journal, bus):
 
 def empty_plots(monkeypatch):
     """Let reports have all their pictures, with nothing drawn."""
-    blank = dict.fromkeys(PLOTS, lambda _evidence: Figure())
-    monkeypatch.setattr("hil.report.plots.campaign.PLOTS", blank)
-    monkeypatch.setattr("hil.report.page.image", lambda _figure, _kind: b"<svg/>")
+    monkeypatch.setattr("hil.report.section.Plot.image", lambda _plot, _kind: b"<svg/>")

@@ -1,12 +1,24 @@
-"""The plots of a diagnosis, as files: residuals over angles, and the paper's Fig. 7."""
+"""The plots of a diagnosis: the paper's Fig. 7, and as files residuals over angles too."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.plots.findings import residuals_over_angles, shifted_sinusoid
-from hil.report.plots.style import drawn, image
+from hil.report.plots.residuals import residuals_over_angles
+from hil.report.plots.style import (
+    INK,
+    MEASURED,
+    MODEL,
+    WIDTH,
+    drawn,
+    fixed_grid,
+    image,
+    legend,
+)
+from hil.results.rounding import signed
 from hil.runs.atomic_file import own_folder, write_file
 
 if TYPE_CHECKING:
@@ -14,7 +26,32 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from hil.estimation.gravity_phase import Phase
     from hil.results.diagnosis import Diagnosis
+
+_LONG = 40
+"""Letters from which on names do not go into a legend."""
+
+
+def shifted_sinusoid(phase: Phase, found: str) -> Figure:
+    """The paper's Fig. 7: a gravity torque by the robot file and by what was `found`."""
+    figure, grid = fixed_grid(0.75 * WIDTH, 3.6, 1, 1)
+    panel = figure.add_subplot(grid[0])
+    angle = np.linspace(-np.pi, np.pi, 181)
+    panel.plot(np.degrees(angle), phase.stated.at(angle), "--", color=MODEL,
+               label="robot file")  # fmt: skip
+    panel.plot(np.degrees(angle), phase.extended.at(angle), color=MODEL,
+               label=f"with {found if len(found) < _LONG else 'what was found'}")  # fmt: skip
+    error = 2.0 * np.nan_to_num(phase.standard_error)
+    panel.errorbar(np.degrees(phase.angle), phase.torque, error, fmt="x", color=MEASURED,
+                   markersize=4.5, elinewidth=0.9, label="measured")  # fmt: skip
+    panel.set_xticks(range(-180, 181, 60))
+    panel.set_xlabel(f"$q_{{{phase.over + 1}}}$ [deg]")
+    panel.set_ylabel(f"$g_{{{phase.axis + 1}}}$ [N m]")
+    shift = signed(f"{np.degrees(phase.shift):.1f}")
+    panel.set_title(f"phase offset {shift}°", color=INK)
+    legend(figure, panel)
+    return figure
 
 
 def write_diagnosis_plots(run_folder: Path, found: Diagnosis) -> Path:

@@ -1,4 +1,4 @@
-"""The plots of a run's friction: the paper's Figs. 1 and 2 of this robot.
+"""The plots of a run's friction: the paper's Figs. 1 and 2 of this robot, levels of a campaign.
 
 Call and save them within `hil.report.plots.style.drawn`.
 """
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
+from hil.estimation.local_fits import REFERENCE_SPEED
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.plots.style import (
     INK,
     MEASURED,
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
     from hil.estimation.friction.drift import Drift
     from hil.estimation.friction.points import FrictionPoint
+    from hil.estimation.local_values import LocalValue
+    from hil.planning.measurement import ElementKind
     from hil.results.friction import FrictionResult
 
     Array = NDArray[np.float64]
@@ -117,7 +121,7 @@ def _interrupted(minutes: Array, fitted: Array) -> Array:
 
 def in_operation(result: FrictionResult) -> Figure:
     """Characteristics after several times of continuous operation: Fig. 2b."""
-    axes = sorted({p.axis for p in result.points if len(characteristics(result, p.axis)) > 1})
+    axes = axes_in_operation(result)
     figure, panels = panels_in_rows(len(axes), height=3.0)
     for axis, (panel,) in zip(axes, panels, strict=True):
         curves = characteristics(result, axis)
@@ -147,14 +151,35 @@ def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoin
     return [each for each in lists if len({p.velocity for p in each}) >= FEWEST]
 
 
-def drawings(result: FrictionResult) -> dict[str, Figure]:
-    """All plots that the run has data for, by name, in the order of a report."""
-    made: dict[str, Figure] = {}
-    if result.axes:
-        made["normalised"] = normalised(result)
-        made["models"] = models(result)
-    if result.drifts:
-        made["over-time"] = over_time(result.drifts)
-    if any(len(characteristics(result, axis)) > 1 for axis in {p.axis for p in result.points}):
-        made["in-operation"] = in_operation(result)
-    return made
+def axes_in_operation(result: FrictionResult) -> list[int]:
+    """Axes that have characteristics after more than one time of operation."""
+    axes = sorted({point.axis for point in result.points})
+    return [axis for axis in axes if len(characteristics(result, axis)) > 1]
+
+
+def levels(local: Sequence[LocalValue]) -> Figure:
+    """Draw the friction of every axis over a campaign, as step 1 finds it by the way."""
+    axes = sorted({value.axis for value in local})
+    figure, panels = panels_in_rows(len(axes), height=2.1)
+    last = max((value.time for value in local), default=0.0) / 60
+    for axis, (panel,) in zip(axes, panels, strict=True):
+        values = [value for value in local if value.axis == axis]
+        for name, kind in ELEMENT_KINDS.items():
+            chosen = [value for value in values if value.kind == name]
+            minutes = [value.time / 60 for value in chosen]
+            levels = [value.friction for value in chosen]
+            panel.plot(minutes, levels, kind.marker, color=kind.colour, markersize=3.6,
+                       markerfacecolor="white" if kind.pair else kind.colour,
+                       label=_friction_label(kind))  # fmt: skip
+        panel.set_title(f"axis {axis + 1}")
+        panel.set_xlabel("robot time [min]")
+        panel.set_ylabel("friction [N m]")
+        panel.set_xlim(-0.02 * last, 1.02 * last)
+        panel.margins(y=0.15)
+    legend(figure, panels[0][0])
+    return figure
+
+
+def _friction_label(kind: ElementKind) -> str:
+    speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
+    return f"{kind.name}, at {speed}"

@@ -17,13 +17,15 @@ from drivers.cia402.states import State
 from drivers.drive_bus import Move
 from drivers.operator_tools.monitor import BusPicture
 from hil.cli import monitor_view
-from hil.cli.monitor_view import Row, Snapshot
+from hil.cli.monitor_view import AxisLine, Snapshot
 from hil.terminal.keys import Keys
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-ROW = Row("joint 1", "1", "operational", "FAULT", "1°", "2 N m", "0.0 s ago", "8611 (following)")
+ROW = AxisLine(
+    "joint 1", "1", "operational", "FAULT", "1°", "2 N m", "0.0 s ago", "8611 (following)"
+)
 
 
 def frame(number: int, data: bytes = b"", timestamp: float = 0.0) -> can.Message:

@@ -76,7 +76,7 @@ class TestFigures:
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[summary.Row]:
+def rows() -> list[summary.MethodScore]:
     """All scenarios, all methods, errors from hundredths to thousands of per cent."""
     names = {
         "two-step": (OUR_DEFAULT, "two-step, printed"),
@@ -105,7 +105,7 @@ def ticks_shown(panel: Axes) -> list[Text]:
 
 
 @pytest.fixture(scope="module")
-def written(rows: list[summary.Row], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(rows: list[summary.MethodScore], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("written")
     summary.write(folder, rows)
     return folder
@@ -113,7 +113,7 @@ def written(rows: list[summary.Row], tmp_path_factory: pytest.TempPathFactory) -
 
 class TestOutput:
     def test_the_table_holds_every_row_with_its_figures(
-        self, rows: list[summary.Row], written: Path
+        self, rows: list[summary.MethodScore], written: Path
     ) -> None:
         found = list(csv.DictReader((written / summary.TABLE).read_text().splitlines()))
         assert [(line["scenario"], line["method"]) for line in found] == [
@@ -131,7 +131,7 @@ class TestOutput:
 
     @pytest.mark.parametrize("scenarios", [("on",), tuple(SCENARIOS)])
     def test_no_text_of_the_picture_meets_another_or_the_edge(
-        self, rows: list[summary.Row], scenarios: Sequence[str]
+        self, rows: list[summary.MethodScore], scenarios: Sequence[str]
     ) -> None:
         with drawn():
             figure = summary.picture([row for row in rows if row.scenario in scenarios])
@@ -148,7 +148,7 @@ class TestOutput:
             assert not any(box.overlaps(other) for other in boxes[:k])
 
     def test_errors_are_on_a_logarithmic_scale_with_plain_numbers(
-        self, rows: list[summary.Row]
+        self, rows: list[summary.MethodScore]
     ) -> None:
         (panel, *_) = summary.picture(rows).axes
         assert panel.get_xscale() == "log"
@@ -156,7 +156,7 @@ class TestOutput:
         assert panel.xaxis.get_major_formatter()(100, 0) == "100"
 
     def test_the_terminal_shows_whole_names_and_figures_in_100_columns(
-        self, rows: list[summary.Row]
+        self, rows: list[summary.MethodScore]
     ) -> None:
         console = Console(width=100, record=True, file=io.StringIO())
         study_view.render(rows, console)

@@ -1,0 +1,111 @@
+"""What stands above all sections of a report: its title, the verdict and the facts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.results.rounding import clock, percent
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.report.reported_run import IdentifiedRun, ReportedRun
+    from hil.runs.recording_file import Measured
+
+Facts = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Top of a page.
+
+    Attributes
+    ----------
+    title, verdict : str
+        The latter may be empty.
+    facts : tuple of (str, str)
+        Each with its name.
+    shortfall : str
+        What the plan has and the run has not.
+    simulated : bool
+    """
+
+    title: str
+    verdict: str
+    facts: Facts
+    shortfall: str
+    simulated: bool
+
+
+def of_friction(run: ReportedRun) -> Header:
+    """Top of the report of a run about friction alone."""
+    planned = len(run.source.plan.measurements)
+    facts = (
+        ("Measurements", f"{len(run.campaign)} of {planned} planned"),
+        ("Sessions", str(len(run.source.journal.sessions))),
+    )
+    return _header(run, "friction", "", facts)
+
+
+def of_campaign(run: IdentifiedRun) -> Header:
+    """Top of the report of a run whose base parameters are identifiable."""
+    sessions = len(run.source.journal.sessions)
+    took = duration(run.robot_time) + (f" in {sessions} sessions" if sessions > 1 else "")
+    facts = (("Measurements", counts(run.campaign)), ("Robot time", took))
+    return _header(run, "identified dynamics", verdict(run), facts)
+
+
+def _header(run: ReportedRun, about: str, verdict: str, facts: Facts) -> Header:
+    journal = run.source.journal
+    last = journal.sessions[-1] if journal.sessions else None
+    bus = last.bus if last else "unknown"
+    return Header(
+        title=f"{run.robot.name}: {about}",
+        verdict=verdict,
+        facts=(
+            ("Measured", when(last.started) if last else "unknown"),
+            ("Bus", f"{bus}, the virtual plant" if journal.simulated else bus),
+            *facts,
+        ),
+        shortfall=run.source.shortfall,
+        simulated=journal.simulated,
+    )
+
+
+def verdict(run: IdentifiedRun) -> str:
+    """State the whole report in two sentences."""
+    relative = run.prediction.relative
+    worst = int(np.nanargmax(relative))
+    urgent = sum(item.urgent for item in run.advice)
+    attention = "Nothing needs attention."
+    if urgent:
+        attention = f"{urgent} point{'s need' if urgent > 1 else ' needs'} attention, see below."
+    return (
+        f"All {len(run.estimate.p)} base parameters of {run.robot.name} were identified. On a free"
+        " motion within the robot's limits they predict the rigid-body torques to"
+        f" {percent(float(np.nanmean(relative)), 1.0)} % on average over the joints, to"
+        f" {percent(float(relative[worst]), 1.0)} % at joint {worst + 1} (one standard error)."
+        f" {attention}"
+    )
+
+
+def counts(campaign: Sequence[Measured]) -> str:
+    """State how many measurements there are of each kind."""
+    kinds: list[str] = [measured.measurement.kind for measured in campaign]
+    each = (f"{kinds.count(kind)} {kind}" for kind in ELEMENT_KINDS)
+    return f"{len(kinds)} ({', '.join(each)})"
+
+
+def when(stamp: str) -> str:
+    """Write an ISO time stamp for readers."""
+    return f"{datetime.fromisoformat(stamp):%d %B %Y, %H:%M %Z}".lstrip("0") if stamp else "unknown"
+
+
+def duration(seconds: float) -> str:
+    """Write a duration for readers."""
+    return f"{clock(seconds)} {'h' if seconds >= 3600 else 'min'}"

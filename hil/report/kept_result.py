@@ -1,0 +1,57 @@
+"""Results that other commands keep in a run's folder, held against the run as it is now.
+
+A load (`payload.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a
+load needs a second run, so reports do not compute them again. One that no longer belongs to the run
+is not shown, and the report states why and how to make it anew.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from hil.errors import FileError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.estimation.estimate import Estimate
+    from hil.report.reported_run import IdentifiedRun
+    from hil.runs.run import Run
+
+
+class _Kept(Protocol):
+    def stale(self, folder: Run, estimate: Estimate) -> str:
+        """Why it is stale; empty if it is not."""
+
+
+K = TypeVar("K", bound=_Kept)
+
+
+def current(
+    read: Callable[[Run], K | None], run: IdentifiedRun, name: str, command: str
+) -> tuple[K | None, str]:
+    """Read a result of the run, or why it is not shown.
+
+    Parameters
+    ----------
+    read : callable
+        Returns what is kept in a folder, or None.
+    name : str
+        Of its file.
+    command : str
+        Which makes it anew.
+
+    Returns
+    -------
+    kept : K or None
+    note : str
+        Empty where there is nothing, or nothing wrong with it.
+    """
+    try:
+        kept = read(run.source)
+        stale = kept.stale(run.source, run.estimate) if kept else ""
+    except FileError as error:
+        return None, f"{name} cannot be used: {error}. Make it anew with: {command}"
+    if stale:
+        return None, f"{name} is stale and not shown: {stale}. Make it anew with: {command}"
+    return kept, ""

@@ -1,0 +1,126 @@
+"""What a report is about: a run, read once, and what is estimated from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.estimation.identify import estimates
+from hil.report.friction_of_run import friction_of_run
+from hil.results.advice import advice
+from hil.results.identification import model_of
+from hil.results.naming import named
+from hil.results.prediction import predict
+from hil.runs.pooling import recorded
+
+if TYPE_CHECKING:
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.local_values import LocalValue
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.results.advice import Advice
+    from hil.results.friction import FrictionResult
+    from hil.results.model import Model
+    from hil.results.prediction import Prediction
+    from hil.runs.recording import Recording
+    from hil.runs.recording_file import Measured
+    from hil.runs.run import Run
+
+    Recordings = tuple[tuple[Measurement, Recording], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReportedRun:
+    """A run, whatever it measures.
+
+    Attributes
+    ----------
+    source : Run
+    campaign : tuple of Measured
+        All that was recorded, in the plan's order.
+    recordings : tuple of (Measurement, Recording)
+        The same on one time line.
+    friction : FrictionResult or None
+        Where friction was measured.
+    """
+
+    source: Run
+    campaign: tuple[Measured, ...]
+    recordings: Recordings
+    friction: FrictionResult | None
+
+    @property
+    def robot(self) -> Robot:
+        """The robot as its file states it."""
+        return self.source.robot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IdentifiedRun(ReportedRun):
+    """A run whose base parameters are identifiable.
+
+    Attributes
+    ----------
+    estimate : Estimate
+        By the improved method, which the report is about.
+    model, check : Model
+        By the improved method, and by the printed one as a check.
+    prediction : Prediction
+        What the improved method's parameters mean in torques.
+    advice : tuple of Advice
+    """
+
+    estimate: Estimate
+    model: Model
+    check: Model
+    prediction: Prediction
+    advice: tuple[Advice, ...]
+
+    @property
+    def robot_time(self) -> float:
+        """From entering the bus to the end of the last measurement [s]."""
+        return max(float(recording.time[-1]) for _, recording in self.recordings)
+
+    def local_values(self, kind: str) -> list[LocalValue]:
+        """Measurements of one kind by themselves, in the order of the plan."""
+        return [value for value in self.estimate.local if value.kind == kind]
+
+
+def read(source: Run) -> ReportedRun:
+    """Read a run and evaluate its friction, if it measured any.
+
+    Raises
+    ------
+    FileError
+        A damaged recording.
+    NotEnoughData
+        No recording of friction in a run about friction alone.
+    """
+    campaign = tuple(source)
+    recordings = tuple(recorded(campaign))
+    return ReportedRun(source, campaign, recordings, friction_of_run(source, recordings))
+
+
+def identified(run: ReportedRun) -> IdentifiedRun:
+    """Estimate the base parameters of a run by both methods.
+
+    Raises
+    ------
+    NotIdentifiable
+        Measurements that do not suffice.
+    """
+    with named(run.source):
+        found = estimates(run.robot, run.recordings)
+    best = found["improved"]
+    prediction = predict(best, run.robot)
+    return IdentifiedRun(
+        source=run.source,
+        campaign=run.campaign,
+        recordings=run.recordings,
+        friction=run.friction,
+        estimate=best,
+        model=model_of(run.source, best),
+        check=model_of(run.source, found["printed"]),
+        prediction=prediction,
+        advice=advice(best, prediction, run.robot, run.source.plan, run.campaign),
+    )

@@ -1,0 +1,34 @@
+"""What in a run needs attention, with its remedies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.report.section import Section
+from hil.results.tables.table import Column, Part, Table
+
+if TYPE_CHECKING:
+    from hil.report.reported_run import IdentifiedRun
+    from hil.results.advice import Advice
+
+COLUMNS = (
+    Column("where"),
+    Column("finding", folds=True),
+    Column("remedy", folds=True),
+)
+
+
+def section(run: IdentifiedRun) -> Section:
+    """Urgent advice as a table, all other as a list."""
+    urgent = [item for item in run.advice if item.urgent]
+    notes = [item for item in run.advice if not item.urgent]
+    return Section(
+        "What needs attention, and what to measure",
+        "advice.html",
+        {"urgent": _table(urgent), "notes": notes},
+    )
+
+
+def _table(items: list[Advice]) -> Table:
+    rows = tuple((item.subject, item.what, item.remedy) for item in items)
+    return Table("", COLUMNS, (Part(rows),))

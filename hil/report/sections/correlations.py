@@ -1,0 +1,24 @@
+"""How the errors of the parameters hang together."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hil.report.plots.correlations import correlations
+from hil.report.section import Plot, Section
+
+if TYPE_CHECKING:
+    from hil.report.reported_run import IdentifiedRun
+
+
+def section(run: IdentifiedRun) -> Section:
+    """Correlation matrix."""
+    plot = Plot(
+        "correlation",
+        partial(correlations, run.estimate, run.robot),
+        "Matrix of the correlations between the parameters' errors.",
+        "Correlations of the parameters' errors. Strongly correlated parameters are known better"
+        " together than apart; the whole covariance is in model.yaml.",
+    )
+    return Section("How the parameters hang together", "correlations.html", plots=(plot,))

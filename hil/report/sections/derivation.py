@@ -1,0 +1,19 @@
+"""How the numbers of a report were found: model, measurements, signals, methods, uncertainty."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.estimation import signals
+from hil.regression import terms, window
+from hil.report.section import Section
+
+if TYPE_CHECKING:
+    from hil.report.reported_run import IdentifiedRun
+
+
+def section(run: IdentifiedRun) -> Section:
+    """Text alone, with the constants that the estimation uses."""
+    del run
+    values = {"signals": signals, "window": window, "terms": terms}
+    return Section("How the numbers were found", "derivation.html", values)

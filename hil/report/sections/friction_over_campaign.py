@@ -1,0 +1,61 @@
+"""Friction over a campaign, as step 1 finds it by the way: level, drift and symmetry."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hil.estimation.friction.history import history
+from hil.estimation.friction.symmetry import of_local_values
+from hil.report.plots.friction import levels
+from hil.report.section import Plot, Section
+from hil.results.friction import campaign_drifts
+from hil.results.tables import friction as tables
+
+if TYPE_CHECKING:
+    from hil.estimation.estimate import Estimate
+    from hil.report.reported_run import IdentifiedRun
+
+
+def section(run: IdentifiedRun) -> Section:
+    """Levels by measurement, with time constants and symmetry where they are identifiable."""
+    local = run.estimate.local
+    drifts = campaign_drifts(run.robot, local, history(run.robot, run.recordings))
+    return Section(
+        "Friction over the campaign",
+        "friction_over_campaign.html",
+        {
+            "drift": tables.drift(drifts),
+            "symmetry": tables.symmetry(of_local_values(local)),
+        },
+        (_plot(run.estimate),),
+    )
+
+
+def _plot(estimate: Estimate) -> Plot:
+    return Plot(
+        "friction",
+        partial(levels, estimate.local),
+        "Friction level of every axis over robot time, one panel an axis, markers by kind of"
+        " measurement.",
+        "Friction level of each axis as step 1 finds it by the way. Levels of different kinds come"
+        " from different fits and may differ by a step; the course of one kind is drift by"
+        f" temperature and lubricant. {friction_change(estimate)} None of it enters the parameters:"
+        " friction is fitted anew in every measurement.",
+    )
+
+
+def friction_change(estimate: Estimate) -> str:
+    """State by how much friction of one kind of measurement changed at most, and where."""
+    spread = {}
+    for axis, kind in sorted({(v.axis, v.kind) for v in estimate.local}):
+        found = [v.friction for v in estimate.local if (v.axis, v.kind) == (axis, kind)]
+        if min(found) > 0:
+            spread[axis, kind] = max(found) / min(found) - 1.0
+    if not spread:
+        return "Levels near zero allow no statement on drift."
+    (axis, kind), most = max(spread.items(), key=lambda item: item[1])
+    return (
+        f"At axis {axis + 1} the {kind} measurements alone find levels that differ by"
+        f" {100 * most:.0f} %."
+    )

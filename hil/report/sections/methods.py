@@ -1,0 +1,20 @@
+"""The improved and the printed method side by side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.report.section import Section
+from hil.results.tables.parameters import DISAGREEMENT, methods
+
+if TYPE_CHECKING:
+    from hil.report.reported_run import IdentifiedRun
+
+
+def section(run: IdentifiedRun) -> Section:
+    """Parameters by both methods."""
+    values = {
+        "methods": methods(run.model, run.check),
+        "disagreement": DISAGREEMENT,
+    }
+    return Section("Both methods side by side", "methods.html", values)

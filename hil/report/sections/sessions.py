@@ -1,0 +1,40 @@
+"""Where and on what it was measured, session by session."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.report.section import Section
+from hil.results.tables.table import Column, Part, Table, figures
+
+if TYPE_CHECKING:
+    from hil.report.reported_run import ReportedRun
+    from hil.runs.journal import Session
+
+
+def section(run: ReportedRun) -> Section:
+    """Sessions with their axes, and digests of robot file and plan."""
+    sessions = [(each, _axes(each)) for each in run.source.journal.sessions]
+    values = {"sessions": sessions, "robot": run.robot, "plan": run.source.plan}
+    return Section("Where it was measured", "sessions.html", values)
+
+
+def _axes(session: Session) -> Table:
+    rows = (
+        (
+            axis.name,
+            axis.identity,
+            f"{axis.torque_resolution:.3g}",
+            f"{axis.position_resolution:.3g}",
+        )
+        for axis in session.axes
+    )
+    return Table(
+        title="",
+        columns=(
+            Column("axis"),
+            Column("drive", folds=True),
+            *figures("torque resolution, N m", "position resolution, rad"),
+        ),
+        parts=(Part(tuple(rows)),),
+    )

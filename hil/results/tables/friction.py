@@ -1,0 +1,134 @@
+"""Friction models of each axis, the symmetry of friction, and its time constants."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.estimation.friction.models import UNIT
+from hil.results.rounding import signed, significant
+from hil.results.tables.cells import probability, uncertain
+from hil.results.tables.table import Column, Part, Table, figures
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hil.estimation.friction.drift import Drift, TimeConstant
+    from hil.estimation.friction.model_choice import AxisFriction
+    from hil.estimation.friction.models import FrictionModel
+    from hil.estimation.friction.symmetry import Symmetry
+    from hil.results.friction import FrictionResult
+    from hil.results.tables.table import Row
+
+AXIS = Column("axis")
+
+
+def models(result: FrictionResult) -> Table:
+    """Every model of every axis with its errors; parameters that the data leave open are notes."""
+    return Table(
+        title=f"{result.robot.name}: friction models, gravity by {result.gravity}",
+        columns=(
+            AXIS,
+            Column("model"),
+            *figures("rms, N m", "held out, N m"),
+            Column("recommended"),
+            Column("parameters with std. errors", folds=True),
+        ),
+        parts=tuple(Part(tuple(_models(fit))) for fit in result.axes),
+        explanation=(
+            "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
+            " error, of the fit and at speeds held out of it. Recommended is the simplest model"
+            " that none beats by more than chance at speeds held out."
+        ),
+        notes=tuple(
+            f"axis {fit.axis + 1}, {kind}: {word}"
+            for fit in result.axes
+            for kind, model in fit.models.items()
+            for word in model.unidentifiable
+        ),
+    )
+
+
+def _models(fit: AxisFriction) -> list[Row]:
+    return [
+        (
+            "" if number else str(fit.axis + 1),
+            kind,
+            significant(model.mean_square**0.5, 3),
+            significant(fit.held_out[kind] ** 0.5, 3),
+            "yes" if kind == fit.chosen else "",
+            _parameters(model),
+        )
+        for number, (kind, model) in enumerate(fit.models.items())
+    ]
+
+
+def _parameters(model: FrictionModel) -> str:
+    each = zip(model.a, model.standard_error, UNIT[model.kind], strict=True)
+    written = ((*uncertain(float(a), float(error)), unit) for a, error, unit in each)
+    return ", ".join(
+        f"a{k} {value} ± {error} {unit}" for k, (value, error, unit) in enumerate(written, start=1)
+    )
+
+
+def symmetry(tests: Iterable[Symmetry]) -> Table:
+    """Whether friction is the same in both directions, axis by axis."""
+    return Table(
+        title="Is friction the same in both directions?",
+        columns=(
+            AXIS,
+            *figures("measurements", "asymmetry, %", "std. error, %", "p (none)", "p (bound)"),
+            Column("verdict", folds=True),
+        ),
+        parts=(Part(tuple(_symmetry(test) for test in tests)),),
+        explanation=(
+            "The difference as a share of the friction level; p-values of no asymmetry at all, and"
+            " of one within the bound."
+        ),
+    )
+
+
+def _symmetry(test: Symmetry) -> Row:
+    return (
+        str(test.axis + 1),
+        str(test.n),
+        *uncertain(100 * test.asymmetry, 100 * test.standard_error),
+        probability(test.p_zero),
+        probability(test.p_bound),
+        test.verdict,
+    )
+
+
+def drift(drifts: Iterable[Drift]) -> Table:
+    """Time constants of friction, axis by axis, with their effects on its level."""
+    return Table(
+        title="Friction's variance in time",
+        columns=(
+            AXIS,
+            Column("time constant"),
+            *figures("value, s", "std. error, s", "effect"),
+            Column("", folds=True),
+        ),
+        parts=tuple(Part(tuple(_drift(each))) for each in drifts),
+        explanation=(
+            "Time constants, estimated from the friction level over time: of warming up (effect:"
+            " the change of the level by warming up as far as the axis did), of the lubricant's"
+            " settling at rest (from stirred to settled), and of its stirring up again in motion at"
+            " half the speed limit. A time constant without a value is not identifiable from the"
+            " run."
+        ),
+    )
+
+
+def _drift(found: Drift) -> list[Row]:
+    effects = (found.warm_effect, found.rest_effect, None)
+    return [
+        ("" if number else str(found.axis + 1), constant.name, *_constant(constant, effect))
+        for number, (constant, effect) in enumerate(zip(found.constants, effects, strict=True))
+    ]
+
+
+def _constant(constant: TimeConstant, effect: float | None) -> Row:
+    if constant.word:
+        return "", "", "", constant.word
+    share = "" if effect is None else signed(f"{100 * effect:.1f}") + " %"
+    return (*uncertain(constant.value, constant.standard_error), share, "")

@@ -1,0 +1,120 @@
+"""Base parameters with their uncertainty, and the same by two methods."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.base_parameters import base_parameters
+from hil.results.rounding import percent, rounded, signed
+from hil.results.tables.cells import uncertain, unit
+from hil.results.tables.table import Column, Marked, Part, Table, figures
+
+if TYPE_CHECKING:
+    from hil.results.model import Model
+    from hil.results.prediction import Prediction
+    from hil.results.tables.table import Row
+
+DISAGREEMENT = 3.0
+"""Standard errors between two methods from which on their difference is marked."""
+NAME = Column("", symbols=True)
+IN_FULL = "95 % interval", "d.o.f."
+EXPLANATION = (
+    "Values with standard errors, and intervals of 95 % with their effective degrees of freedom"
+    " (d.o.f.). The column of torques carries one standard error to the torques of a free motion:"
+    " the joint where it matters most, relative to that joint's rms torque."
+)
+
+
+def parameters(model: Model, prediction: Prediction | None = None) -> Table:
+    """Table 3 with uncertainties, by group.
+
+    With `prediction` in full, as a page has room for: intervals by their ends, their degrees of
+    freedom, and what the standard errors mean in torques.
+    """
+    base = base_parameters(model.robot)
+    rows = [_parameter(model, k, prediction) for k in range(len(base))]
+    return Table(
+        title=_title(model),
+        columns=(
+            NAME,
+            *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "%"),
+            *((Column("of torque"),) if prediction else ()),
+            Column("unit"),
+            Column("expression", folds=True, symbols=True),
+        ),
+        parts=tuple(
+            Part(tuple(rows[k] for k in members), _group(group, model.condition))
+            for group, members in base.groups.items()
+            if members
+        ),
+        explanation=EXPLANATION if prediction else "",
+    )
+
+
+def _title(model: Model) -> str:
+    origin, condition = model.provenance, model.condition.get("all")
+    title = f"{model.robot.name}: {origin.measurements} measurements, {origin.method} method"
+    return title if condition is None else f"{title}, condition number {condition:.3g}"
+
+
+def _group(group: str, condition: dict[str, float]) -> str:
+    name = group.replace("_", "-")
+    return f"{name}, condition number {condition[group]:.3g}" if group in condition else name
+
+
+def _parameter(model: Model, k: int, prediction: Prediction | None) -> Row:
+    base = base_parameters(model.robot)
+    value, error = float(model.values[k]), float(model.standard_errors[k])
+    low, high = (float(end) for end in model.interval()[k])
+    ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
+    return (
+        base.names[k],
+        *uncertain(value, error),
+        *(ends if prediction else (rounded((high - low) / 2, error),)),
+        percent(error, value),
+        *((_effect(prediction, k),) if prediction else ()),
+        unit(base.units[k]),
+        base.expressions[k],
+    )
+
+
+def _effect(prediction: Prediction, k: int) -> str:
+    effect = np.nan_to_num(prediction.relative_effect[:, k])
+    joint = int(np.argmax(effect))
+    return f"{percent(float(effect[joint]), 1.0)} % of joint {joint + 1}"
+
+
+def methods(model: Model, check: Model) -> Table:
+    """Two models of one run side by side; differences beyond `DISAGREEMENT` stand out."""
+    return Table(
+        title=f"{model.robot.name}: {model.method} and {check.method} method",
+        columns=(
+            NAME,
+            Column("unit"),
+            *figures(model.method, "std. error", check.method, "std. error"),
+            *figures("difference", "in std. errors"),
+        ),
+        parts=tuple(
+            Part(tuple(_method(model, check, k) for k in members))
+            for members in base_parameters(model.robot).groups.values()
+            if members
+        ),
+    )
+
+
+def _method(model: Model, check: Model, k: int) -> Row:
+    difference = float(check.values[k] - model.values[k])
+    errors = float(model.standard_errors[k]), float(check.standard_errors[k])
+    ratio = difference / math.hypot(*errors)
+    shown = signed(f"{ratio:.1f}")
+    return (
+        model.names[k],
+        unit(model.units[k]),
+        *uncertain(float(model.values[k]), errors[0]),
+        *uncertain(float(check.values[k]), errors[1]),
+        rounded(difference, errors[1]),
+        Marked(shown) if abs(ratio) > DISAGREEMENT else shown,
+    )

@@ -1,0 +1,102 @@
+"""A load as it was found from two runs: the paper's Table 3, the load itself, torque constants."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.results.rounding import rounded, signed
+from hil.results.tables.cells import uncertain, unit
+from hil.results.tables.table import Column, Part, Table, figures
+
+if TYPE_CHECKING:
+    from hil.results.payload_file import Change, GainRecord, PayloadFile, QuantityRecord
+    from hil.results.tables.table import Row
+
+MISFIT = 0.001
+"""p-value below which something else than a rigid load changed."""
+
+
+def changes(load: PayloadFile) -> Table:
+    """Base parameters without and with the load, and what a rigid load changes of them."""
+    return Table(
+        title="Base parameters without (A) and with load (B): the paper's Table 3 of this robot",
+        columns=(
+            Column("", symbols=True),
+            *figures("without load, A", "with load, B", "difference", "std. error"),
+            *figures("expected", "z"),
+            Column("unit"),
+            Column("of the load", folds=True, symbols=True),
+        ),
+        parts=(Part(tuple(_change(each) for each in load.changes)),),
+        explanation=(
+            "Expected is what the load below changes by the expressions of the base parameters; z"
+            " is how far the change found is off it, in standard errors."
+        ),
+    )
+
+
+def _change(each: Change) -> Row:
+    s = each.standard_error
+    values = (each.without, each.loaded, each.change, s, each.expected)
+    z = signed(f"{(each.change - each.expected) / s:.1f}")
+    return (each.name, *(rounded(value, s) for value in values), z, unit(each.unit), each.share)
+
+
+def quantities(load: PayloadFile) -> Table:
+    """Mass, first moments, centre of mass and inertia of the load."""
+    return Table(
+        title="The load, in the last link's frame",
+        columns=(Column(""), *figures("value", "std. error"), Column("unit")),
+        parts=(Part(tuple(_quantity(q) for q in load.load)),),
+    )
+
+
+def _quantity(q: QuantityRecord) -> Row:
+    value, error = uncertain(q.value, q.standard_error)
+    return q.name, value, error if q.standard_error else "stated", unit(q.unit)
+
+
+def torque_constants(load: PayloadFile) -> Table:
+    """Torque constants by the load's mass; no rows where the mass was not stated."""
+    return Table(
+        title="Torque constants of the drives by the load's mass",
+        columns=(
+            Column("axis"),
+            *figures("assumed, N m/A", "corrected, N m/A", "std. error, N m/A"),
+            *figures("off by, %", "std. error, %"),
+        ),
+        parts=(Part(tuple(_gain(gain) for gain in load.gains)),),
+        explanation="" if load.mass is None else f"The mass was stated as {load.mass:g} kg.",
+    )
+
+
+def _gain(gain: GainRecord) -> Row:
+    axis, assumed = str(gain.axis), f"{gain.assumed:.4f}"
+    if not gain.told:
+        return axis, assumed, "not identifiable", "", "", ""
+    return (
+        axis,
+        assumed,
+        *uncertain(gain.corrected, gain.standard_error),
+        *uncertain(100 * gain.error, 100 * gain.error_standard_error),
+    )
+
+
+def goodness_of_fit(load: PayloadFile) -> str:
+    """State how well a rigid load explains the changes."""
+    p = load.p_value
+    return (
+        f"A rigid load leaves χ² = {load.chi_squared:.1f} of the differences with"
+        f" {load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
+        + ("." if p > MISFIT else ": something else changed between the runs.")
+    )
+
+
+def unseen(load: PayloadFile) -> str:
+    """State what of the load the runs do not show; empty where they show all of it."""
+    if not load.unseen:
+        return ""
+    return (
+        f"Not observed are {', '.join(load.unseen)} of the load, absent from the last link in the"
+        " robot file and taken as zero; hil diagnose tests them."
+    )

@@ -1,0 +1,90 @@
+"""A table of plain strings, which says nothing of how it is drawn but what its columns hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Row = tuple[str, ...]
+
+
+class Marked(str):
+    """The text of a cell that stands out."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """What stands in one column.
+
+    Attributes
+    ----------
+    head : str
+    align : {"left", "right"}
+        Figures stand to the right.
+    folds : bool
+        Whether cells may take several lines.
+    symbols : bool
+        Whether cells are names and expressions of parameters, such as ``l1^2 Izz2``.
+    """
+
+    head: str
+    align: Literal["left", "right"] = "left"
+    folds: bool = False
+    symbols: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Rows that belong together, under a name or none."""
+
+    rows: tuple[Row, ...]
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """One table; it is false where it has no rows.
+
+    Attributes
+    ----------
+    title : str
+        A noun phrase.
+    columns : tuple of Column
+        The first names the rows.
+    parts : tuple of Part
+    explanation : str
+        What the columns mean, in sentences, where there is room for them: on a page.
+    notes : tuple of str
+        What restricts the figures, a line each.
+
+    Raises
+    ------
+    ValueError
+        A row with more or fewer cells than there are columns.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    parts: tuple[Part, ...]
+    explanation: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"{self.title}: {row} must have {len(self.columns)} cells")
+
+    def __bool__(self) -> bool:
+        return bool(self.rows)
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Those of all parts."""
+        return tuple(row for part in self.parts for row in part.rows)
+
+
+def figures(*heads: str) -> tuple[Column, ...]:
+    """Columns of figures."""
+    return tuple(Column(head, "right") for head in heads)

@@ -1,0 +1,95 @@
+"""Tables of results: one value, drawn on a terminal, on a page and in a notebook."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from hil.results.tables.html import html
+from hil.results.tables.summary import Summary
+from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.terminal import show
+
+TABLE = Table(
+    title="Parameters",
+    columns=(
+        Column("", symbols=True),
+        *figures("value", "t"),
+        Column("what it is made up of", folds=True, symbols=True),
+    ),
+    parts=(
+        Part((("p5", "48.490", "1.2", "sx2 + l1 m3"),), "gravity"),
+        Part((("p1", "−32.0061", Marked("9.7"), "Izz1 + l1^2 [m3]"),), "diagonal"),
+    ),
+    explanation="What a page has room for.",
+    notes=("axis 2 <was> [not] measured",),
+)
+
+
+def printed(table: Table, width: int = 100) -> str:
+    text = io.StringIO()
+    show(table, Console(file=text, width=width))
+    return text.getvalue()
+
+
+def read(page: str) -> str:
+    """What a reader reads of HTML."""
+    return re.sub(r"<[^>]+>", " ", re.sub(r"</?(i|b|sub|sup)>", "", page))
+
+
+def test_terminal_and_page_show_the_same_cells_under_the_same_heads() -> None:
+    terminal, page = printed(TABLE), read(html(TABLE))
+    for text in ("Parameters", "value", "t", "what it is made up of", "gravity", "diagonal"):
+        assert text in terminal
+        assert text in page
+    for row in TABLE.rows:
+        assert re.search(r"\s+".join(map(re.escape, row)), terminal)
+        assert re.search(r"\s+".join(map(re.escape, row)).replace(r"\^", ""), page)
+
+
+def test_figures_stand_to_the_right_of_their_column() -> None:
+    lines = [line for line in printed(TABLE).splitlines() if re.search("value|48|32", line)]
+    assert len({re.search(r"(value|\d\.\d+) ", line).end() for line in lines}) == 1
+    assert html(TABLE).count('<td class="number') == 4
+
+
+def test_what_stands_out_is_marked_on_a_page_and_nothing_else() -> None:
+    assert re.findall(r'class="number marked">([^<]+)<', html(TABLE)) == ["9.7"]
+
+
+def test_brackets_and_angles_are_text_and_no_markup() -> None:
+    assert "[m3]" in printed(TABLE)
+    assert "axis 2 <was> [not] measured" in printed(TABLE)
+    assert "axis 2 &lt;was&gt; [not] measured" in html(TABLE)
+
+
+def test_powers_and_indices_are_typeset_on_a_page() -> None:
+    assert "<i>I</i><sub>zz1</sub> + <i>l</i><sub>1</sub><sup>2</sup>" in html(TABLE)
+
+
+def test_a_narrow_terminal_folds_expressions_and_no_figure() -> None:
+    assert "−32.0061   9.7" in printed(TABLE, width=40)
+
+
+def test_a_table_without_rows_is_not_shown_but_its_notes_are() -> None:
+    empty = replace(TABLE, parts=())
+    assert not empty
+    assert "Parameters" not in printed(empty) + html(empty)
+    assert "measured" in printed(empty)
+    assert "measured" in html(empty)
+
+
+def test_a_row_has_a_cell_for_every_column() -> None:
+    with pytest.raises(ValueError, match="must have 4 cells"):
+        replace(TABLE, parts=(Part((("p5", "48.490"),)),))
+
+
+def test_a_summary_is_text_and_html_of_all_its_tables() -> None:
+    summary = Summary((TABLE, replace(TABLE, title="Residuals")), ("left out: <g1>",))
+    for shown in (str(summary), read(summary._repr_html_())):
+        assert shown.index("Parameters") < shown.index("Residuals") < shown.index("left out")
+    assert "&lt;g1&gt;" in summary._repr_html_()
