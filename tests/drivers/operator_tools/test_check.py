@@ -18,7 +18,7 @@ from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_powered import SmallMoves, check_powered
 from drivers.operator_tools.operator import StoppedByOperator
-from sim_plant import plant as plant_module
+from sim_plant import build
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -230,7 +230,7 @@ def test_whoever_stops_reading_verdicts_leaves_no_axis_powered() -> None:
 def test_a_brake_that_does_not_hold_is_found_after_the_power_has_gone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(plant_module, "BRAKE_OVER_PEAK", 0.0)
+    monkeypatch.setattr(build, "BRAKE_OVER_PEAK", 0.0)
     with bench() as bus:
         found = refusals(checked(bus, drives_of(2)))
     assert "check the brake" in found["holding without power (brake)"]
