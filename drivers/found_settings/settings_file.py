@@ -16,7 +16,7 @@ import yaml
 from pydantic import BeforeValidator, Field, model_validator
 
 from checked_files.yaml_file import FileModel, load_yaml
-from drivers.canopen.objects import PRODUCT, REVISION, SERIAL, VENDOR
+from drivers.canopen import objects as cia301
 from drivers.drives_file import U32
 from drivers.fieldbus import Entry
 
@@ -143,7 +143,7 @@ class FoundIdentity(FileModel):
     serial: U32 | None = None
 
 
-IDENTITY = {"vendor": VENDOR, "product": PRODUCT, "revision": REVISION, "serial": SERIAL}
+IDENTITY = dict(zip(FoundIdentity.model_fields, cia301.IDENTITY, strict=True))
 
 
 class FoundDrive(FileModel):
@@ -179,7 +179,7 @@ class FoundDrive(FileModel):
         if self.identity.serial:
             return ""
         return (
-            f"{self.name} (node {self.node}): has no serial number (1018:04), so its values cannot"
+            "has no serial number (1018:04), so its values cannot"
             " be kept from another drive of its type; make sure that no drives were swapped"
         )
 
