@@ -104,7 +104,9 @@ def test_limits_of_a_drive_that_are_tighter_than_the_files_hold_and_are_noted(
 
 def test_all_that_is_checked_of_a_prismatic_axis_is_stated_in_metres_and_newtons() -> None:
     with bench() as bus:
-        stated = "\n".join(map(str, checked(bus, drives_of(1, joint="prismatic"))))
+        verdicts = checked(bus, drives_of(1, joint="prismatic"))
+    of_the_motor = {"motor rated torque (6076)", "torque constant"}
+    stated = "\n".join(str(each) for each in verdicts if each.check not in of_the_motor)
     assert "software limits (607D): [-2.88, 2.88] m" in stated
     assert "max torque (6072): 945 N (" in stated
     assert not re.search(r"\brad\b|N m\b", stated)
