@@ -15,7 +15,7 @@ from drivers.canopen import objects as cia301
 from drivers.canopen.pdo_mapping import current_entry
 from drivers.canopen.sdo import Aborted
 from drivers.cia402 import objects
-from drivers.cia402.states import Mode
+from drivers.cia402.states import MODE_TIME, Mode
 from drivers.commissioning.communication_set_up import set_up_communication
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.measures import Quantity, measures
@@ -53,8 +53,6 @@ _KEPT_WHERE_PRESENT = (
     objects.POSITION_WINDOW_TIME,
 )
 _MOTION = (objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION)
-MODE_TIME = 3.0
-"""A mode display may lag by seconds [s]."""
 
 
 def commission(

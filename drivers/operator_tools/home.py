@@ -14,7 +14,7 @@ from drivers.axis import AxisScale
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
-from drivers.cia402.states import Control, Mode, Status
+from drivers.cia402.states import MODE_TIME, Control, Mode, Status
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive, DrivesFile, Homing
     from drivers.operator_tools.operator import Operator
 
-MODE_TIME = 3.0
-"""How long a drive may take to show a mode [s]."""
 POLLED = 0.05
 """Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
 
