@@ -215,7 +215,7 @@ class CanopenDriveBus:
             self._keeper,
             reset_faults=self._reset_faults,
         )
-        self._note(note for server in connection.servers for note in server.notes)
+        self._note(str(note) for server in connection.servers for note in server.notes)
         return Session(
             connection,
             self._drives,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import os
-import struct
 from typing import TYPE_CHECKING, ClassVar
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices, and a worker on every core
@@ -13,7 +11,9 @@ import canopen
 import numpy as np
 import pytest
 from canopen.sdo import SdoClient
+from desk import Desk
 from hypothesis import settings
+from ideal_machine import IdealMachine
 
 from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
 from hil.model.robot import load_robot, parse_robot
@@ -23,17 +23,12 @@ from hil.planning.plan import Plan, PlannedRobot
 from hil.planning.strokes import Partner
 from hil.planning.trapezoid import Trapezoid
 from hil.terminal.console import out
-from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
-from sim_plant.canopen.eds import EDS_PATH, drive_entries, key
-from sim_plant.drive_settings import DriveSettings
-from sim_plant.machine_protocol import AxisEvent, Reading
+from sim_plant.canopen.eds import EDS_PATH
 from sim_plant.serving import plant_channel
 from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
 
     from drivers.drive_bus import Move
     from hil.model.robot import Robot
@@ -189,129 +184,6 @@ def small_plan(manutec: Robot) -> Plan:
 # --- the plant's CANopen side, in front of an ideal machine -------------------------------------
 
 
-class IdealAxis:
-    """An axis that follows its trapezoid exactly; tests may push it off or raise its events."""
-
-    def __init__(self) -> None:
-        self.enabled = False
-        self.demand = 0.0
-        self.velocity = 0.0
-        self.offset = 0
-        """Measured position minus demand [increments]."""
-        self.forced = AxisEvent(0)
-        """Events that a test wants to see."""
-        self.calls: list[tuple[object, ...]] = []
-        self._goal: tuple[float, float, float, float] | None = None
-        self._stopping = 0.0
-
-    def enable(self) -> None:
-        self.enabled = True
-        self.calls.append(("enable",))
-
-    def disable(self) -> None:
-        self.enabled = False
-        self._goal, self.velocity, self._stopping = None, 0.0, 0.0
-        self.calls.append(("disable",))
-
-    def move(
-        self, target: float, velocity: float, acceleration: float, deceleration: float
-    ) -> None:
-        self._goal, self._stopping = (target, velocity, acceleration, deceleration), 0.0
-        self.calls.append(("move", target, velocity, acceleration, deceleration))
-
-    def follow(self, target: float, period: float) -> None:
-        self.demand, self.velocity = target, 0.0
-        self.calls.append(("follow", target, period))
-
-    def stop(self, deceleration: float) -> None:
-        self._goal, self._stopping = None, deceleration
-        self.calls.append(("stop", deceleration))
-
-    def hold(self) -> None:
-        self._goal, self.velocity, self._stopping = None, 0.0, 0.0
-        self.calls.append(("hold",))
-
-    def set_torque_limit(self, per_mille: int) -> None:
-        self.calls.append(("torque", per_mille))
-
-    def set_following_window(self, window: float, timeout: float) -> None:
-        self.calls.append(("window", window, timeout))
-
-    def rebase(self, shift: int) -> None:
-        self.demand += shift
-
-    @property
-    def events(self) -> int:
-        done = AxisEvent.DONE if self._goal is None and not self._stopping else AxisEvent(0)
-        still = AxisEvent.STANDSTILL if self.velocity == 0.0 else AxisEvent(0)
-        return int(done | still | self.forced)
-
-    def step(self, dt: float) -> None:
-        if self._stopping:
-            change = min(abs(self.velocity), self._stopping * dt)
-            self.velocity -= math.copysign(change, self.velocity)
-            self._stopping = self._stopping if self.velocity else 0.0
-        elif self._goal is not None:
-            target, velocity, acceleration, deceleration = self._goal
-            rest = target - self.demand
-            wanted = math.copysign(min(velocity, math.sqrt(2 * deceleration * abs(rest))), rest)
-            step = max(acceleration, deceleration) * dt
-            self.velocity += min(max(wanted - self.velocity, -step), step)
-            if abs(rest) <= abs(self.velocity) * dt + deceleration * dt**2:
-                self.demand, self.velocity, self._goal = target, 0.0, None
-        self.demand += self.velocity * dt
-
-    def reading(self) -> Reading:
-        demand = round(self.demand)
-        position, velocity = demand + self.offset, round(self.velocity)
-        return Reading(position, velocity, 11, -22, demand, -self.offset, self.events)
-
-
-class IdealMachine:
-    """A `Machine` of ideal axes in steps of a millisecond, with the drives that turn them."""
-
-    STEP = 0.001
-
-    def __init__(self, n_axes: int = 6) -> None:
-        self.time = 0.0
-        self.axes = tuple(IdealAxis() for _ in range(n_axes))
-        self.on_event: Callable[[int, int], None] = lambda _axis, _events: None
-        self._events = [axis.events for axis in self.axes]
-        self.drives = tuple(
-            DriveSettings(
-                name=f"axis {i + 1}",
-                node_id=i + 1,
-                vendor_id=0x1234,
-                product_code=0x402,
-                revision=7,
-                serial=100 + i,
-                rated_current=5000,
-                rated_torque=3000,
-                max_torque=3000,
-                increments_per_revolution=4096,
-                gear=(100, 1),
-                software_limits=(-1_000_000, 1_000_000),
-                max_motor_speed=6000,
-                max_acceleration=5_000_000,
-            )
-            for i in range(n_axes)
-        )
-
-    def advance(self, duration: float) -> None:
-        self.time += duration
-        steps = round(duration / self.STEP)
-        for _ in range(steps):
-            for number, axis in enumerate(self.axes):
-                axis.step(self.STEP)
-                events = axis.events
-                if events != self._events[number]:
-                    self._events[number] = events
-                    self.on_event(number, events)
-
-    def read(self) -> NDArray[np.int64]:
-        return np.array([axis.reading() for axis in self.axes], dtype=np.int64).ravel()
-
-
 @pytest.fixture
 def ideal_machine() -> IdealMachine:
     """Six ideal axes behind nodes 1 to 6."""
@@ -393,77 +265,6 @@ class ChainBuilder:
 @pytest.fixture(scope="session")
 def chains() -> ChainBuilder:
     return ChainBuilder()
-
-
-class Desk:
-    """A master without bus and threads: SDO, SYNC and NMT straight into the slave network."""
-
-    def __init__(self, network: SlaveNetwork, machine: IdealMachine) -> None:
-        self.network = network
-        self.machine = machine
-        self.log: list[tuple[float, int, bytes]] = []
-        """Every frame that the drives sent."""
-
-    def send(self, identifier: int, data: bytes = b"") -> list[tuple[int, bytes]]:
-        frames = self.network.receive(identifier, data)
-        self.log += frames
-        return [(number, payload) for _, number, payload in frames]
-
-    def sync(self, count: int = 1) -> list[tuple[int, bytes]]:
-        return [frame for _ in range(count) for frame in self.send(0x80)]
-
-    def nmt(self, command: int, node: int = 0) -> list[tuple[int, bytes]]:
-        return self.send(0, bytes([command, node]))
-
-    def request(self, node: int, *data: int) -> bytes:
-        """The response to one SDO frame."""
-        frames = self.send(0x600 + node, bytes(data).ljust(8, b"\0"))
-        return next(payload for number, payload in frames if number == 0x580 + node)
-
-    def write(self, index: int, value: int, subindex: int = 0, node: int = 1) -> None:
-        """Write by expedited SDO; `SdoAbort` when refused."""
-        data = struct.pack("<" + drive_entries()[key(index, subindex)].code, value)
-        command = 0x23 | (4 - len(data)) << 2
-        self._checked(node, command, *struct.pack("<HB", index, subindex), *data)
-
-    def read(self, index: int, subindex: int = 0, node: int = 1) -> int:
-        """Read by expedited SDO; `SdoAbort` when refused."""
-        response = self._checked(node, 0x40, *struct.pack("<HB", index, subindex))
-        code = drive_entries()[key(index, subindex)].code
-        return int(struct.unpack_from("<" + code, response, 4)[0])
-
-    def _checked(self, node: int, *data: int) -> bytes:
-        response = self.request(node, *data)
-        if response[0] == 0x80:
-            raise SdoAbort(AbortCode(struct.unpack_from("<I", response, 4)[0]))
-        return response
-
-    def map_tpdo(self, transmission: int, *objects: int, number: int = 0, node: int = 1) -> None:
-        """Map objects (index << 16 | sub-index << 8 | bits) into a TPDO and switch it on."""
-        self._map(0x1800 + number, 0x180 + 0x100 * number, transmission, objects, node)
-
-    def map_rpdo(self, transmission: int, *objects: int, number: int = 0, node: int = 1) -> None:
-        """Map objects into an RPDO and switch it on."""
-        self._map(0x1400 + number, 0x200 + 0x100 * number, transmission, objects, node)
-
-    def _map(
-        self, record: int, identifier: int, kind: int, objects: Sequence[int], node: int
-    ) -> None:
-        self.write(record, 1 << 31 | identifier + node, 1, node)
-        self.write(record, kind, 2, node)
-        self.write(record + 0x200, 0, 0, node)
-        for subindex, entry in enumerate(objects, start=1):
-            self.write(record + 0x200, entry, subindex, node)
-        self.write(record + 0x200, len(objects), 0, node)
-        self.write(record, identifier + node, 1, node)
-
-    def enable(self, node: int = 1) -> None:
-        """To OPERATION ENABLED."""
-        for controlword in (0x06, 0x07, 0x0F):
-            self.write(0x6040, controlword, node=node)
-
-    def status(self, node: int = 1) -> int:
-        return self.read(0x6041, node=node)
 
 
 @pytest.fixture

@@ -53,7 +53,7 @@ def _remedy(interface: str, channel: str, options: Mapping[str, object], error: 
             f"list interfaces with `ip link`, bring it up with "
             f"`ip link set {channel} up type can bitrate {bitrate}`"
         )
-        if getattr(error, "errno", None) == errno.EAFNOSUPPORT:
+        if isinstance(error, OSError) and error.errno == errno.EAFNOSUPPORT:
             return (
                 f"this kernel has no SocketCAN: load can_raw, or use a host that has it; then {up}"
             )

@@ -22,6 +22,11 @@ ON_SYNC = 1
 ON_EVENT = 255
 TPDO_MAPPING = 0x1A00
 """First mapping of a TPDO; those of RPDOs lie below."""
+STATE, COMMAND = (
+    (objects.STATUSWORD, objects.POSITION),
+    (objects.TARGET_POSITION, objects.CONTROLWORD),
+)
+"""What a TPDO carries beside the current, and an RPDO: the target, then what makes it valid."""
 RPDO_TYPES = (254, 0, 1)
 """On event by the maker's rule, or with the next SYNC."""
 
@@ -78,12 +83,12 @@ def transmitted(axis: AxisDrive) -> tuple[Pdo, ...]:
 def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
     """Return how statusword, position and current may be put into TPDOs, the best way first."""
     if axis.tpdos is not None:
-        ours = (objects.STATUSWORD, objects.POSITION, current_entry(axis))
+        ours = (*STATE, current_entry(axis))
         stated = enumerate(axis.tpdos, start=1)
         return (tuple(_tpdo(n, axis.node, mapped(words, ours)) for n, words in stated),)
-    state, current = (objects.STATUSWORD, objects.POSITION), current_entry(axis)
-    both = (_tpdo(1, axis.node, state), _tpdo(2, axis.node, (current,)))
-    return ((_tpdo(1, axis.node, (*state, current)),), both) if current.size == 2 else (both,)
+    current = current_entry(axis)
+    both = (_tpdo(1, axis.node, STATE), _tpdo(2, axis.node, (current,)))
+    return ((_tpdo(1, axis.node, (*STATE, current)),), both) if current.size == 2 else (both,)
 
 
 def answers(axis: AxisDrive) -> tuple[int, ...]:
@@ -93,8 +98,7 @@ def answers(axis: AxisDrive) -> tuple[int, ...]:
 
 def received(axis: AxisDrive) -> Pdo:
     """Return the RPDO that carries the target, then the controlword that makes it valid."""
-    entries = (objects.TARGET_POSITION, objects.CONTROLWORD)
-    return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, RPDO_TYPES, entries)
+    return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, RPDO_TYPES, COMMAND)
 
 
 def mapping_word(entry: Entry) -> int:

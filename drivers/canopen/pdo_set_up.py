@@ -115,9 +115,9 @@ def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -
             f"{server.label}: its TPDOs carry {found}, the drives file states {expected}; correct "
             "tpdos"
         )
-    server.notes.append(
-        f"{server.label}: status, position and current come as its TPDOs have them; state tpdos: "
-        f"{found} in the drives file, for those who only listen (hil monitor) and for the bus load"
+    server.note(
+        f"status, position and current come as its TPDOs have them; state tpdos: {found} in"
+        " the drives file, for those who only listen (hil monitor) and for the bus load"
     )
 
 

@@ -9,6 +9,7 @@ the object is optional and missing, that is noted instead of refused.
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoError
@@ -17,7 +18,7 @@ from drivers.canopen.network import PumpedSdoClient
 from drivers.drive_bus import DriveRefused, NodeSilent
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Mapping
+    from collections.abc import Callable, Container, Mapping, Sequence
 
     from drivers.canopen.network import PumpedNetwork
     from drivers.fieldbus import Entry
@@ -26,7 +27,8 @@ SDO_TIMEOUT = 0.5
 """How long a drive may take to answer [s]."""
 
 READ_ONLY = 0x06010002
-_MISSING = frozenset({0x06020000, 0x06090011})
+ABSENT = frozenset({0x06020000, 0x06090011})
+"""A drive says so that it does not have an object."""
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
 RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
 FIXED_CODES = RANGE_CODES | {READ_ONLY}
@@ -49,7 +51,29 @@ class Aborted(DriveRefused):
     @property
     def missing(self) -> bool:
         """The object does not exist in this drive."""
-        return self.code in _MISSING
+        return self.code in ABSENT
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something about a drive that its operator should see.
+
+    Attributes
+    ----------
+    place : str
+        The drive, as messages name it.
+    text : str
+        What there is to say.
+    lack : bool
+        Of what the drive does not have or does not say, which shows without power as well.
+    """
+
+    place: str
+    text: str
+    lack: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.text}"
 
 
 class Judge(Protocol):
@@ -104,8 +128,8 @@ class RemoteDictionary:
         How messages name the drive.
     missing : set of Entry
         Optional objects that the drive lacks, or keeps as they are.
-    notes : list of str
-        What that means, in words.
+    notes : list of Note
+        What that means, and what else was noted.
     kept : dict of Entry to int
         What the drive holds of all that `set` has written, which may be another value.
     judge : Judge
@@ -122,7 +146,7 @@ class RemoteDictionary:
         self.node = node
         self.label = f"{name} (node {node})"
         self.missing: set[Entry] = set()
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
         self.kept: dict[Entry, int] = {}
         self.judge: Judge = _Exact()
         self.saved: set[tuple[int, int]] = set()
@@ -227,7 +251,7 @@ class RemoteDictionary:
         So too where the drive does not take the value and keeps one that is in `also`.
         """
         if self.find(entry) is None:
-            self._do_without(entry, "no object", consequence)
+            self.do_without((entry,), consequence)
             return
         try:
             kept = self._written(entry, value)
@@ -237,19 +261,27 @@ class RemoteDictionary:
                 raise
             self.kept[entry] = kept
         if kept != value and kept in also:
-            self._do_without(entry, f"{kept} instead of {value} in object", consequence)
+            self.missing.add(entry)
+            self.note(f"{kept} instead of {value} in object {entry}: {consequence}")
         else:
             self._settle(entry, value, kept)
 
-    def set_any(self, values: Mapping[Entry, int], consequence: str) -> None:
-        """Do as `set` with each of several objects that is present; note it where none is."""
+    def set_any(self, values: Mapping[Entry, int]) -> bool:
+        """Do as `set` with each of several objects that is present; return whether any is."""
         present = {entry: value for entry, value in values.items() if self.find(entry) is not None}
         self.missing.update(entry for entry in values if entry not in present)
         for entry, value in present.items():
             self.set(entry, value)
-        if not present:
-            names = " nor ".join(map(str, values))
-            self.notes.append(f"{self.label}: no object {names}: {consequence}")
+        return bool(present)
+
+    def do_without(self, entries: Sequence[Entry], consequence: str) -> None:
+        """Note what follows from objects that are missing."""
+        self.missing.update(entries)
+        self.note(f"no object {' nor '.join(map(str, entries))}: {consequence}", lack=True)
+
+    def note(self, text: str, *, lack: bool = False) -> None:
+        """Add a note on this drive (see `Note`)."""
+        self.notes.append(Note(self.label, text, lack))
 
     def _written(self, entry: Entry, value: int) -> int:
         """Write a number; return what the drive keeps."""
@@ -268,14 +300,9 @@ class RemoteDictionary:
                 f"{compared}; the drive limits or ignores it: choose a value that it takes, or "
                 "unlock the parameter"
             )
-        self.notes.append(
-            f"{self.label}: {kept} instead of {value} in object {entry}: the drive rounds or "
-            f"limits it{compared}"
+        self.note(
+            f"{kept} instead of {value} in object {entry}: the drive rounds or limits it{compared}"
         )
-
-    def _do_without(self, entry: Entry, what: str, consequence: str) -> None:
-        self.missing.add(entry)
-        self.notes.append(f"{self.label}: {what} {entry}: {consequence}")
 
     def _explained(self, error: SdoError, entry: Entry, what: str) -> DriveRefused | NodeSilent:
         if isinstance(error, SdoAbortedError):
@@ -297,7 +324,7 @@ def _range(entry: Entry) -> tuple[int, int]:
 
 
 def _remedy(code: int) -> str:
-    if code in _MISSING:
+    if code in ABSENT:
         return "this drive lacks the object: use another drive or firmware"
     if code == READ_ONLY:
         return "set it with the maker's commissioning tool"

@@ -21,7 +21,7 @@ import numpy as np
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED, Standstill
-from drivers.cia402.states import Mode
+from drivers.cia402.states import MODE_TIME, Mode
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from drivers.fieldbus import Objects, ProcessData
     from drivers.safety.trips import Trips
 
-MODE_TIME = 3.0
-"""A mode display may lag by seconds [s]."""
 DELAY = 5
 """Periods by which a drive may be behind its set-points."""
 GRACE = 2.0

@@ -78,6 +78,9 @@ class Mode(enum.IntEnum):
         return 1 << (self.value - 1)
 
 
+MODE_TIME = 3.0
+"""The display of a mode (6061) may lag behind it by seconds [s]."""
+
 STATE_PATTERNS: tuple[tuple[State, int, int], ...] = (
     (State.NOT_READY, 0x4F, 0x00),
     (State.SWITCH_ON_DISABLED, 0x4F, 0x40),

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 Place = tuple[int, int]
 
 LATER = (
-    objects.INTERPOLATION_PERIOD,
-    objects.INTERPOLATION_POWER,
+    *objects.INTERPOLATION,
     Entry(0x1801, 2, "u8", "transmission type of TPDO 2"),
     mapping_count(0x1A01),
 )

@@ -11,36 +11,48 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from drivers.axis import AxisScale
 from drivers.canopen import objects as cia301
-from drivers.canopen.communication_set_up import set_up_communication
 from drivers.canopen.pdo_mapping import current_entry
-from drivers.canopen.readback import Readback
 from drivers.canopen.sdo import Aborted
 from drivers.cia402 import objects
-from drivers.cia402.states import Mode
+from drivers.cia402.states import MODE_TIME, Mode
+from drivers.commissioning.communication_set_up import set_up_communication
 from drivers.commissioning.consistency import compare_statements
+from drivers.commissioning.measures import Quantity, measures
+from drivers.commissioning.readback import Readback
+from drivers.commissioning.requirement import Lack
+from drivers.commissioning.requirements import DRIVE_PROFILE, REQUIREMENTS, reaction_for
 from drivers.commissioning.software_limits import write_range
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from drivers.canopen.communication import Communication
     from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.effective_limits import EffectiveLimits
-    from drivers.drives_file import AxisDrive, AxisLimits, DrivesFile
+    from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
 
-DRIVE_PROFILE = 402
-SLOW_DOWN_RAMP = 1
-QUICK_STOP_REACTION, FAULT_REACTION = 3, 1
-STAYS_ENERGISED = 5
-"""Quick stop options from here on end in QUICK STOP ACTIVE."""
-STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
-"""Quick stop options that slow down, instead of letting the axis coast (0)."""
-MODE_TIME = 3.0
-"""A mode display may lag by seconds [s]."""
+_LIMITS = tuple(
+    (entry, *REQUIREMENTS[entry].instead)
+    for entry in (
+        objects.MAX_PROFILE_VELOCITY,
+        objects.MAX_ACCELERATION,
+        objects.MAX_DECELERATION,
+    )
+)
+"""Limits of which any of several objects serves; that of torque is written to one alone."""
+_KEPT_WHERE_PRESENT = (
+    objects.PROFILE_DECELERATION,
+    objects.QUICK_STOP_DECELERATION,
+    objects.FOLLOWING_ERROR_WINDOW,
+    objects.PROFILE_TYPE,
+    objects.FOLLOWING_ERROR_TIME,
+    objects.POSITION_WINDOW,
+    objects.POSITION_WINDOW_TIME,
+)
+_MOTION = (objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION)
 
 
 def commission(
@@ -84,9 +96,12 @@ def commission(
     _take_profile_position(server, wait)
     compare_statements(server, axis)
     _require_current(server, axis)
-    _lower_profile(server, axis, limits.limits)
-    _write_limits(server, axis, limits)
-    _write_reactions(server, drives)
+    for note in limits.notes:
+        server.note(note)
+    values = _values(axis, drives, limits)
+    _lower_profile(server, values)
+    _write_limits(server, axis, values)
+    _write_reactions(server, values)
     set_up_communication(server, axis, drives, period, communication)
     return identity
 
@@ -100,9 +115,8 @@ def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
         )
     expected = axis.identity
     wanted = (expected.vendor, expected.product, expected.revision, expected.serial)
-    entries = (cia301.VENDOR, cia301.PRODUCT, cia301.REVISION, cia301.SERIAL)
-    found = [server.find(entry) for entry in entries]
-    for entry, present, value in zip(entries, found, wanted, strict=True):
+    found = [server.find(entry) for entry in cia301.IDENTITY]
+    for entry, present, value in zip(cia301.IDENTITY, found, wanted, strict=True):
         if value is not None and present != value:
             shown = "missing" if present is None else f"{present:08X}h"
             raise DriveRefused(
@@ -111,7 +125,7 @@ def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
             )
     return " ".join(
         f"{entry.name} {value:08X}h"
-        for entry, value in zip(entries, found, strict=True)
+        for entry, value in zip(cia301.IDENTITY, found, strict=True)
         if value is not None
     )
 
@@ -144,106 +158,103 @@ def _require_current(server: RemoteDictionary, axis: AxisDrive) -> None:
         ) from error
 
 
-def _lower_profile(server: RemoteDictionary, axis: AxisDrive, limits: AxisLimits) -> None:
+def _values(axis: AxisDrive, drives: DrivesFile, holding: EffectiveLimits) -> dict[Entry, int]:
+    """Return what is to stand in the drive, by object [the drive's unit]."""
+    counted, limits = measures(axis), holding.limits
+    velocity = counted[Quantity.SPEED].counts(limits.velocity)
+    acceleration = counted[Quantity.ACCELERATION].counts(limits.acceleration)
+    distance = counted[Quantity.DISTANCE].counts
+    constant = {row.entry: row.value for row in REQUIREMENTS.values() if row.value is not None}
+    return {
+        **constant,
+        **holding.values,
+        objects.PROFILE_VELOCITY: velocity,
+        objects.PROFILE_ACCELERATION: acceleration,
+        objects.PROFILE_DECELERATION: acceleration,
+        objects.FOLLOWING_ERROR_WINDOW: distance(axis.following_error_window),
+        objects.FOLLOWING_ERROR_TIME: round(1000 * axis.following_error_time),
+        objects.POSITION_WINDOW: distance(axis.position_window),
+        objects.POSITION_WINDOW_TIME: round(1000 * axis.position_window_time),
+        objects.QUICK_STOP_OPTION: drives.quick_stop_option,
+    }
+
+
+def _lower_profile(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
     """Lower what is above our limits first: some drives refuse a limit below their profile."""
-    scale = AxisScale.of(axis)
-    acceleration = scale.acceleration_to_counts(limits.acceleration)
-    for entry, value in (
-        (objects.PROFILE_VELOCITY, scale.velocity_to_counts(limits.velocity)),
-        (objects.PROFILE_ACCELERATION, acceleration),
-        (objects.PROFILE_DECELERATION, acceleration),
-    ):
+    for entry in (*_MOTION, objects.PROFILE_DECELERATION):
         present = server.find(entry)
-        if present is not None and present > value:
+        if present is not None and present > values[entry]:
             with suppress(Aborted):  # what it keeps is judged where the limits are written
-                server.put(entry, value)
+                server.put(entry, values[entry])
 
 
-def _write_limits(server: RemoteDictionary, axis: AxisDrive, holding: EffectiveLimits) -> None:
-    scale, limits, values = AxisScale.of(axis), holding.limits, holding.values
-    server.notes += holding.notes
+def _write_limits(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
     write_range(server, axis, values)
-    for either in (
-        (objects.MAX_PROFILE_VELOCITY, objects.MAX_MOTOR_SPEED),
-        (objects.MAX_ACCELERATION,),
-        (objects.MAX_DECELERATION,),
-        (objects.MAX_TORQUE,),
-    ):
-        _write_limit(server, {entry: values[entry] for entry in either})
-    acceleration = scale.acceleration_to_counts(limits.acceleration)
-    velocity = scale.velocity_to_counts(limits.velocity)
-    window = round(axis.following_error_window / abs(scale.position))
-    quick_stop = objects.QUICK_STOP_DECELERATION
-    for entry, value, key in (
-        (objects.PROFILE_VELOCITY, velocity, f"limits.velocity {limits.velocity:g}"),
-        (
-            objects.PROFILE_ACCELERATION,
-            acceleration,
-            f"limits.acceleration {limits.acceleration:g}",
-        ),
-        (
-            objects.FOLLOWING_ERROR_WINDOW,
-            window,
-            f"following_error_window {axis.following_error_window:g}",
-        ),
-    ):
-        _refuse_zero(server, entry, value, key)
-    for entry, value, consequence in (
-        (objects.PROFILE_DECELERATION, acceleration, "6083 must hold for decelerating too"),
-        (quick_stop, values[quick_stop], "the drive's own quick stop ramp is used"),
-        (objects.FOLLOWING_ERROR_WINDOW, window, _UNWATCHED),
-        (objects.PROFILE_TYPE, 0, "trapezoidal profiles are taken on trust"),
-    ):
-        server.set_if_present(entry, value, consequence)
-    for entry, value, consequence in (
-        (objects.FOLLOWING_ERROR_TIME, round(1000 * axis.following_error_time), _UNWATCHED),
-        (objects.POSITION_WINDOW, round(axis.position_window / abs(scale.position)), _OWN_WINDOW),
-        (objects.POSITION_WINDOW_TIME, round(1000 * axis.position_window_time), _OWN_WINDOW),
-    ):
-        server.set_if_present(entry, value, consequence, also=_ANY)
-    if objects.MAX_TORQUE in server.missing and server.find(objects.MAX_CURRENT) is not None:
-        _write_limit(server, {objects.MAX_CURRENT: values[objects.MAX_CURRENT]})
-    server.set(objects.PROFILE_VELOCITY, velocity)
-    server.set(objects.PROFILE_ACCELERATION, acceleration)
+    for entries in _LIMITS:
+        if not _write_limit(server, entries, values):
+            server.do_without(entries, REQUIREMENTS[entries[0]].without)
+    torque, current = objects.MAX_TORQUE, objects.MAX_CURRENT
+    limited = _write_limit(server, (torque,), values)
+    _refuse_zeros(server, axis, values)
+    for entry in _KEPT_WHERE_PRESENT:
+        _write(server, entry, values[entry])
+    if not limited and server.find(current) is not None:
+        _write_limit(server, (current,), values)
+    elif not limited:
+        server.do_without((torque, current), REQUIREMENTS[torque].without)
+    for entry in _MOTION:
+        _write(server, entry, values[entry])
 
 
-def _refuse_zero(server: RemoteDictionary, entry: Entry, value: int, key: str) -> None:
+def _write(server: RemoteDictionary, entry: Entry, value: int) -> None:
+    """Write an object as its row has it: refuse a drive without it, or note what follows."""
+    row = REQUIREMENTS[entry]
+    if row.lack is Lack.REFUSED:
+        server.set(entry, value)
+    else:
+        server.set_if_present(entry, value, row.without, row.serves)
+
+
+def _refuse_zeros(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
     """Refuse a limit below one count of an object: to many drives 0 means that there is none."""
-    if not value and server.find(entry) is not None:
-        raise DriveRefused(
-            f"{server.label}: {key} of the drives file is less than one count of object {entry},"
-            " and 0 may mean no limit; raise it, or set a finer unit in the drive"
-        )
+    limits = axis.limits
+    for entry, key, stated in (
+        (objects.PROFILE_VELOCITY, "limits.velocity", limits.velocity),
+        (objects.PROFILE_ACCELERATION, "limits.acceleration", limits.acceleration),
+        (objects.FOLLOWING_ERROR_WINDOW, "following_error_window", axis.following_error_window),
+    ):
+        if not values[entry] and server.find(entry) is not None:
+            raise DriveRefused(
+                f"{server.label}: {key} {stated:g} of the drives file is less than one count of"
+                f" object {entry}, and 0 may mean no limit; raise it, or set a finer unit in the"
+                " drive"
+            )
 
 
-def _write_limit(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
-    """Write a limit that one or several objects keep; leave alone what is there already."""
-    present = {entry: server.find(entry) for entry in values}
-    if not any(present[entry] == value for entry, value in values.items()):
-        server.set_any(values, "this limit is kept by the driver alone")
-        return
+def _write_limit(
+    server: RemoteDictionary, entries: Sequence[Entry], values: Mapping[Entry, int]
+) -> bool:
+    """Write a limit that one or several objects keep, but leave alone what is there already.
+
+    Returns
+    -------
+    bool
+        The drive has any of them.
+    """
+    present = {entry: server.find(entry) for entry in entries}
+    if not any(present[entry] == values[entry] for entry in entries):
+        return server.set_any({entry: values[entry] for entry in entries})
     server.missing.update(entry for entry, value in present.items() if value is None)
-    for entry, value in values.items():
-        if present[entry] == value:
-            server.kept[entry] = value
+    for entry in entries:
+        if present[entry] == values[entry]:
+            server.kept[entry] = values[entry]
         elif present[entry] is not None:
-            server.set(entry, value)
+            server.set(entry, values[entry])
+    return True
 
 
-_UNWATCHED = "the drive's own following error supervision is used"
-_OWN_WINDOW = "the drive's own window decides on target reached"
-_ANY = range(1 << 32)
-
-
-def _write_reactions(server: RemoteDictionary, drives: DrivesFile) -> None:
-    option, reaction = objects.QUICK_STOP_OPTION, objects.ABORT_CONNECTION_OPTION
-    own = "the drive's own quick stop is used"
-    server.set_if_present(option, drives.quick_stop_option, own, STOPPING_OPTIONS)
-    server.set_if_present(
-        objects.HALT_OPTION, SLOW_DOWN_RAMP, "the drive's own halt is used", (2, 3, 4)
-    )
-    unknown = "its reaction to the loss of our heartbeat is the maker's: look it up"
-    if server.kept.get(option, 0) < STAYS_ENERGISED:
-        server.set_if_present(reaction, QUICK_STOP_REACTION, unknown, (1, 2))
-    else:  # a quick stop alone would leave the axis powered when this process dies
-        server.set_if_present(reaction, FAULT_REACTION, unknown, (2, 3))
+def _write_reactions(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
+    for entry in (objects.QUICK_STOP_OPTION, objects.HALT_OPTION):
+        _write(server, entry, values[entry])
+    quick_stop = server.kept.get(objects.QUICK_STOP_OPTION, 0)
+    _write(server, objects.ABORT_CONNECTION_OPTION, reaction_for(quick_stop))

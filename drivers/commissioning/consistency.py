@@ -15,6 +15,7 @@ from drivers.cia402 import objects
 from drivers.commissioning.comparison import Agreement, compared, unsettled
 from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
 from drivers.commissioning.ratings import compare_ratings
+from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.commissioning.unit_codes import acceleration_of, velocity_of
 from drivers.drive_bus import DriveRefused
 from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_unit
@@ -54,21 +55,21 @@ def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
                 f"file states {comparison.key}: {comparison.stated}; {comparison.remedy}"
             )
         if comparison.agreement is Agreement.UNSETTLED:
-            server.notes.append(f"{server.label}: {comparison.found}: {comparison.remedy}")
+            server.note(f"{comparison.found}: {comparison.remedy}", lack=True)
     _note_positions(server)
 
 
 def _note_positions(server: RemoteDictionary) -> None:
     """Note what shifts positions or makes them wrap around; `zero` and the limits allow for it."""
     if offset := _said(server, objects.HOME_OFFSET):
-        server.notes.append(
-            f"{server.label}: {objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
+        server.note(
+            f"{objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
             " the next homing or power-up on; zero in the drives file must allow for it"
         )
     low, high = (_said(server, entry) for entry in _POSITION_RANGE)
     if low is not None and high is not None and low < high and high - low < _ALL_COUNTS:
-        server.notes.append(
-            f"{server.label}: positions wrap around in [{low}, {high}] (607B): keep the limits of"
+        server.note(
+            f"positions wrap around in [{low}, {high}] (607B): keep the limits of"
             " the drives file within, or set both to 0 with the maker's commissioning tool"
         )
 
@@ -105,8 +106,8 @@ def _said(server: RemoteDictionary, entry: Entry) -> int | None:
     """Read an object that is only compared; one of another type than the standard's is noted."""
     try:
         return server.find(entry)
-    except DriveRefused as error:
-        server.notes.append(f"{error}; it is left out of the comparison")
+    except DriveRefused:
+        server.note(f"object {entry} cannot be read as {entry.type}: it is left out of comparisons")
         return None
 
 
@@ -119,7 +120,8 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
             silent = f"608F = {factors.resolution}{factors.caveat}"
         if factors.unit:
             silent += f", and 60A8 says {factors.unit_in_words}"
-        return unsettled(POSITION, silent, _COUNTS, str(stated), f"{_COUNTS} is taken on trust")
+        trust = REQUIREMENTS[objects.ENCODER_INCREMENTS].without
+        return unsettled(POSITION, silent, _COUNTS, str(stated), trust)
     found = " or ".join(map(str, readings)) + factors.caveat
     agrees = any(same(reading.per_revolution, stated) for reading in readings)
     if agrees and (len(readings) > 1 or factors.assumed):

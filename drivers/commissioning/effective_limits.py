@@ -10,18 +10,20 @@ unless the lower one is below the upper one.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
+from drivers.commissioning.measures import FIELDS, measures
+from drivers.commissioning.requirements import OWN_LIMITS, is_set
 from drivers.drive_bus import DriveRefused
-from drivers.drives_file import AxisLimits, Basis
+from drivers.drives_file import AxisLimits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from drivers.commissioning.measures import Measure
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
 
@@ -48,7 +50,7 @@ class EffectiveLimits:
     own : mapping of str to str
         Field of `limits` to the object of the drive that holds there, where the drive's is tighter.
     notes : tuple of str
-        The same for the operator, with both numbers.
+        The same for the operator, with both numbers, and without the drive's name.
     """
 
     limits: AxisLimits
@@ -62,14 +64,34 @@ class EffectiveLimits:
         return axis.model_copy(update={"limits": self.limits})
 
 
-class _Bound(NamedTuple):
-    """One object that limits an axis: its field of `AxisLimits`, our value, SI per count, unit."""
+class Bound(NamedTuple):
+    """A limit of the drives file and an object of the drive that limits the same.
+
+    Attributes
+    ----------
+    entry : Entry
+        The object.
+    key : str
+        Field of `AxisLimits`.
+    stated : float
+        Its value in the drives file [SI, joint side].
+    measure : Measure
+        How the object counts it.
+    """
 
     entry: Entry
     key: str
-    ours: int
-    per_count: float
-    unit: str
+    stated: float
+    measure: Measure
+
+
+def bounds(axis: AxisDrive) -> Iterator[Bound]:
+    """Yield what limits an axis beside its range."""
+    counted = measures(axis)
+    for row in OWN_LIMITS:
+        assert row.quantity is not None  # noqa: S101 - a row of a limit has one
+        key = FIELDS[row.quantity]
+        yield Bound(row.entry, key, getattr(axis.limits, key), counted[row.quantity])
 
 
 def effective_limits(
@@ -100,24 +122,24 @@ def effective_limits(
     range_ = _range(find, axis, label, values, own, notes)
     holds = {"velocity": stated.velocity, "torque": stated.torque}
     holds |= {"acceleration": stated.acceleration, _STOP: stated.acceleration}
-    for bound in _bounds(axis):
-        present = find(bound.entry)
-        if present is not None and not bound.ours:
-            raise DriveRefused(_too_small(label, bound, getattr(stated, bound.key)))
-        values[bound.entry] = bound.ours
-        if present is None or not _set(present, bound.entry) or present >= bound.ours:
+    for bound in bounds(axis):
+        present, ours = find(bound.entry), bound.measure.counts(bound.stated)
+        if present is not None and not ours:
+            raise DriveRefused(_too_small(label, bound))
+        values[bound.entry] = ours
+        if present is None or not is_set(present, bound.entry) or present >= ours:
             continue
         values[bound.entry] = present
-        value = present * bound.per_count
+        value = bound.measure.value(present)
         for key in _KEYS.get(bound.entry, (bound.key,)):
             if value < holds[key]:
                 holds[key] = value
                 own[key] = _code(bound.entry)
-        if value < getattr(stated, bound.key) * (1 - SLACK):
-            notes.append(_note(label, bound, value, getattr(stated, bound.key)))
+        if value < bound.stated * (1 - SLACK):
+            notes.append(_note(bound, value))
     stop = holds.pop(_STOP) if find(_QUICK_STOP) is not None else None
     if stop is not None and stop < SLOWEST_STOP * stated.acceleration:
-        notes.append(_slow_stop(label, stop, axis))
+        notes.append(_slow_stop(stop, axis))
     limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})
     own.pop(_STOP, None)
     return EffectiveLimits(limits, stop, values, own, tuple(notes))
@@ -125,27 +147,9 @@ def effective_limits(
 
 _FIELDS = ("velocity", "acceleration", "torque")
 _STOP = "stop_deceleration"
-_VELOCITY, _QUICK_STOP = objects.MAX_PROFILE_VELOCITY, objects.QUICK_STOP_DECELERATION
+_QUICK_STOP = objects.QUICK_STOP_DECELERATION
 _KEYS = {objects.MAX_DECELERATION: ("acceleration", _STOP), _QUICK_STOP: (_STOP,)}
 """What a deceleration limits, beside the field that it is compared with."""
-
-
-def _bounds(axis: AxisDrive) -> Iterator[_Bound]:
-    """Yield what limits an axis, in the drive's units."""
-    scale, limits = AxisScale.of(axis), axis.limits
-    length, force = axis.unit, axis.effort_unit
-    velocity, rpm = scale.velocity_to_counts(limits.velocity), 2 * math.pi / 60 / axis.gear_ratio
-    speed = math.ceil(limits.velocity / rpm * (1 - 1e-9))
-    yield _Bound(_VELOCITY, "velocity", velocity, scale.velocity, f"{length}/s")
-    yield _Bound(objects.MAX_MOTOR_SPEED, "velocity", speed, rpm, f"{length}/s")
-    count = scale.acceleration_to_counts(limits.acceleration)
-    for entry in (objects.MAX_ACCELERATION, objects.MAX_DECELERATION, _QUICK_STOP):
-        yield _Bound(entry, "acceleration", count, scale.acceleration, f"{length}/s^2")
-    count = scale.torque_limit_to_counts(limits.torque)
-    of_current = axis.current.basis is Basis.RATED_CURRENT
-    per_current = abs(scale.torque) if of_current else scale.torque_limit
-    yield _Bound(objects.MAX_TORQUE, "torque", count, scale.torque_limit, force)
-    yield _Bound(objects.MAX_CURRENT, "torque", count, per_current, force)
 
 
 def _range(
@@ -181,7 +185,7 @@ def _range(
     slack = SLACK * (limits.q_max - limits.q_min)
     if any(abs(holds[key] - getattr(limits, key)) > slack for key in tighter):
         notes.append(
-            f"{label}: the drive's own software limits (607D) {q_present} are narrower than the"
+            f"the drive's own software limits (607D) {q_present} are narrower than the"
             f" drives file's [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit}; what holds is"
             f" [{holds['q_min']:.5g}, {holds['q_max']:.5g}] {unit}"
         )
@@ -193,26 +197,23 @@ def _joint(scale: AxisScale, counts: list[int | None]) -> str:
     return f"[{', '.join(f'{q:.5g}' for q in sorted(ends))}]"
 
 
-def _set(value: int, entry: Entry) -> bool:
-    return value > 0 and value != (1 << 8 * entry.size) - 1
-
-
 def _code(entry: Entry) -> str:
     return f"{entry.index:04X}"
 
 
-def _too_small(label: str, bound: _Bound, stated: float) -> str:
+def _too_small(label: str, bound: Bound) -> str:
+    unit = bound.measure.unit
     return (
-        f"{label}: limits.{bound.key} {stated:.4g} {bound.unit} is less than one count of"
-        f" {bound.entry}, {bound.per_count:.4g} {bound.unit}, and 0 would mean no limit; raise it,"
-        " or set a finer unit in the drive"
+        f"{label}: limits.{bound.key} {bound.stated:.4g} {unit} is less than one count of"
+        f" {bound.entry}, {bound.measure.per_count:.4g} {unit}, and 0 would mean no limit; raise"
+        " it, or set a finer unit in the drive"
     )
 
 
-def _slow_stop(label: str, stop: float, axis: AxisDrive) -> str:
+def _slow_stop(stop: float, axis: AxisDrive) -> str:
     unit, limits = axis.unit, axis.limits
     return (
-        f"{label}: its quick stop slows down by {stop:.4g} {unit}/s^2 (6085, 60C6), which takes"
+        f"its quick stop slows down by {stop:.4g} {unit}/s^2 (6085, 60C6), which takes"
         f" {limits.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
         f" limits.acceleration {limits.acceleration:.4g} {unit}/s^2 is not waited for, its voltage"
         " is disabled sooner: raise 6085 with the maker's commissioning tool, or state this ramp as"
@@ -220,9 +221,9 @@ def _slow_stop(label: str, stop: float, axis: AxisDrive) -> str:
     )
 
 
-def _note(label: str, bound: _Bound, value: float, stated: float) -> str:
+def _note(bound: Bound, value: float) -> str:
+    unit = bound.measure.unit
     return (
-        f"{label}: the drive's own {bound.entry.name} ({_code(bound.entry)}) is {value:.4g}"
-        f" {bound.unit}, tighter than the drives file's limits.{bound.key} {stated:.4g}"
-        f" {bound.unit}; the drive's holds"
+        f"the drive's own {bound.entry.name} ({_code(bound.entry)}) is {value:.4g} {unit}, tighter"
+        f" than the drives file's limits.{bound.key} {bound.stated:.4g} {unit}; the drive's holds"
     )

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from drivers.canopen.vendor_objects import MAKERS
 from drivers.cia402 import objects
 from drivers.commissioning.comparison import compared, unsettled
+from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.drives_file import Basis, TorqueUnit
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ ALIKE = 2.0
 DISPARATE = 100.0
 """A factor that only another unit explains."""
 
+_TRUST_CURRENT = REQUIREMENTS[objects.RATED_CURRENT].without
 _KEY = "rated_torque"
 _TORQUE = f"{objects.RATED_TORQUE.name} ({objects.RATED_TORQUE.index:04X})"
 _UNSET, _SET = "0, not configured", "set it with the maker's commissioning tool"
@@ -102,10 +104,10 @@ def _current(entry: Entry, present: int | None, axis: AxisDrive) -> Comparison:
     check, key = f"{entry.name} ({entry.index:04X})", "rated_current"
     stated = f"{axis.rated_current:g} A"
     if present is None:
-        return unsettled(check, f"no object {entry}", key, stated, f"{key} is taken on trust")
+        return unsettled(check, f"no object {entry}", key, stated, _TRUST_CURRENT)
     if present == 0 and axis.current.basis is Basis.MILLIAMPERE:
         found = f"{entry} is {_UNSET}"
-        return unsettled(check, found, key, stated, f"{key} is taken on trust")
+        return unsettled(check, found, key, stated, _TRUST_CURRENT)
     if present == 0:
         return compared(False, check, _UNSET, key, stated, f"per mille refer to it: {_SET}")
     return compared(
@@ -122,7 +124,7 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
     stated, unit = f"{axis.rated_torque:g} N m", axis.rated_torque_unit
     if present is None:
         silent = f"no object {objects.RATED_TORQUE}"
-        return unsettled(_TORQUE, silent, _KEY, stated, f"{_KEY} is taken on trust")
+        return unsettled(_TORQUE, silent, _KEY, stated, REQUIREMENTS[objects.RATED_TORQUE].without)
     if present == 0:
         return compared(False, _TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
     remedy = f"correct {_KEY} or the drive's parameter: torques scale with it"

@@ -1,178 +1,223 @@
-"""What measuring needs of a drive's object dictionary, as a table.
+"""What a run needs of a drive's object dictionary: one table, a row an object.
 
-One line an object: what we do with it, and what follows where a drive lacks it. Those that are
-required are what `drivers.commissioning.configure` refuses a drive for; the others it can do
-without.
+A row states what is done with an object, what becomes of a drive that lacks it and what follows
+from that, what is written to it and what may stand there instead. Start-up, `hil check`, the scan
+and the review of data sheets act on it, and the tables of `docs/can.md` and `docs/drives.md` are
+made from it. What depends on more than one object is code, which takes its sentences from here: the
+sequence for SYNC and PDOs, the range, who watches whom, the comparison of units.
 """
 
 from __future__ import annotations
 
-from enum import Flag, auto
-from typing import TYPE_CHECKING, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
-from drivers.cia402 import objects
+from drivers.canopen.communication import SYNC
+from drivers.cia402 import objects as o
+from drivers.commissioning.kept_values import (
+    BEATS,
+    LESS,
+    LIFE_TIME,
+    LOWER_END,
+    ROUNDED,
+    UPPER_END,
+    WATCHES,
+)
+from drivers.commissioning.measures import Quantity
+from drivers.commissioning.requirement import Lack, Requirement, Use
 
 if TYPE_CHECKING:
     from drivers.fieldbus import Entry
 
+DRIVE_PROFILE = 402
+"""Device profile (1000) of drives."""
+STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
+"""Quick stop options that slow down, instead of letting the axis coast (0)."""
+STAYS_ENERGISED = 5
+"""Quick stop options from here on end in QUICK STOP ACTIVE."""
+STATE_WHAT_STOPS = (
+    "state allow_no_heartbeat with the reason in the drives file if something else stops it"
+)
+FAULT_REACTION, QUICK_STOP_REACTION = 1, 3
 
-class Use(Flag):
-    """What we do with an object."""
 
-    READ = auto()
-    WRITE = auto()
-    SEND = auto()
-    """The drive must be able to send it in a PDO."""
-    RECEIVE = auto()
-    """The drive must be able to take it from a PDO."""
+def reaction_for(quick_stop: int) -> int:
+    """Return what 6007 must be for a drive whose quick stop option is `quick_stop`.
 
-
-class Need(NamedTuple):
-    """One object that we use.
-
-    Attributes
-    ----------
-    entry : Entry
-        Which.
-    use : Use
-        What we do with it.
-    without : str
-        What follows where it is missing.
-    required : bool
-        A drive without it is refused.
-    value : int, optional
-        What we write, where that is always the same.
-    fixed : str
-        What follows where it cannot be written, if the drive serves all the same.
-    instead : tuple of Entry
-        What does in its place, if all of it is there.
-    served : str
-        What follows then.
+    A quick stop alone would leave an axis powered, when our process dies, that it does not switch
+    off.
     """
-
-    entry: Entry
-    use: Use
-    without: str
-    required: bool
-    value: int | None = None
-    fixed: str = ""
-    instead: tuple[Entry, ...] = ()
-    served: str = ""
+    return FAULT_REACTION if quick_stop >= STAYS_ENERGISED else QUICK_STOP_REACTION
 
 
-GUARDING = (cia301.GUARD_TIME, cia301.LIFE_TIME_FACTOR)
+def is_set(value: int, entry: Entry) -> bool:
+    """Whether a limit is one: 0 and all ones are none."""
+    return value > 0 and value != (1 << 8 * entry.size) - 1
+
+
+_refused = partial(Requirement, lack=Lack.REFUSED)
+_noted = partial(Requirement, lack=Lack.NOTED)
+_silent = partial(Requirement, lack=Lack.SILENT)
+_limit = partial(
+    Requirement,
+    lack=Lack.NOTED,
+    use=Use.SET,
+    without="this limit is kept by the driver alone",
+    own_holds=True,
+    fixed="it serves only with a limit of its own that is tighter than the drives file's",
+)
+
+_ANY = range(-(1 << 31), 1 << 32)
+_SPEED, _ACCELERATION = Quantity.SPEED, Quantity.ACCELERATION
+_GUARDING = (cia301.GUARD_TIME, cia301.LIFE_TIME_FACTOR)
 _GUARDED = "it watches our guarding requests (100C, 100D) instead and answers them"
+_HEARTBEATS = "heartbeats alone (1016, 1017) watch"
+_STATED = "a drive for which the drives file states it is refused"
+_NO_RANGE = "the drive itself would not keep the axis's range"
+_OWN_RANGE = "what of the axis's range it does not keep, the driver alone does"
+_UNWATCHED = "the drive's own supervision of the following error is used; look it up"
+_OWN_WINDOW = "the drive's own window decides on target reached"
+_COASTS = "it may let the axis coast"
+_COUNTS = "increments_per_revolution is taken on trust"
+_OTHERS = "what the others of its kind lead to counts"
+_VELOCITY, _RATE = "velocity_unit is taken on trust", "acceleration_unit is taken on trust"
+_TURNS = "positions are taken not to wrap around"
 
-
-def _required(entry: Entry, use: Use, without: str) -> Need:
-    return Need(entry, use, without, required=True)
-
-
-def _optional(entry: Entry, use: Use, without: str, value: int | None = None) -> Need:
-    return Need(entry, use, without, required=False, value=value)
-
-
-READ, WRITE = Use.READ, Use.WRITE
-NO_RANGE = "the drive itself would not keep the axis's range"
-FIXED_RANGE = "it keeps its own range; what of the axis's range it does not keep, our driver does"
-OURS_ALONE = "this limit is kept by our driver alone, not by the drive"
-
-NEEDS = (
-    _required(cia301.DEVICE_TYPE, READ, "it does not say that it is a CiA 402 drive"),
-    _required(objects.STATUSWORD, READ | Use.SEND, "its state cannot be followed"),
-    _required(objects.CONTROLWORD, WRITE | Use.RECEIVE, "it cannot be commanded"),
-    _required(objects.MODE, WRITE, "profile position mode cannot be chosen"),
-    _required(objects.MODE_DISPLAY, READ, "the mode cannot be verified"),
-    _required(objects.POSITION, READ | Use.SEND, "positions cannot be measured"),
-    _required(objects.TARGET_POSITION, WRITE | Use.RECEIVE, "it cannot be told where to go"),
-    _required(objects.PROFILE_VELOCITY, WRITE, "the speed of a motion cannot be set"),
-    _required(objects.PROFILE_ACCELERATION, WRITE, "the acceleration of a motion cannot be set"),
-    Need(objects.SOFTWARE_LIMIT_MIN, WRITE, NO_RANGE, required=True, fixed=FIXED_RANGE),
-    Need(objects.SOFTWARE_LIMIT_MAX, WRITE, NO_RANGE, required=True, fixed=FIXED_RANGE),
-    Need(
-        cia301.CONSUMER_HEARTBEAT,
-        READ | WRITE,
-        "the axis goes on when our process dies; something else must stop it",
-        required=False,
-        instead=GUARDING,
-        served=_GUARDED,
+_ROWS = (
+    _refused(cia301.DEVICE_TYPE, Use.READ, "it does not say that it is a CiA 402 drive"),
+    _silent(cia301.VENDOR, Use.READ, _STATED),
+    _silent(cia301.PRODUCT, Use.READ, _STATED),
+    _silent(cia301.REVISION, Use.READ, _STATED),
+    _silent(cia301.SERIAL, Use.READ, _STATED),
+    # State, mode and motion
+    _refused(o.STATUSWORD, Use.READ | Use.SEND, "its state cannot be followed"),
+    _refused(o.CONTROLWORD, Use.WRITE | Use.RECEIVE, "it cannot be commanded"),
+    _refused(o.MODE, Use.WRITE | Use.VARY, "profile position mode cannot be chosen"),
+    _refused(o.MODE_DISPLAY, Use.READ, "the mode cannot be verified"),
+    _noted(o.SUPPORTED_MODES, Use.READ, "its mode shows when it is asked for"),
+    _refused(o.POSITION, Use.READ | Use.SEND, "positions cannot be measured"),
+    _refused(o.TARGET_POSITION, Use.WRITE | Use.RECEIVE, "no target can be commanded"),
+    _refused(
+        o.PROFILE_VELOCITY, Use.SET | Use.VARY, "the speed of a motion cannot be set",
+        kept=LESS, quantity=_SPEED,
     ),
-    Need(
-        cia301.PRODUCER_HEARTBEAT,
-        WRITE,
-        "we would not notice that the drive is gone",
-        required=True,
-        instead=GUARDING,
-        served=_GUARDED,
+    _refused(
+        o.PROFILE_ACCELERATION, Use.SET | Use.VARY, "the acceleration of a motion cannot be set",
+        kept=LESS, quantity=_ACCELERATION,
     ),
-    _optional(
-        objects.SUPPORTED_MODES, READ, "whether it has profile position mode shows when it is asked"
-    ),
-    _optional(
-        objects.ABORT_CONNECTION_OPTION,
-        READ | WRITE,
-        "what it does when our heartbeat is lost is the maker's: look it up before the first run",
-        3,
-    ),
-    _optional(objects.QUICK_STOP_OPTION, READ | WRITE, "its own quick stop is used: look it up"),
-    _optional(objects.HALT_OPTION, READ | WRITE, "its own halt is used", 1),
-    _optional(objects.QUICK_STOP_DECELERATION, READ | WRITE, "its own ramp of quick stop is used"),
-    _optional(
-        objects.PROFILE_DECELERATION,
-        READ | WRITE,
+    _noted(
+        o.PROFILE_DECELERATION, Use.SET | Use.VARY,
         "its profile acceleration (6083) must hold for decelerating too",
+        kept=ROUNDED, quantity=_ACCELERATION, fixed="the deceleration of a motion cannot be set",
     ),
-    _optional(objects.MAX_TORQUE, READ | WRITE, OURS_ALONE),
-    _optional(objects.MAX_PROFILE_VELOCITY, READ | WRITE, OURS_ALONE),
-    _optional(objects.MAX_MOTOR_SPEED, READ | WRITE, OURS_ALONE),
-    _optional(
-        objects.FOLLOWING_ERROR_WINDOW,
-        READ | WRITE,
-        "its own supervision of the following error is used: look it up",
+    _noted(
+        o.PROFILE_TYPE, Use.SET, "that profiles are trapezoids is taken on trust",
+        value=0, fixed="its profiles are no trapezoids",
     ),
-    _optional(
-        objects.FOLLOWING_ERROR_TIME,
-        READ | WRITE,
-        "its own supervision of the following error is used: look it up",
+    # Limits that the drive keeps
+    _refused(
+        o.SOFTWARE_LIMIT_MIN, Use.SET, _NO_RANGE,
+        serves=_ANY, kept=LOWER_END, quantity=Quantity.POSITION, served=_OWN_RANGE,
     ),
-    _optional(objects.POSITION_WINDOW, READ | WRITE, "its own window decides on target reached"),
-    _optional(
-        objects.POSITION_WINDOW_TIME, READ | WRITE, "its own window decides on target reached"
+    _refused(
+        o.SOFTWARE_LIMIT_MAX, Use.SET, _NO_RANGE,
+        serves=_ANY, kept=UPPER_END, quantity=Quantity.POSITION, served=_OWN_RANGE,
     ),
-    _optional(
-        objects.PROFILE_TYPE, READ | WRITE, "that profiles are trapezoids is taken on trust", 0
+    _limit(o.MAX_PROFILE_VELOCITY, kept=LESS, quantity=_SPEED, instead=(o.MAX_MOTOR_SPEED,)),
+    _limit(
+        o.MAX_MOTOR_SPEED,
+        kept=LESS, quantity=Quantity.MOTOR_SPEED, instead=(o.MAX_PROFILE_VELOCITY,),
     ),
-    _optional(cia301.CYCLE_PERIOD, READ | WRITE, "it does not know the period of SYNC"),
-    _optional(
-        objects.RATED_CURRENT, READ, "rated_current of the drives file cannot be compared with it"
+    _limit(o.MAX_ACCELERATION, kept=LESS, quantity=_ACCELERATION),
+    _limit(o.MAX_DECELERATION, kept=ROUNDED, quantity=_ACCELERATION),
+    _limit(
+        o.QUICK_STOP_DECELERATION, kept=ROUNDED, quantity=_ACCELERATION,
+        without="the drive's own ramp of a quick stop is used; look it up",
     ),
-    _optional(
-        objects.RATED_TORQUE, READ, "rated_torque of the drives file cannot be compared with it"
+    _limit(o.MAX_TORQUE, kept=ROUNDED, quantity=Quantity.TORQUE, instead=(o.MAX_CURRENT,)),
+    _limit(
+        o.MAX_CURRENT, kept=ROUNDED, quantity=Quantity.CURRENT,
+        lack=Lack.SILENT, without="6072 is the only limit of torque",
     ),
-    _optional(
-        objects.ENCODER_INCREMENTS,
-        READ,
-        "increments_per_revolution of the drives file cannot be compared with it",
+    _noted(
+        o.FOLLOWING_ERROR_WINDOW, Use.SET, _UNWATCHED, kept=LESS, quantity=Quantity.DISTANCE,
+        fixed="it serves only with the window of the drives file",
     ),
-    _optional(
-        objects.ERROR_CODE, READ, "a fault's cause is known from its emergency message alone"
+    _noted(o.FOLLOWING_ERROR_TIME, Use.SET, _UNWATCHED, serves=_ANY),
+    _noted(o.POSITION_WINDOW, Use.SET, _OWN_WINDOW, serves=_ANY),
+    _noted(o.POSITION_WINDOW_TIME, Use.SET, _OWN_WINDOW, serves=_ANY),
+    # Reactions
+    _noted(
+        o.QUICK_STOP_OPTION, Use.SET, "the drive's own quick stop is used; look it up",
+        serves=STOPPING_OPTIONS, fixed=_COASTS,
     ),
-)
-"""What we use, the required first."""
+    _noted(
+        o.HALT_OPTION, Use.SET, "the drive's own halt is used; look it up",
+        value=1, serves=(2, 3, 4), fixed=_COASTS,
+    ),
+    _noted(
+        o.ABORT_CONNECTION_OPTION, Use.SET,
+        "its own reaction counts when our heartbeat is lost; look it up before the first run",
+        value=QUICK_STOP_REACTION, serves=(1, 2, 3),
+        fixed="the axis may go on when our process dies",
+    ),
+    # Who watches whom
+    Requirement(
+        cia301.CONSUMER_HEARTBEAT, Use.SET, "the axis goes on when our process dies",
+        Lack.REFUSED_UNLESS_STATED, kept=WATCHES, instead=_GUARDING, served=_GUARDED,
+    ),
+    _refused(
+        cia301.PRODUCER_HEARTBEAT, Use.SET, "nobody would notice that the drive is gone",
+        kept=BEATS, instead=_GUARDING, served=_GUARDED,
+    ),
+    _silent(cia301.GUARD_TIME, Use.SET, _HEARTBEATS, kept=LIFE_TIME),
+    _silent(cia301.LIFE_TIME_FACTOR, Use.SET, _HEARTBEATS, kept=LIFE_TIME),
+    # SYNC, emergencies, faults
+    _silent(
+        cia301.SYNC_COB_ID, Use.SET, "that it listens to SYNC under 80h is taken on trust",
+        value=SYNC, serves=(SYNC | 1 << 31,), fixed="it produces SYNC, or does not listen to ours",
+    ),
+    _silent(
+        cia301.SYNC_COUNTER, Use.SET, "it expects no counter in SYNC",
+        value=0, fixed="it does not act on our SYNC, which has no counter",
+    ),
+    _noted(
+        cia301.CYCLE_PERIOD, Use.SET, "it does not know the period of SYNC",
+        kept=ROUNDED, fixed="it serves only with the period of SYNC",
+    ),
+    _silent(cia301.EMERGENCY_COB_ID, Use.READ, "emergencies are expected under 80h plus node"),
+    _noted(
+        o.ERROR_CODE, Use.ASK, "a fault's cause is known from its emergency message alone",
+        instead=(o.ERROR_HISTORY,),
+    ),
+    _silent(o.ERROR_HISTORY, Use.ASK, "a fault's cause is read from 603F"),
+    _silent(o.DIGITAL_INPUTS, Use.ASK, "safe torque off shows in 603F alone"),
+    # Ratings and units
+    _noted(o.RATED_CURRENT, Use.READ, "rated_current is taken on trust"),
+    _noted(o.RATED_TORQUE, Use.READ, "rated_torque is taken on trust"),
+    _noted(o.ENCODER_INCREMENTS, Use.ASK, _COUNTS, instead=(o.FEED,)),
+    _silent(o.ENCODER_REVOLUTIONS, Use.ASK, _OTHERS),
+    _silent(o.GEAR_MOTOR, Use.ASK, _OTHERS),
+    _silent(o.GEAR_SHAFT, Use.ASK, _OTHERS),
+    _silent(o.FEED, Use.ASK, _OTHERS),
+    _silent(o.FEED_SHAFT, Use.ASK, _OTHERS),
+    _silent(o.POSITION_FACTOR, Use.ASK, _OTHERS),
+    _silent(o.POSITION_DIVISOR, Use.ASK, _OTHERS),
+    _silent(o.POSITION_UNIT, Use.ASK, _OTHERS),
+    _silent(o.VELOCITY_UNIT, Use.ASK, _VELOCITY),
+    _silent(o.VELOCITY_FACTOR, Use.ASK, _VELOCITY),
+    _silent(o.VELOCITY_DIVISOR, Use.ASK, _VELOCITY),
+    _silent(o.ACCELERATION_UNIT, Use.ASK, _RATE),
+    _silent(o.ACCELERATION_FACTOR, Use.ASK, _RATE),
+    _silent(o.ACCELERATION_DIVISOR, Use.ASK, _RATE),
+    _silent(o.HOME_OFFSET, Use.ASK, "positions are taken not to be shifted"),
+    _silent(o.POSITION_RANGE_MIN, Use.ASK, _TURNS),
+    _silent(o.POSITION_RANGE_MAX, Use.ASK, _TURNS),
+)  # fmt: skip
 
-IDENTITY = (cia301.VENDOR, cia301.PRODUCT, cia301.REVISION, cia301.SERIAL)
+REQUIREMENTS = {row.entry: row for row in _ROWS}
+"""The rows by object, in the order in which a drive is asked for them."""
 
-UNITS = (objects.POSITION_UNIT, objects.VELOCITY_UNIT, objects.ACCELERATION_UNIT)
-"""In what positions, velocities and accelerations are, where a drive says so."""
-
-DRIVE_TRAIN = (
-    objects.ENCODER_REVOLUTIONS,
-    objects.GEAR_MOTOR,
-    objects.GEAR_SHAFT,
-    objects.FEED,
-    objects.FEED_SHAFT,
-    objects.POSITION_FACTOR,
-    objects.POSITION_DIVISOR,
-)
-"""What else decides on the unit of positions (`drivers.commissioning.position_units`)."""
+OWN_LIMITS = tuple(row for row in _ROWS if row.own_holds)
+"""What limits an axis in the drive itself, beside its range."""

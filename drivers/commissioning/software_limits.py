@@ -57,8 +57,8 @@ def write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry
             "switches them off: the drive itself would take any target; set them with the maker's "
             "commissioning tool"
         )
-    server.notes.append(
-        f"{server.label}: software limits (607D) are fixed at {own}, those of the drives file are "
+    server.note(
+        f"software limits (607D) are fixed at {own}, those of the drives file are "
         f"{ours}: {_consequence(kept, ends)}"
     )
 

@@ -15,8 +15,9 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoEr
 from drivers.canopen import objects as cia301
 from drivers.canopen.network import PumpedSdoClient
 from drivers.canopen.pdo_mapping import mapping_count, mapping_slot
+from drivers.canopen.sdo import ABSENT
 from drivers.canopen.vendor_objects import MAKERS
-from drivers.commissioning.requirements import DRIVE_TRAIN, GUARDING, IDENTITY, NEEDS, UNITS
+from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.dictionary import probed_objects as probed
 from drivers.dictionary.dictionary import Declared, Dictionary, Key
 from drivers.dictionary.mapping_review import mapped_objects
@@ -28,8 +29,7 @@ if TYPE_CHECKING:
     from drivers.canopen.network import PumpedNetwork
 
 DEVICE_NAME = 0x1008
-WRITE_ONLY = 0x06010001
-ABSENT = frozenset({0x06020000, 0x06090011})
+WRITE_ONLY, NO_DATA = 0x06010001, 0x08000024
 PATIENCE = 5
 """So many objects may stay without an answer."""
 MAPPED = 8
@@ -46,13 +46,8 @@ _CURRENTS = (
 
 def asked() -> Iterator[Entry]:
     """Yield the objects that a drive is asked for, the decisive ones first."""
-    yield cia301.DEVICE_TYPE
-    yield from IDENTITY
-    yield from (need.entry for need in NEEDS if need.entry != cia301.DEVICE_TYPE)
-    yield from GUARDING
+    yield from REQUIREMENTS
     yield from _CURRENTS
-    yield from DRIVE_TRAIN
-    yield from UNITS
     for record in (0x1400, 0x1800, 0x1801):
         yield Entry(record, 1, "u32", "COB-ID")
         yield Entry(record, 2, "u8", "transmission type")
@@ -82,7 +77,7 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
         for number in range(1, min((count and count.value) or 0, MAPPED) + 1):
             reading.ask(mapping_slot(mapping, number))
     model = reading.text(DEVICE_NAME)
-    identity = [reading.value(entry) for entry in IDENTITY]
+    identity = [reading.value(entry) for entry in cia301.IDENTITY]
     proved = mapped_objects(reading.entries)
     return Dictionary(
         f"node {node}",
@@ -151,6 +146,8 @@ class _Reading:
         key = (entry.index, entry.subindex)
         if code == WRITE_ONLY:
             self.entries[key] = Declared(*key, entry.name, entry.type, access="wo")
+        elif code == NO_DATA:  # it is there and empty, as a history (1003) without errors
+            self.entries[key] = Declared(*key, entry.name, entry.type)
         elif code not in ABSENT:
             what = SdoAbortedError.CODES.get(code, "unknown abort code")
             self.unanswered[key] = f"was refused with {code:08X} ({what})"

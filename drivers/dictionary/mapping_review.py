@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from drivers.canopen.pdo_mapping import ON_SYNC
+from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
 from drivers.canopen.pdo_set_up import OFF
 
 if TYPE_CHECKING:
@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 Obstacle = tuple[str, str, str, bool]
 """About what, the problem, its consequence, whether it is fatal."""
 
-_STATE = ((0x6041, 0, 16), (0x6064, 0, 32))
-_COMMAND = ((0x607A, 0, 32), (0x6040, 0, 16))
+_STATE, _COMMAND = (
+    tuple((entry.index, entry.subindex, 8 * entry.size) for entry in entries)
+    for entries in (STATE, COMMAND)
+)
 
 
 @dataclass(frozen=True, slots=True)

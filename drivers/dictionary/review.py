@@ -14,17 +14,18 @@ from typing import TYPE_CHECKING
 from drivers.canopen import objects as cia301
 from drivers.cia402 import objects
 from drivers.cia402.states import Mode
-from drivers.commissioning.requirements import NEEDS, NO_RANGE, Need, Use
+from drivers.commissioning.requirements import DRIVE_PROFILE, REQUIREMENTS
 from drivers.dictionary.current_candidates import current_candidates
+from drivers.dictionary.gaps import Finding, fixed_at, gaps
 from drivers.dictionary.mapping_review import Mapping, review_mapping
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from drivers.dictionary.current_candidates import CurrentCandidate
-    from drivers.dictionary.dictionary import Declared, Dictionary
+    from drivers.dictionary.dictionary import Dictionary
+    from drivers.drives_file import AxisDrive
 
-DRIVE_PROFILE = 402
 PROFILES = {
     401: "I/O modules",
     404: "measuring devices",
@@ -35,31 +36,6 @@ PROFILES = {
     418: "batteries",
     419: "battery chargers",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Something that a drive lacks or does otherwise.
-
-    Attributes
-    ----------
-    about : str
-        Which object, such as "6084:00 (profile deceleration)".
-    problem : str
-        What is the matter with it.
-    consequence : str
-        What follows for our purpose.
-    fatal : bool
-        The drive cannot serve.
-    """
-
-    about: str
-    problem: str
-    consequence: str
-    fatal: bool
-
-    def __str__(self) -> str:
-        return f"{self.about} {self.problem}: {self.consequence}"
 
 
 @dataclass(frozen=True)
@@ -103,8 +79,16 @@ class Review:
         return tuple(finding for finding in self.findings if finding.fatal)
 
 
-def review(dictionary: Dictionary) -> Review:
+def review(dictionary: Dictionary, axis: AxisDrive | None = None) -> Review:
     """Judge a dictionary.
+
+    Parameters
+    ----------
+    dictionary : Dictionary
+        Of a data sheet or of a live drive.
+    axis : AxisDrive, optional
+        What a drives file states of the drive: which object shows its current, and what else stops
+        the axis. Without one a drive is not refused for what a file may state.
 
     Raises
     ------
@@ -122,11 +106,11 @@ def review(dictionary: Dictionary) -> Review:
     usable = [candidate for candidate in candidates if candidate.usable]
     mapping, current, obstacles = review_mapping(dictionary, usable)
     findings = [
-        *(finding for need in NEEDS for finding in _gaps(dictionary, need)),
+        *(finding for row in REQUIREMENTS.values() for finding in gaps(dictionary, row, axis)),
         *_wrong_mode(modes),
         *_no_range(dictionary),
         *_counted(dictionary),
-        *_no_current(dictionary, candidates, usable),
+        *(() if axis else _no_current(dictionary, candidates, usable)),
         *(Finding(about, problem, so, fatal) for about, problem, so, fatal in obstacles),
     ]
     findings.sort(key=lambda finding: not finding.fatal)
@@ -180,69 +164,18 @@ def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
         dictionary.entry(entry)
         for entry in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
     ]
-    low, high = (_fixed_at(end) for end in ends)
+    low, high = (fixed_at(end) for end in ends)
     if low is not None and high is not None and low >= high:
-        yield Finding("607D", f"is fixed at {low} and {high}, off", NO_RANGE, fatal=True)
+        so = REQUIREMENTS[objects.SOFTWARE_LIMIT_MIN].without
+        yield Finding("607D", f"is fixed at {low} and {high}, off", so, fatal=True)
 
 
 def _counted(dictionary: Dictionary) -> Iterator[Finding]:
-    """A counter in SYNC that cannot be switched off."""
-    counter = _fixed_at(dictionary.entry(cia301.SYNC_COUNTER))
-    if counter:
-        so = "it does not act on our SYNC, which has no counter"
-        yield Finding(str(cia301.SYNC_COUNTER), f"is fixed at {counter}", so, fatal=True)
-
-
-def _fixed_at(declared: Declared | None) -> int | None:
-    if declared is None or declared.writable is not False:
-        return None
-    return declared.default if declared.value is None else declared.value
-
-
-def _gaps(dictionary: Dictionary, need: Need) -> Iterator[Finding]:
-    entry, about = need.entry, str(need.entry)
-    refused = dictionary.unanswered.get((entry.index, entry.subindex))
-    declared = dictionary.entry(entry)
-    if refused is not None:
-        yield Finding(about, refused, f"if it is missing, {need.without}", fatal=False)
-    elif declared is None and need.instead and all(map(dictionary.entry, need.instead)):
-        yield Finding(about, "is missing", need.served, fatal=False)
-    elif declared is None:
-        yield Finding(about, "is missing", need.without, need.required)
-    else:
-        yield from _flaws(declared, need)
-
-
-def _flaws(declared: Declared, need: Need) -> Iterator[Finding]:
-    about, fatal = str(need.entry), need.required
-    if declared.bits is not None and declared.bits != 8 * need.entry.size:
-        problem = f"has {declared.bits} bits, {8 * need.entry.size} expected ({need.entry.type})"
-        yield Finding(about, problem, need.without, fatal=True)
-    as_we_want_it = declared.fixed is not None and declared.fixed == need.value
-    if as_we_want_it or Use.WRITE not in need.use:
-        pass
-    elif declared.writable is False:
-        so = need.fixed or need.without
-        yield Finding(about, f"cannot be written ({declared.access})", so, fatal and not need.fixed)
-    elif not _takes(declared, need.value):
-        span = f"{declared.low} to {declared.high}"
-        problem = f"takes no value but {span if declared.fixed is None else declared.fixed}"
-        yield Finding(about, problem, need.without, fatal)
-    if Use.READ in need.use and declared.readable is False:
-        yield Finding(about, "cannot be read (wo)", need.without, fatal)
-    if declared.mappable is False and need.use & (Use.SEND | Use.RECEIVE):
-        problem = "cannot be mapped into a PDO"
-        yield Finding(about, problem, "it cannot travel with SYNC", fatal=True)
-
-
-def _takes(declared: Declared, value: int | None) -> bool:
-    if declared.fixed is not None:
-        return False
-    if value is None:
-        return True
-    low = value if declared.low is None else declared.low
-    high = value if declared.high is None else declared.high
-    return low <= value <= high
+    """A counter that a live drive expects in SYNC; whether it can be changed start-up shows."""
+    declared = dictionary.entry(cia301.SYNC_COUNTER)
+    if declared is not None and declared.writable is None and declared.value:
+        so = "it expects a counter in SYNC, and ours has none: start-up sets it to 0"
+        yield Finding(str(cia301.SYNC_COUNTER), f"is {declared.value}", so, fatal=False)
 
 
 def _no_current(

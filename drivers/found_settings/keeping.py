@@ -143,7 +143,8 @@ class SettingsKeeper:
             )
         kept = FoundDrive(name=axis.name, node=axis.node, identity=identity)
         if earlier is not None:
-            server.notes += [earlier.doubt] if earlier.doubt else []
+            if earlier.doubt:
+                server.note(earlier.doubt)
             kept = standing(server, earlier)
         kept = with_planned(extended(kept, found), {**found, **planned})
         self._settings = self.settings.with_drives([kept])

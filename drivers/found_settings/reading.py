@@ -51,7 +51,7 @@ def standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
         present = None if each.written is None else _read(server, each.entry)
         update = {"written": present}
         if present is not None and each.set_anew(present):
-            server.notes.append(f"{server.label}: {each.comparison(present)} and stands")
+            server.note(f"{each.comparison(present)} and stands")
             update["value"] = present
         objects.append(each.model_copy(update=update))
     return earlier.model_copy(update={"objects": tuple(objects)})

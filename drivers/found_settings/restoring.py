@@ -19,6 +19,7 @@ from drivers.canopen.sdo import Aborted
 from drivers.cia402 import objects
 from drivers.cia402.states import decode_state
 from drivers.cia402.stop import NOT_ENERGISED
+from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
     from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundDrive
 
-WATCHDOGS = frozenset({0x100C, 0x100D, 0x1016})
+_WATCH = REQUIREMENTS[cia301.CONSUMER_HEARTBEAT]
+WATCHDOGS = frozenset(entry.index for entry in (_WATCH.entry, *_WATCH.instead))
 """Life guarding and consumer heartbeat."""
 _SYNC = frozenset({cia301.SYNC_COB_ID.index})
 """May make the drive produce SYNC, which it must not do with our period."""

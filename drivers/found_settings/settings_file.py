@@ -16,7 +16,10 @@ import yaml
 from pydantic import BeforeValidator, Field, model_validator
 
 from checked_files.yaml_file import FileModel, load_yaml
-from drivers.canopen.objects import PRODUCT, REVISION, SERIAL, VENDOR
+from drivers.canopen import objects as cia301
+from drivers.cia402 import objects
+from drivers.commissioning.requirement import Use
+from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.drives_file import U32
 from drivers.fieldbus import Entry
 
@@ -31,31 +34,23 @@ NAME = "found-settings.yaml"
 
 COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
 """Controlword and targets: they command, and are neither kept nor put back."""
+_PDOS = range(0x1400, 0x1C00)
+_SET = [
+    row for row in REQUIREMENTS.values() if Use.WRITE in row.use and row.entry.index not in COMMANDS
+]
 SETTINGS = frozenset(
     {
-        *(0x1005, 0x1006, 0x1019),  # SYNC
-        *(0x100C, 0x100D, 0x1016, 0x1017),  # who watches whom
-        *range(0x1400, 0x1C00),  # PDOs
-        *(0x6007, 0x605A, 0x605D),  # reactions
-        0x6060,  # mode
-        *(0x6065, 0x6066, 0x6067, 0x6068),  # windows
-        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),  # limits
-        *(0x6081, 0x6083, 0x6084, 0x6085, 0x6086),  # profile
-        *(0x607C, 0x6098, 0x6099, 0x609A),  # homing
-        0x60C2,  # period of a streamed path
+        *(row.entry.index for row in _SET),
+        *_PDOS,
+        *(entry.index for entry in (*objects.HOMING, *objects.INTERPOLATION)),
     }
 )
 """Index of every object that start-up, motions, streaming or homing write, beside commands."""
 
 WRITTEN_ONCE = frozenset(
-    {
-        *(0x6007, 0x605A, 0x605D),
-        *(0x6065, 0x6066, 0x6067, 0x6068),
-        *(0x6072, 0x6073, 0x607D, 0x607F, 0x6080, 0x60C5, 0x60C6),
-        *(0x6085, 0x6086),
-    }
+    row.entry.index for row in _SET if Use.VARY not in row.use and row.entry.index > _PDOS.stop
 )
-"""Those of which a session holds one value from the end of start-up to its own end."""
+"""Those of the profile of which a session holds one value from the end of start-up to its own."""
 _RANGES = {
     kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
     for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
@@ -143,7 +138,7 @@ class FoundIdentity(FileModel):
     serial: U32 | None = None
 
 
-IDENTITY = {"vendor": VENDOR, "product": PRODUCT, "revision": REVISION, "serial": SERIAL}
+IDENTITY = dict(zip(FoundIdentity.model_fields, cia301.IDENTITY, strict=True))
 
 
 class FoundDrive(FileModel):
@@ -179,7 +174,7 @@ class FoundDrive(FileModel):
         if self.identity.serial:
             return ""
         return (
-            f"{self.name} (node {self.node}): has no serial number (1018:04), so its values cannot"
+            "has no serial number (1018:04), so its values cannot"
             " be kept from another drive of its type; make sure that no drives were swapped"
         )
 

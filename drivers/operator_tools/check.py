@@ -147,12 +147,11 @@ def _ask(network: PumpedNetwork, server: RemoteDictionary, axis: AxisDrive) -> I
 
 
 def _offer(dictionary: Dictionary, place: str, axis: AxisDrive) -> Iterator[Verdict]:
-    """What the dictionary lacks; the current is left out, for the file states its object."""
+    """State what the dictionary lacks."""
     check = "objects that measuring needs"
-    findings = [f for f in review(dictionary).findings if not f.about.startswith("motor current")]
+    findings = review(dictionary, axis).findings
     for finding in findings:
-        excused = axis.allow_no_heartbeat and finding.about.startswith("1016")
-        grade = Grade.REFUSED if finding.fatal and not excused else Grade.WARNING
+        grade = Grade.REFUSED if finding.fatal else Grade.WARNING
         found = f"{finding.about} {finding.problem}"
         yield Verdict(grade, place, check, found, remedy=finding.consequence)
     if not findings:

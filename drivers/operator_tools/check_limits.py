@@ -8,37 +8,20 @@ All is compared joint side, and only read.
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
+from drivers.commissioning.effective_limits import SLACK, Bound, bounds
+from drivers.commissioning.measures import Quantity, measures
+from drivers.commissioning.requirements import is_set
 from drivers.commissioning.verdict import Grade, Verdict, graded
-from drivers.drives_file import Basis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import Entry
-
-SLACK = 1e-3
-"""A drive's limit may be narrower by this share: counts are rounded."""
-_ACCELERATIONS = (
-    objects.MAX_ACCELERATION,
-    objects.MAX_DECELERATION,
-    objects.QUICK_STOP_DECELERATION,
-)
-
-
-class _Limit(NamedTuple):
-    entry: Entry
-    key: str
-    stated: float
-    per_count: float
-    unit: str
-    own_holds: bool
 
 
 def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
@@ -57,10 +40,24 @@ def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]
         An object that cannot be read.
     """
     yield _range(server, axis)
-    for limit in _limits(axis):
-        found = server.find(limit.entry)
+    for bound in bounds(axis):
+        found = server.find(bound.entry)
         if found is not None:
-            yield _judge(server.label, limit, found)
+            yield _judge(server.label, bound, found, _own_holds(bound))
+    window = _following_error(axis)
+    found = server.find(window.entry)
+    if found is not None:
+        remedy = (
+            f"the drive allows less than the file: lower {window.key}, or the file's is written"
+        )
+        yield _judge(server.label, window, found, remedy)
+
+
+def _own_holds(bound: Bound) -> str:
+    return (
+        f"the drive's own is tighter and holds: plan within it, lower limits.{bound.key}, correct"
+        " the unit in the drives file if that is wrong, or widen it with the maker's tool"
+    )
 
 
 def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
@@ -93,45 +90,26 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     )
 
 
-def _limits(axis: AxisDrive) -> Iterator[_Limit]:
-    scale, limits, unit = AxisScale.of(axis), axis.limits, axis.unit
-    rpm, force = 2 * math.pi / 60 / axis.gear_ratio, "N m" if unit == "rad" else "N"
-    for entry, key, stated, per_count, of in (
-        (objects.MAX_PROFILE_VELOCITY, "velocity", limits.velocity, scale.velocity, f"{unit}/s"),
-        (objects.MAX_MOTOR_SPEED, "velocity", limits.velocity, rpm, f"{unit}/s"),
-        *(
-            (entry, "acceleration", limits.acceleration, scale.acceleration, f"{unit}/s^2")
-            for entry in _ACCELERATIONS
-        ),
-        (objects.MAX_TORQUE, "torque", limits.torque, scale.torque_limit, force),
-    ):
-        yield _Limit(entry, f"limits.{key}", stated, per_count, of, own_holds=True)
-    if axis.current.basis is Basis.RATED_CURRENT:
-        per_mille = abs(scale.torque)
-        yield _Limit(
-            objects.MAX_CURRENT, "limits.torque", limits.torque, per_mille, force, own_holds=True
-        )
-    yield _Limit(
-        objects.FOLLOWING_ERROR_WINDOW, "following_error_window", axis.following_error_window,
-        abs(scale.position), unit, own_holds=False,
-    )  # fmt: skip
+def _following_error(axis: AxisDrive) -> Bound:
+    measure = measures(axis)[Quantity.DISTANCE]
+    key = "following_error_window"
+    return Bound(objects.FOLLOWING_ERROR_WINDOW, key, axis.following_error_window, measure)
 
 
-def _judge(place: str, limit: _Limit, found: int) -> Verdict:
-    check = f"{limit.entry.name} ({limit.entry.index:04X})"
-    stated = f"file: {limit.stated:.4g} {limit.unit}"
-    if found in {0, (1 << 8 * limit.entry.size) - 1}:
+def _judge(place: str, bound: Bound, found: int, remedy: str) -> Verdict:
+    """Warn of an object of the drive that is tighter than the file."""
+    measure = bound.measure
+    check = f"{bound.entry.name} ({bound.entry.index:04X})"
+    stated = f"file: {bound.stated:.4g} {measure.unit}"
+    if not is_set(found, bound.entry):
         return Verdict(Grade.OK, place, check, "not set in the drive", f"{stated} is written")
-    value = found * limit.per_count
+    value = measure.value(found)
     return graded(
-        value + limit.per_count >= limit.stated * (1 - SLACK),
+        value + measure.per_count >= bound.stated * (1 - SLACK),
         Grade.WARNING,
         place,
         check,
-        f"{value:.4g} {limit.unit}",
+        f"{value:.4g} {measure.unit}",
         stated,
-        f"the drive's own is tighter and holds: plan within it, lower {limit.key}, correct the unit"
-        " in the drives file if that is wrong, or widen it with the maker's tool"
-        if limit.own_holds
-        else f"the drive allows less than the file: lower {limit.key}, or the file's is written",
+        remedy,
     )

@@ -97,11 +97,14 @@ def check_powered(
 
 
 def _notes(axes: CanopenDriveBus) -> Iterator[Verdict]:
-    """What was found when configuring; what is missing or on trust has been stated before."""
-    for note in axes.notes:
-        place, _, what = note.partition(": ")
-        if not what.startswith("no ") and "is taken on trust" not in what:
-            yield Verdict(Grade.WARNING, place, "configuration", what)
+    """State what was found on the way to power, but what had shown without it."""
+    configured = {str(note): note for server in axes.servers for note in server.notes}
+    for text in axes.notes:
+        note = configured.get(text)
+        if note is None:
+            yield Verdict(Grade.WARNING, "all axes", "switching on", text)
+        elif not note.lack:
+            yield Verdict(Grade.WARNING, note.place, "configuration", note.text)
 
 
 def _rest(axes: CanopenDriveBus, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from checked_files.yaml_file import UNSTATED
 from drivers.canopen import objects as cia301
 from drivers.canopen.vendor_objects import MAKERS
-from drivers.commissioning.requirements import GUARDING
+from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.dictionary.mapping_review import other_tpdos
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import TorqueUnit
@@ -234,9 +234,10 @@ def _brake(dictionary: Dictionary) -> Iterator[str]:
 
 def _watch(dictionary: Dictionary) -> Iterator[str]:
     """Ask for a reason where the drive cannot watch our heartbeat, and cannot be guarded."""
-    if all(map(dictionary.entry, GUARDING)):
+    watch = REQUIREMENTS[cia301.CONSUMER_HEARTBEAT]
+    if all(map(dictionary.entry, watch.instead)):
         return
-    declared = dictionary.entry(cia301.CONSUMER_HEARTBEAT)
+    declared = dictionary.entry(watch.entry)
     place = (cia301.CONSUMER_HEARTBEAT.index, cia301.CONSUMER_HEARTBEAT.subindex)
     if declared is None and place not in dictionary.unanswered:
         hint = "what else stops the axis when our process dies, in words: the drive has no 1016"

@@ -14,9 +14,8 @@ from drivers.axis import AxisScale
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
-from drivers.cia402.states import Control, Mode, Status
+from drivers.cia402.states import MODE_TIME, Control, Mode, Status
 from drivers.commissioning.effective_limits import effective_limits
-from drivers.dictionary import probed_objects as probed
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.operator_tools.jog import SLOW, shown
@@ -33,18 +32,9 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive, DrivesFile, Homing
     from drivers.operator_tools.operator import Operator
 
-MODE_TIME = 3.0
-"""How long a drive may take to show a mode [s]."""
 POLLED = 0.05
 """Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
 
-_WRITTEN = (
-    probed.HOMING_METHOD,
-    objects.HOME_OFFSET,
-    probed.HOMING_SPEED,
-    probed.HOMING_CREEP,
-    probed.HOMING_ACCELERATION,
-)
 _START = ENABLED | Control.NEW_SET_POINT
 _ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR
 
@@ -102,7 +92,7 @@ def home(
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
     keeper = keeper or SettingsKeeper()
-    keeper.later = _WRITTEN
+    keeper.later = objects.HOMING
     with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
         _configure(session.server, axis, homing)
@@ -131,12 +121,12 @@ def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
 
 def _configure(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
     scale = AxisScale.of(axis)
-    server.set(probed.HOMING_METHOD, homing.method)
+    server.set(objects.HOMING_METHOD, homing.method)
     server.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
     for entry, value in (
-        (probed.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
-        (probed.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
-        (probed.HOMING_ACCELERATION, scale.acceleration_to_counts(homing.acceleration)),
+        (objects.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
+        (objects.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
+        (objects.HOMING_ACCELERATION, scale.acceleration_to_counts(homing.acceleration)),
     ):
         server.set_if_present(entry, value, "the drive's own homing value is used")
 

@@ -1,6 +1,6 @@
 """Commands about the drives themselves, before a robot is measured: check, jog, home.
 
-Each opens a bus, hands it to a function of `drivers.probing` and shows what comes back. Motion
+Each opens a bus, calls a function of `drivers.operator_tools` and shows what comes back. Motion
 needs the operator's consent, asked for at the terminal or given by ``--yes``; space, q and Esc stop
 it, and Ctrl-C does. Whatever ends a command, the axes stop and are switched off.
 """

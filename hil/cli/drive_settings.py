@@ -134,7 +134,7 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
         rows = [changed_row(each.entry, each.present, each.value) for each in found.changes]
         changes_view.render(server.label, rows, out, "to be written")
         for note in found.limits.notes:
-            out.print(note, style="yellow", highlight=False, soft_wrap=True)
+            out.print(f"{server.label}: {note}", style="yellow", highlight=False, soft_wrap=True)
     if problems:
         raise DriveRefused("\n".join(map(str, problems)))
 

@@ -72,7 +72,7 @@ def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[Fou
     failed = False
     for drive in settings.unrestored:
         if drive.doubt:
-            _say(drive.doubt, style="yellow")
+            _say(f"{drive.name} (node {drive.node}): {drive.doubt}", style="yellow")
     for each in put_back(bus, settings):
         rows = [changed_row(entry, present, value) for entry, present, value in each.written]
         changes_view.render(each.label, rows, out, "put back")

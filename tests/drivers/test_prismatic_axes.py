@@ -11,10 +11,10 @@ import pytest
 from local_bench import NODES, drives_file
 
 from drivers.axis import AxisScale
-from drivers.canopen.readback import Readback
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import objects
 from drivers.cia402.stream_limits import check_path
+from drivers.commissioning.readback import Readback
 from drivers.drive_bus import DriveError, LimitExceeded, Move
 
 if TYPE_CHECKING:

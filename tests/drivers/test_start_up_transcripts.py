@@ -28,6 +28,24 @@ def test_what_is_said_to_a_drive_is_what_its_transcript_holds(name: str) -> None
     assert not found, f"{found}\n{remedy}"
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_scan_asks_for_all_that_start_up_reads(name: str) -> None:
+    started, _, scanned = path_of(name).read_text().split("# ")[1:]
+    streamed, measured = {0x60C2}, {0x30D1}  # only where a path is streamed; as a maker's object
+    pdos, watched = range(0x1400, 0x1C00), 0x1016  # by our own PDOs alone; all its entries
+    missed = {
+        place
+        for place in _read(started) - _read(scanned)
+        if int(place[:4], 16) not in {*streamed, *measured, *pdos, watched}
+    }
+    assert missed == set()
+
+
+def _read(session: str) -> set[str]:
+    """Index and sub-index of what a session reads."""
+    return {line.split()[2] for line in session.splitlines() if line[2:6] == "read"}
+
+
 def test_each_transcript_is_that_of_a_personality() -> None:
     assert {path.stem for path in FOLDER.iterdir()} == set(NAMES)
 

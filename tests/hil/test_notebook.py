@@ -32,8 +32,8 @@ def test_the_examples_of_the_how_to_do_what_they_say(place, monkeypatch):
     runner = doctest.DocTestRunner(optionflags=flags)
     text = "\n".join(blocks)
     test = doctest.DocTestParser().get_doctest(text, {}, "notebook.md", "notebook.md", 0)
-    told = []
-    assert not runner.run(test, out=told.append).failed, "".join(told)
+    differences = []
+    assert not runner.run(test, out=differences.append).failed, "".join(differences)
 
 
 def test_dir_lists_the_api_and_every_name_of_it_has_a_docstring():

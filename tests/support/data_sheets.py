@@ -65,6 +65,8 @@ OBJECTS: dict[Place, Spec] = {
     (0x6084, 0): _var("u32"),
     (0x6085, 0): _var("u32"),
     (0x6086, 0): _var("i16"),
+    (0x60C5, 0): _var("u32"),
+    (0x60C6, 0): _var("u32"),
     (0x608F, 1): _var("u32", DefaultValue=1),
     (0x608F, 2): _var("u32", DefaultValue=1),
     (0x6502, 0): _var("u32", "ro", DefaultValue="0x21"),
@@ -97,7 +99,7 @@ def sheet(
     objects = {place: dict(spec) for place, spec in OBJECTS.items()}
     for place, spec in (changes or {}).items():
         if spec is None:
-            del objects[place]
+            objects.pop(place, None)
         else:
             objects[place] = {**objects.get(place, _var("u32")), **spec}
     commissioning = f"[DeviceComissioning]\nNodeID=0x{node:X}\nBaudrate=500\n\n" if node else ""

@@ -124,7 +124,8 @@ class LocalDrive:
     `state` is a key of STATES; `history` holds all states it was in. `stuck` states are not left
     by command; what is in `insists` reads back whatever was written. A drive that `stays_stopped`
     does not switch off by itself after a stop; one that `sags` goes on by so many increments when
-    it is off. `forbids(index, sub-index, value)` returns the code with which a write is aborted.
+    it is off. `forbids(index, sub-index, value)` returns the code with which a write is aborted,
+    `hides(index, sub-index)` that of a read.
     """
 
     def __init__(
@@ -144,6 +145,7 @@ class LocalDrive:
         self.stuck: set[str] = set()
         self.insists: dict[tuple[int, int], int] = {}
         self.forbids: Callable[[int, int, int], int | None] = lambda *_: None
+        self.hides: Callable[[int, int], int | None] = lambda *_: None
         self.heart_beats = self.powered = True
         self.stays_stopped = False
         self.sags = 0.0
@@ -247,6 +249,9 @@ class LocalDrive:
             self.network.emit(0x700 + self.node.id, b"\x05")
 
     def _read(self, index: int, subindex: int, od: Any) -> int | None:
+        code = self.hides(index, subindex)
+        if code is not None:
+            raise SdoAbortedError(code)
         if (index, subindex) in self.insists:
             return self.insists[index, subindex]
         match index:

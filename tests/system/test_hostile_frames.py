@@ -30,7 +30,7 @@ from sim_plant.serving.bus import PlantBus
 from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:
-    from conftest import IdealMachine
+    from ideal_machine import IdealMachine
 
 N = 20_000
 CONTROLWORD = struct.pack("<BHB", 0x2B, 0x6040, 0)

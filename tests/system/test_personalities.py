@@ -143,7 +143,7 @@ def test_drives_that_differ_in_the_unit_of_current_differ_by_rounding_alone(
     ("name", "words"),
     [
         ("no-current", ["6078:00", "torques cannot be measured without it", "drives file"]),
-        ("no-watchdog", ["1016:01", "goes on when this process dies", "allow_no_heartbeat"]),
+        ("no-watchdog", ["1016:01", "goes on when our process dies", "allow_no_heartbeat"]),
         ("wrong-pdos", ["1A00:02", "is fixed at 60610008h, 60640020h is needed"]),
     ],
 )

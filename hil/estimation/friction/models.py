@@ -193,24 +193,24 @@ def _covariance(kind: Law, a: Array, x: Array, left: Array) -> Array:
 
 def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> tuple[str, ...]:
     """State which parameters the data do not identify, and why."""
-    told = []
+    found = []
     error = np.sqrt(np.diag(covariance))
     correlated = correlation_of(covariance)
     if bounds is not None and (a[3] < bounds[0] * 1.001 or a[3] > bounds[1] * 0.999):
-        told.append("a3, a4: the knee lies outside the measured speeds; only their sum is known")
-        return tuple(told)
-    told += [f"a{k + 1}: the data do not determine it" for k in np.flatnonzero(np.isinf(error))]
+        found.append("a3, a4: the knee lies outside the measured speeds; only their sum is known")
+        return tuple(found)
+    found += [f"a{k + 1}: the data do not determine it" for k in np.flatnonzero(np.isinf(error))]
     if bounds is not None and UNCERTAIN * a[3] < error[3] < np.inf:
-        told.append(
+        found.append(
             f"a4: standard error {100 * error[3] / a[3]:.0f} % of its value, nor a3 for sure"
         )
     for k in np.flatnonzero(error[:3] > UNCERTAIN * np.abs(a[:3])):
         others = np.abs(np.delete(correlated[k], k))
         if len(others) and others.max() > TIED:
             partner = int(np.argmax(np.abs(correlated[k]) * (np.arange(len(a)) != k)))
-            told.append(
+            found.append(
                 f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of its"
                 f" value, correlation {correlated[k, partner]:.2f} with a{partner + 1}: known"
                 " together only"
             )
-    return tuple(told)
+    return tuple(found)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
-from conftest import Desk, IdealMachine
+from desk import Desk
+from ideal_machine import IdealMachine
 from local_bench import build, never_energised
 from personalities import drives_for, plant_file
 

@@ -25,7 +25,8 @@ from sim_plant.physics import state as st
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from conftest import Desk, IdealMachine
+    from desk import Desk
+    from ideal_machine import IdealMachine
 
     from drivers.canopen_bus import CanopenDriveBus
 

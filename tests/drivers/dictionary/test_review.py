@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 from data_sheets import MAKERS_CURRENT, TORQUE, Place, Spec, sheet
 
 from drivers.cia402.states import Mode
-from drivers.commissioning.requirements import NEEDS
+from drivers.commissioning.requirement import Lack
+from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.dictionary.eds_file import parse_eds
 from drivers.dictionary.review import Review, review
 from drivers.drives_file import Basis
 from sim_plant.canopen.eds import EDS_PATH
 from sim_plant.canopen.eds_variant import variant
 from sim_plant.personality import load_personality, packaged_personalities
+
+if TYPE_CHECKING:
+    from drivers.commissioning.requirement import Requirement
 
 Changes = dict[Place, Spec | None]
 
@@ -33,14 +39,17 @@ def test_a_complete_drive_serves_without_a_remark() -> None:
     assert found.modes == (Mode.PROFILE_POSITION, Mode.HOMING)
 
 
-@pytest.mark.parametrize("need", NEEDS, ids=lambda need: f"{need.entry.index:04X}")
-def test_every_missing_object_is_told_with_its_consequence(need) -> None:
-    place = (need.entry.index, need.entry.subindex)
-    found = reviewed({place: None})
-    told = [finding for finding in found.findings if finding.about == str(need.entry)]
-    assert [finding.problem for finding in told] == ["is missing"]
-    assert told[0].consequence == need.without
-    assert found.serves == (not need.required)
+MENTIONED = [row for row in REQUIREMENTS.values() if row.lack is not Lack.SILENT]
+
+
+@pytest.mark.parametrize("row", MENTIONED, ids=lambda row: f"{row.entry.index:04X}")
+def test_every_missing_object_is_stated_with_its_consequence(row: Requirement) -> None:
+    missing = (row.entry, *row.instead)
+    found = reviewed({(entry.index, entry.subindex): None for entry in missing})
+    stated = [finding for finding in found.findings if finding.about == str(row.entry)]
+    assert [finding.problem for finding in stated] == ["is missing"]
+    assert stated[0].consequence.startswith(row.without)
+    assert stated[0].fatal == (row.lack is Lack.REFUSED)
 
 
 @pytest.mark.parametrize(

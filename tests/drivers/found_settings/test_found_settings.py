@@ -24,6 +24,8 @@ from drivers.drive_bus import DriveError, DriveRefused, Move
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import (
     COMMANDS,
+    SETTINGS,
+    WRITTEN_ONCE,
     FoundDrive,
     FoundIdentity,
     FoundObject,
@@ -794,3 +796,13 @@ def test_a_drive_without_6085_says_nothing_of_its_stop() -> None:
     can_bus, drive_bus = entered({})
     with can_bus, drive_bus as axes:
         assert axes.limits[0].stop_deceleration is None
+
+
+def test_every_setting_that_files_on_disk_may_hold_is_one() -> None:
+    communication = {0x1005, 0x1006, 0x100C, 0x100D, 0x1016, 0x1017, 0x1019, *range(0x1400, 0x1C00)}
+    kept = {0x6007, 0x605A, 0x605D, 0x6065, 0x6066, 0x6067, 0x6068, 0x6072, 0x6073, 0x607D, 0x607F}
+    kept |= {0x6080, 0x6085, 0x6086, 0x60C5, 0x60C6}
+    changing = {0x6060, 0x607C, 0x6081, 0x6083, 0x6084, 0x6098, 0x6099, 0x609A, 0x60C2}
+    assert communication | kept | changing == SETTINGS
+    assert kept == WRITTEN_ONCE
+    assert not SETTINGS & COMMANDS

@@ -16,12 +16,15 @@ from probing_bench import Answering, Scripted, bench, drives_of, spoilt_plant
 from drivers.canopen.bus_load import StopwatchBus, achievable_rate, cycle_time, frame_bits
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
+from drivers.operator_tools.check_limits import check_limits
 from drivers.operator_tools.check_powered import SmallMoves, check_powered
 from drivers.operator_tools.operator import StoppedByOperator
-from sim_plant import plant as plant_module
+from sim_plant import build
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from drivers.fieldbus import Entry
 
 MOVES = SmallMoves(angle=math.radians(2), angular_velocity=math.radians(5))
 
@@ -101,7 +104,9 @@ def test_limits_of_a_drive_that_are_tighter_than_the_files_hold_and_are_noted(
 
 def test_all_that_is_checked_of_a_prismatic_axis_is_stated_in_metres_and_newtons() -> None:
     with bench() as bus:
-        stated = "\n".join(map(str, checked(bus, drives_of(1, joint="prismatic"))))
+        verdicts = checked(bus, drives_of(1, joint="prismatic"))
+    of_the_motor = {"motor rated torque (6076)", "torque constant"}
+    stated = "\n".join(str(each) for each in verdicts if each.check not in of_the_motor)
     assert "software limits (607D): [-2.88, 2.88] m" in stated
     assert "max torque (6072): 945 N (" in stated
     assert not re.search(r"\brad\b|N m\b", stated)
@@ -230,7 +235,7 @@ def test_whoever_stops_reading_verdicts_leaves_no_axis_powered() -> None:
 def test_a_brake_that_does_not_hold_is_found_after_the_power_has_gone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(plant_module, "BRAKE_OVER_PEAK", 0.0)
+    monkeypatch.setattr(build, "BRAKE_OVER_PEAK", 0.0)
     with bench() as bus:
         found = refusals(checked(bus, drives_of(2)))
     assert "check the brake" in found["holding without power (brake)"]
@@ -271,9 +276,9 @@ def test_the_stopwatch_takes_the_last_answer_to_each_sync() -> None:
         assert bus.answers == pytest.approx([0.003, 0.002])
 
 
-def on_personality(name: str) -> list[Verdict]:
+def on_personality(name: str, **changes: Any) -> list[Verdict]:
     with can.Bus("manutec-r15", "sim_plant", ignore_config=True, personality=name) as bus:
-        return checked(bus, drives_of(1))
+        return checked(bus, drives_of(1, **changes))
 
 
 def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
@@ -282,10 +287,49 @@ def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
     told = [v for v in verdicts if v.grade is Grade.WARNING and "6007" in str(v)]
     assert len(told) == 1
     assert "when our heartbeat is lost" in told[0].remedy
+    assert told[0].check == "objects that measuring needs"
 
 
 def test_a_drive_that_cannot_watch_our_heartbeat_is_refused() -> None:
-    assert "1016" in str(refusals(on_personality("no-watchdog")))
+    lacking = refusals(on_personality("no-watchdog"))["objects that measuring needs"]
+    assert "1016:01 (consumer heartbeat time) is missing" in lacking
+
+
+def test_a_drive_that_cannot_watch_our_heartbeat_serves_where_something_else_stops_it() -> None:
+    reason = "the cell's safety controller cuts the power"
+    verdicts = on_personality("no-watchdog", allow_no_heartbeat=reason)
+    assert refusals(verdicts) == {}
+    (stated,) = [v for v in verdicts if "1016" in str(v)]
+    assert (stated.grade, stated.check) == (Grade.WARNING, "objects that measuring needs")
+
+
+def test_what_showed_without_power_is_not_stated_again_with_power() -> None:
+    assert [v for v in on_personality("bare") if v.check == "configuration"] == []
+    rounded = [v for v in on_personality("rounding") if v.check == "configuration"]
+    assert {v.place for v in rounded} == {"joint 1 (node 1)"}
+    assert all("the drive rounds or limits it" in v.found for v in rounded)
+    assert len(rounded) > 3
+
+
+class Holding:
+    """A drive's object dictionary that holds some values and has no other objects."""
+
+    label = "joint 1 (node 1)"
+
+    def __init__(self, values: dict[int, int]) -> None:
+        self._values = values
+
+    def find(self, entry: Entry) -> int | None:
+        return self._values.get(entry.index)
+
+
+@pytest.mark.parametrize("basis", ["per mille of rated current", "per mille of rated torque"])
+def test_a_tighter_limit_of_current_is_stated_whatever_the_current_is_shown_in(basis: str) -> None:
+    current = drives_of(1).axes[0].current.model_dump() | {"basis": basis}
+    axis = drives_of(1, current=current).axes[0]
+    server: Any = Holding({0x6073: 500})
+    stated = [v for v in check_limits(server, axis) if v.check == "max current (6073)"]
+    assert [v.grade for v in stated] == [Grade.WARNING]
 
 
 def test_a_drive_in_rpm_that_the_file_takes_for_increments_is_refused_before_it_moves() -> None:

@@ -248,7 +248,7 @@ def test_a_drive_that_cannot_watch_our_heartbeat_needs_a_reason() -> None:
 
 def test_what_is_missing_stands_above_the_axis() -> None:
     text = draft_drives([axis({(0x6072, 0): None})])
-    assert "  # 6072:00 (max torque) is missing: this limit is kept by our driver" in text
+    assert "  # 6072:00 (max torque) is missing: this limit is kept by the driver alone" in text
 
 
 @pytest.mark.parametrize(

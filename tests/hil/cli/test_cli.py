@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers import canopen_bus
+from drivers import open_drive_bus
 from drivers.drive_bus import DriveFault, NodeSilent, Sample
 from hil import cli
 from hil.cli.arguments import bus_options
@@ -42,7 +42,7 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 @pytest.fixture
 def bus(ideal_bus, monkeypatch: pytest.MonkeyPatch):
     """Have the command line find ideal axes behind any bus."""
-    monkeypatch.setattr(canopen_bus, "open_drive_bus", lambda *_: ideal_bus)
+    monkeypatch.setattr(open_drive_bus, "open_drive_bus", lambda *_: ideal_bus)
     return ideal_bus
 
 
@@ -174,7 +174,7 @@ def test_a_run_in_which_nothing_was_measured_leaves_no_folder(
     def nobody(*_: object) -> None:
         raise NodeSilent("joint 2 (node 2) does not answer; check its power and node number")
 
-    monkeypatch.setattr(canopen_bus, "open_drive_bus", nobody)
+    monkeypatch.setattr(open_drive_bus, "open_drive_bus", nobody)
     status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
     assert status == 1
     assert "joint 2 (node 2) does not answer" in err

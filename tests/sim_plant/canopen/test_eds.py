@@ -13,7 +13,7 @@ from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 from sim_plant.canopen.eds import EDS_PATH, drive_entries
 
 if TYPE_CHECKING:
-    from conftest import Desk
+    from desk import Desk
 
 MASTERS_NEED = """
 1000 1001 1003 1005 1006 1008 1009 100A 1014 1016 1017 1018 1200

@@ -13,7 +13,8 @@ from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:
     import canopen
-    from conftest import Desk, IdealMachine
+    from desk import Desk
+    from ideal_machine import IdealMachine
 
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
 MASTER = 127

@@ -11,7 +11,7 @@ from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 
 if TYPE_CHECKING:
     import canopen
-    from conftest import Desk
+    from desk import Desk
 
 STATUSWORD, POSITION, CURRENT = 0x60410010, 0x60640020, 0x60780010
 CONTROLWORD, TARGET, MODE = 0x60400010, 0x607A0020, 0x60600008

@@ -17,7 +17,7 @@ from sim_plant.canopen.sdo_server import SdoServer
 
 if TYPE_CHECKING:
     import canopen
-    from conftest import Desk
+    from desk import Desk
 
 LABEL = (0x00, 0x20, 0x00)
 """2000h:0 as three bytes of a request."""

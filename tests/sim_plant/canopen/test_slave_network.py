@@ -11,7 +11,8 @@ import pytest
 from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
 
 if TYPE_CHECKING:
-    from conftest import Desk, IdealMachine
+    from desk import Desk
+    from ideal_machine import IdealMachine
 
 LIKELY = [
     0x000,

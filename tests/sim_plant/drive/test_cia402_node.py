@@ -11,7 +11,8 @@ from sim_plant.machine_protocol import AxisEvent
 
 if TYPE_CHECKING:
     import canopen
-    from conftest import Desk, IdealAxis
+    from desk import Desk
+    from ideal_machine import IdealAxis
 
 # Names and patterns written down again from the standard, apart from the drive's own tables.
 PATTERNS = {

@@ -9,7 +9,7 @@ import pytest
 from sim_plant.canopen.abort_codes import SdoAbort
 
 if TYPE_CHECKING:
-    from conftest import Desk
+    from desk import Desk
 
 START, ENABLED, HALTED = 0x1F, 0x0F, 0x10F
 REACHED, ATTAINED = 1 << 10, 1 << 12

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import canopen
 import pytest
 from canopen.objectdictionary import ODArray
-from conftest import Desk, IdealMachine
+from desk import Desk
+from ideal_machine import IdealMachine
 from personalities import PLANT
 
 from checked_files.yaml_file import FileError

@@ -21,7 +21,7 @@ from sim_plant.serving.server import serve
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from conftest import IdealMachine
+    from ideal_machine import IdealMachine
 
 NODES = range(1, 7)
 LSS_MASTER, LSS_SLAVE, TIME, GUARD = 0x7E5, 0x7E4, 0x100, 0x700

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from conftest import IdealMachine
+    from ideal_machine import IdealMachine
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 READ_TYPE = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])

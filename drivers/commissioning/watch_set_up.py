@@ -1,0 +1,112 @@
+"""Who watches whom: a drive must stop by itself when this process dies, and we must notice its end.
+
+The drive watches our heartbeat (1016) and sends its own (1017). One that cannot do both may watch
+our guarding requests instead: when none comes for its life time (guard time 100C times life time
+factor 100D) it reacts as to a lost heartbeat (6007). Its own heartbeat has to be off then, since a
+node does either. A drive that can watch neither is refused unless the drives file states what else
+stops the axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects as cia301
+from drivers.canopen.sdo import Aborted
+from drivers.commissioning.kept_values import NODE_SHIFT, TIME_MASK, watching_time
+from drivers.commissioning.requirements import REQUIREMENTS, STATE_WHAT_STOPS
+from drivers.drive_bus import DriveRefused
+
+if TYPE_CHECKING:
+    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
+
+WATCHED_MAX = 127
+FACTOR_MAX = 0xFF
+
+_GOES_ON = REQUIREMENTS[cia301.CONSUMER_HEARTBEAT].without
+
+
+def set_up_watch(server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile) -> bool:
+    """Have the drive watch us; return whether it does so by guarding requests.
+
+    Raises
+    ------
+    DriveRefused
+        It cannot, and nothing else is stated to stop the axis; or it keeps a time that is none, too
+        short, or much longer.
+    """
+    watches = server.find(cia301.CONSUMER_HEARTBEAT) is not None
+    beats = server.find(cia301.PRODUCER_HEARTBEAT) is not None
+    if not (watches and beats) and _can_be_guarded(server):
+        _set_up_life_guarding(server, drives)
+        return True
+    server.set(cia301.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
+    if watches or axis.allow_no_heartbeat is None:
+        _watch_us(server, drives.master_node, round(1000 * drives.heartbeat_timeout))
+    else:
+        excused = f"{_GOES_ON}; allowed because: {axis.allow_no_heartbeat}"
+        server.do_without((cia301.CONSUMER_HEARTBEAT,), excused)
+    return False
+
+
+def _can_be_guarded(server: RemoteDictionary) -> bool:
+    instead = REQUIREMENTS[cia301.CONSUMER_HEARTBEAT].instead
+    return all(server.find(entry) is not None for entry in instead)
+
+
+def _set_up_life_guarding(server: RemoteDictionary, drives: DrivesFile) -> None:
+    if server.find(cia301.PRODUCER_HEARTBEAT):
+        server.set(cia301.PRODUCER_HEARTBEAT, 0)
+    timeout, period = 1000 * drives.heartbeat_timeout, 1000 * drives.heartbeat_period
+    factor = min(round(timeout / period), FACTOR_MAX)
+    kept = 1
+    for entry, value in (
+        (cia301.GUARD_TIME, round(timeout / factor)),
+        (cia301.LIFE_TIME_FACTOR, factor),
+    ):
+        server.put(entry, value)
+        server.kept[entry] = server.get(entry)
+        kept *= server.kept[entry]
+    least, most = watching_time(drives)
+    if not least <= kept <= most:
+        raise DriveRefused(
+            f"{server.label}: keeps a life time (100C times 100D) of {kept} ms after {timeout:g} ms"
+            f" were written, must be {least:g} to {most:g} ms; {_GOES_ON}: choose heartbeat_period"
+            " and heartbeat_timeout that it takes"
+        )
+    server.note(
+        "no heartbeats both ways (1016, 1017): it watches our guarding requests instead and stops"
+        f" when none comes for {kept / 1000:g} s (100C, 100D)",
+        lack=True,
+    )
+
+
+def _watch_us(server: RemoteDictionary, node: int, time: int) -> None:
+    entry = _watching(server, node)
+    try:
+        server.set(entry, node << NODE_SHIFT | time)
+    except DriveRefused as error:
+        remedy = (
+            STATE_WHAT_STOPS
+            if isinstance(error, Aborted) and error.missing
+            else f"free an entry of 1016 with the maker's commissioning tool, for node {node}"
+        )
+        raise DriveRefused(f"{error}; {_GOES_ON}: {remedy}") from error
+
+
+def _watching(server: RemoteDictionary, node: int) -> Entry:
+    """Return the entry of 1016 by which a drive watches us already; by default the first.
+
+    A node may stand in one entry only.
+    """
+    for number in range(1, WATCHED_MAX + 1):
+        entry = replace(cia301.CONSUMER_HEARTBEAT, subindex=number)
+        present = server.find(entry)
+        if present is None:
+            break
+        if present >> NODE_SHIFT & 0xFF == node and present & TIME_MASK:
+            return entry
+    return cia301.CONSUMER_HEARTBEAT

@@ -1,0 +1,50 @@
+"""The table of what a run needs of a drive, and the documentation that is made from it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from local_bench import build
+from requirement_tables import DOCS, TABLES, with_tables
+
+from drivers.cia402 import objects
+from drivers.commissioning.requirement import Lack, Use
+from drivers.commissioning.requirements import OWN_LIMITS, REQUIREMENTS, reaction_for
+
+if TYPE_CHECKING:
+    from drivers.commissioning.requirement import Requirement
+
+
+@pytest.mark.parametrize("file", [file for file, _ in TABLES])
+def test_the_documentation_has_the_table_as_it_is(file: str) -> None:
+    remedy = "write it anew: python tests/support/requirement_tables.py"
+    assert (DOCS / file).read_text() == with_tables(file), remedy
+
+
+SET_IF_PRESENT = [
+    row for row in REQUIREMENTS.values() if row.lack is Lack.NOTED and Use.WRITE in row.use
+]
+
+
+@pytest.mark.parametrize("row", SET_IF_PRESENT, ids=lambda row: f"{row.entry.index:04X}")
+def test_start_up_notes_of_a_missing_object_what_its_row_states(row: Requirement) -> None:
+    missing = (row.entry, *row.instead)
+    can_bus, drive_bus = build({2: {(each.index, each.subindex): None for each in missing}})
+    with can_bus, drive_bus:
+        noted = [note for note in drive_bus.notes if note.startswith("joint 2 (node 2): no object")]
+    (note,) = (each for each in noted if str(row.entry) in each)
+    assert note.endswith(f": {row.without}")
+
+
+def test_what_limits_an_axis_has_a_quantity() -> None:
+    assert len(OWN_LIMITS) == 7
+    assert all(row.quantity is not None for row in OWN_LIMITS)
+
+
+@pytest.mark.parametrize(("quick_stop", "reaction"), [(2, 3), (3, 3), (5, 1), (6, 1)])
+def test_a_lost_bus_ends_in_a_fault_where_a_quick_stop_leaves_the_axis_powered(
+    quick_stop: int, reaction: int
+) -> None:
+    assert reaction_for(quick_stop) == reaction
+    assert reaction in REQUIREMENTS[objects.ABORT_CONNECTION_OPTION].serves

@@ -1,0 +1,117 @@
+"""The tables of the documentation that are made from the table of requirements.
+
+`python tests/support/requirement_tables.py` writes them anew, each between its two marks.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drivers.commissioning.kept_values import EXACT
+from drivers.commissioning.requirement import Lack, Use
+from drivers.commissioning.requirements import REQUIREMENTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from drivers.commissioning.requirement import Requirement
+    from drivers.fieldbus import Entry
+
+DOCS = Path(__file__).parents[2] / "docs"
+USES = {
+    Use.ASK: "compared or shown, where it can be read",
+    Use.READ: "read",
+    Use.READ | Use.SEND: "read, in a TPDO",
+    Use.WRITE | Use.RECEIVE: "written, in an RPDO",
+    Use.WRITE | Use.VARY: "written",
+    Use.SET: "set",
+    Use.SET | Use.VARY: "set, again with each motion",
+}
+
+
+def needed() -> str:
+    """Return what a drive must offer: objects, use, what follows where they are missing."""
+
+    def follows(row: Requirement) -> tuple[str, str]:
+        sentence = row.without if row.lack is Lack.SILENT else f"{row.lack.value}: {row.without}"
+        return USES[row.use], sentence
+
+    return _table(("object", "use", "if missing"), _grouped(REQUIREMENTS.values(), follows))
+
+
+def kept() -> str:
+    """Return what a drive may keep instead of a value that was written."""
+    rows = [row for row in REQUIREMENTS.values() if row.kept is not EXACT or row.serves]
+    lines = [*_grouped(rows, lambda row: (_words(row),), _alone), ("all others", EXACT.words)]
+    return _table(("object", "accepted"), lines)
+
+
+TABLES: dict[tuple[str, str], Callable[[], str]] = {
+    ("can.md", "requirements"): needed,
+    ("drives.md", "kept values"): kept,
+}
+"""By file and name of the mark."""
+
+
+def with_tables(file: str) -> str:
+    """Return the text of a file with its tables made anew."""
+    text = (DOCS / file).read_text()
+    for (name, mark), made in TABLES.items():
+        if name == file:
+            begin = f"<!-- {mark}: made by tests/support/{Path(__file__).name} -->\n"
+            parts = re.fullmatch(f"(.*{re.escape(begin)}).*?(<!-- end -->.*)", text, re.S)
+            assert parts, f"{file} has no marks for {mark}"
+            text = f"{parts[1]}\n{made()}\n{parts[2]}"
+    return text
+
+
+def _alone(row: Requirement) -> str:
+    return _index(row.entry)
+
+
+def _with_others(row: Requirement) -> str:
+    """Return the index of an object, and those of the objects that do in its place."""
+    mutual = row.instead and row.entry in REQUIREMENTS[row.instead[0]].instead
+    entries = sorted((row.entry, *row.instead), key=_index) if mutual else (row.entry, *row.instead)
+    first, *others = (_index(entry) for entry in entries)
+    return f"{first} or {' and '.join(others)}" if others else first
+
+
+def _index(entry: Entry) -> str:
+    return f"{entry.index:04X}"
+
+
+def _grouped(
+    rows: Iterable[Requirement],
+    describe: Callable[[Requirement], tuple[str, ...]],
+    named: Callable[[Requirement], str] = _with_others,
+) -> Iterator[tuple[str, ...]]:
+    """Yield a line for all objects of which the same is to be said."""
+    groups: dict[tuple[str, ...], list[Requirement]] = {}
+    for row in rows:
+        groups.setdefault(describe(row), []).append(row)
+    for described, group in groups.items():
+        yield (", ".join(dict.fromkeys(map(named, group))), *described)
+
+
+def _words(row: Requirement) -> str:
+    if row.kept is not EXACT:
+        return row.kept.words
+    if isinstance(row.serves, range):
+        return "any value"
+    values = sorted({*row.serves, *(() if row.value is None else (row.value,))})
+    hexadecimal = any(value > 0xFFFF for value in values)
+    *some, last = (f"{value:X}h" if hexadecimal else f"{value}" for value in values)
+    return f"{', '.join(some)} or {last}"
+
+
+def _table(head: tuple[str, ...], lines: Iterable[tuple[str, ...]]) -> str:
+    rows = (head, ("---",) * len(head), *lines)
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+if __name__ == "__main__":
+    for each, _ in TABLES:
+        (DOCS / each).write_text(with_tables(each))
