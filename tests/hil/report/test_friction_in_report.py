@@ -1,14 +1,12 @@
 """A report states friction as `hil friction fit` last did: by the same model, with its bound."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from small_run import SIMULATED, write_run
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.planning.design.friction import sweep
-from hil.report import friction
+from hil.report.friction_of_run import friction_of_run
 from hil.results.friction import evaluate
 from hil.results.friction_file import write_friction
 from hil.results.identification import identify
@@ -42,31 +40,22 @@ def run(manutec, tmp_path):
     return folder
 
 
-def shown(run, monkeypatch):
-    """What the report of a campaign with friction measurements would show of them."""
-    monkeypatch.setattr("hil.report.plots.friction.drawings", lambda _result: {})
-    about = friction.of_campaign(run, list(recorded(run)), SimpleNamespace(local=()))
-    return about["friction_result"]
-
-
-def test_gravity_is_compensated_by_the_model_of_the_fit_and_its_bound_is_kept(
-    run, model_folder, monkeypatch
-):
+def test_gravity_is_compensated_by_the_model_of_the_fit_and_its_bound_is_kept(run, model_folder):
     write_friction(run, evaluate(run, list(recorded(run)), model_folder, BOUND))
-    found = shown(run, monkeypatch)
+    found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder == str(model_folder)
     assert [(test.axis, test.bound) for test in found.symmetry] == [(LOADED, BOUND)]
 
 
-def test_without_a_fit_half_differences_compensate_gravity(run, monkeypatch):
-    found = shown(run, monkeypatch)
+def test_without_a_fit_half_differences_compensate_gravity(run):
+    found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder is None
     assert found.symmetry == ()
 
 
-def test_where_the_model_is_gone_half_differences_do(run, model_folder, tmp_path, monkeypatch):
+def test_where_the_model_is_gone_half_differences_do(run, model_folder, tmp_path):
     result = evaluate(run, list(recorded(run)), model_folder, BOUND)
     write_friction(run, result)
     kept = (run.path / "friction.yaml").read_text()
     (run.path / "friction.yaml").write_text(kept.replace(str(model_folder), str(tmp_path / "no")))
-    assert shown(run, monkeypatch).model_folder is None
+    assert friction_of_run(run, list(recorded(run))).model_folder is None
