@@ -1,5 +1,6 @@
 """A model calculates what the equations say, with intervals, and refuses what it cannot use."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -163,9 +164,10 @@ class TestView:
 
     def test_summary_and_html_have_every_parameter_and_residual(self, model):
         text, html = str(model.summary()), model._repr_html_()
+        plain = re.sub(r"<[^>]+>", "", re.sub(r"</(td|th)>", " ", html))
         for name, expression in zip(model.names, model.expressions, strict=True):
             assert f" {name} " in f" {text} "
-            assert f">{name}<" in html
+            assert f"{name} " in plain
             assert expression[:12] in text
         assert html.count("<table>") == html.count("</table>") == 2
 
@@ -203,7 +205,7 @@ class TestConventional:
         assert np.isfinite(model.interval(0.8)).all()
         shown = capsys.readouterr().out
         assert "1 measurements, strongest method" in shown
-        assert "condition numbers: all" in shown
+        assert "condition number" in shown
 
     def test_an_unknown_method_is_wrong_usage_and_lists_all(self, driven, capsys):
         assert self.hil("identify", driven.path, "--method", "best") == 2
