@@ -40,20 +40,15 @@ def run(manutec, tmp_path):
     return folder
 
 
-def shown(run):
-    """What the report of a run with friction measurements shows of them."""
-    return friction_of_run(run, list(recorded(run)))
-
-
 def test_gravity_is_compensated_by_the_model_of_the_fit_and_its_bound_is_kept(run, model_folder):
     write_friction(run, evaluate(run, list(recorded(run)), model_folder, BOUND))
-    found = shown(run)
+    found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder == str(model_folder)
     assert [(test.axis, test.bound) for test in found.symmetry] == [(LOADED, BOUND)]
 
 
 def test_without_a_fit_half_differences_compensate_gravity(run):
-    found = shown(run)
+    found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder is None
     assert found.symmetry == ()
 
@@ -63,4 +58,4 @@ def test_where_the_model_is_gone_half_differences_do(run, model_folder, tmp_path
     write_friction(run, result)
     kept = (run.path / "friction.yaml").read_text()
     (run.path / "friction.yaml").write_text(kept.replace(str(model_folder), str(tmp_path / "no")))
-    assert shown(run).model_folder is None
+    assert friction_of_run(run, list(recorded(run))).model_folder is None

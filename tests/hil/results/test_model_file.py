@@ -115,7 +115,7 @@ def test_a_damaged_model_is_refused_with_its_line(copy, found):
 def test_a_run_without_couplings_is_refused_by_the_parameter_s_name(copy):
     for path in (copy / "recordings").glob("c*.h5"):
         path.unlink()
-    with pytest.raises(NotIdentifiable, match=r"run: 0 usable coupling measurements .* p3 "):
+    with pytest.raises(NotIdentifiable, match=r"run: 0 usable coupling measurements .* p3;"):
         identified(copy)
     assert not (copy / NAME).exists()
 
