@@ -1,4 +1,4 @@
-"""What is weak in a result, and what to measure to mend it.
+"""What in a result needs attention, and what to measure to mend it.
 
 Every piece of advice names a figure and a remedy that can be carried out. Which measurement would
 help a weak parameter most is calculated: with W of eq. (17), rows weighted by eq. (16), one more
@@ -60,11 +60,11 @@ class Advice:
     subject : str
         Parameter, axis or measurement.
     what : str
-        What is weak, with its figure.
+        The finding, with its figure.
     remedy : str
         What to do about it.
     urgent : bool
-        Whether to do it is advised; if not it is only to be known.
+        Whether to do it is advised; if not, it is a note.
     """
 
     subject: str
@@ -203,7 +203,7 @@ def _correlations(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
         size = signed(f"{found[i, j]:.2f}")
         yield Advice(
             f"{names[i]}, {names[j]}",
-            f"correlation {size}: known better together than apart",
+            f"correlation {size}: more certain together than apart",
             "configurations in which they act differently (hil robot shows where they occur)",
         )
 
