@@ -18,7 +18,7 @@ def section(run: IdentifiedRun) -> Section:
         "correlation",
         partial(correlations, run.estimate, run.robot),
         "Matrix of the correlations between the parameters' errors.",
-        "Correlations of the parameters' errors. Strongly correlated parameters are known better"
+        "Correlations of the parameters' errors. Strongly correlated parameters are more certain"
         " together than apart; the whole covariance is in model.yaml.",
     )
     return Section("How the parameters hang together", "correlations.html", plots=(plot,))
