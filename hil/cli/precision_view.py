@@ -14,6 +14,7 @@ from rich.table import Table
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.precision import IMPRECISE
 from hil.results.rounding import rounded, significant
+from hil.results.tables.cells import unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +32,10 @@ def render(found: Precision, robot: Robot, console: Console) -> None:
         _head(table, group, members)
         for k in members:
             table.add_row(
-                found.names[k], _figure(found.deviation[k]), found.units[k], *_weight(found, k)
+                found.names[k],
+                _figure(found.deviation[k]),
+                unit(found.units[k]),
+                *_weight(found, k),
             )
         table.add_section()
     console.print(table)
@@ -46,7 +50,7 @@ def render_refinement(before: Precision, after: Precision, robot: Robot, console
         for k in members:
             now, then = float(before.deviation[k]), float(after.deviation[k])
             share = f"{then / now:.2f}" if math.isfinite(now) else ""
-            cells = (_figure(now), _figure(then), share, after.units[k])
+            cells = (_figure(now), _figure(then), share, unit(after.units[k]))
             table.add_row(after.names[k], *cells, *_weight(after, k))
         table.add_section()
     console.print(table)

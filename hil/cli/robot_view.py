@@ -9,6 +9,7 @@ from rich.table import Table
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
+from hil.results.tables.cells import unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,7 +52,7 @@ def _base_parameters(robot: Robot, base: BaseParameters) -> Table:
         table.add_section()
         table.add_row("", f"[bold]{_GROUP_TITLES[group]}[/bold]", "")
         for k in members:
-            table.add_row(base.names[k], base.expressions[k], base.units[k])
+            table.add_row(base.names[k], base.expressions[k], unit(base.units[k]))
     return table
 
 

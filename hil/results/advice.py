@@ -18,6 +18,7 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
 from hil.regression.least_squares import inverse
 from hil.results.rounding import signed
+from hil.results.tables.cells import unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -165,7 +166,7 @@ def _parameters(
         joint = int(np.argmax(effect[:, k]))
         if effect[joint, k] > UNCERTAIN:
             what = (
-                f"its standard error, {estimate.standard_error[k]:.2g} {base.units[k]}, is"
+                f"its standard error, {estimate.standard_error[k]:.2g} {unit(base.units[k])}, is"
                 f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}"
             )
             yield Advice(name, what, _best_measurement(robot, plan, k))

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich import box
-from rich.table import Table
 
 from hil.errors import Mismatch
 from hil.estimation.identify import estimate
@@ -21,6 +19,9 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.results.naming import named
 from hil.results.rounding import clock, rounded, signed
+from hil.results.tables.cells import unit
+from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.terminal import show
 from hil.results.validation_motion import free_motion
 from hil.runs.pooling import recorded
 from hil.study.truth import true_parameters
@@ -32,7 +33,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hil.estimation.estimate import Estimate
+    from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
+    from hil.results.tables.table import Row
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
@@ -141,7 +144,7 @@ def compare(run: Run, truth: Path | str, console: Console, method: str = "improv
 
 def render(result: Comparison, robot: Robot, console: Console) -> None:
     """Print a comparison: parameters one by one, then groups, torques and coverage."""
-    console.print(_parameters(result, robot))
+    show(_parameters(result, robot), console)
     for group, error in result.group_error.items():
         name = group.replace("_", "-")
         console.print(f"{name + ' group,':20} relative error in the norm   {_percent(error)}")
@@ -157,24 +160,31 @@ def render(result: Comparison, robot: Robot, console: Console) -> None:
 
 def _parameters(result: Comparison, robot: Robot) -> Table:
     base = base_parameters(robot)
-    table = Table(
-        title=f"{robot.name}: estimate against truth", box=box.SIMPLE_HEAD, pad_edge=False
+    return Table(
+        title=f"{robot.name}: estimate against truth",
+        columns=(
+            Column("", symbols=True),
+            *figures("truth", "estimate", "std. error", "error", "z"),
+            Column("in 95 %"),
+            Column("unit"),
+        ),
+        parts=tuple(
+            Part(tuple(_parameter(result, base, k) for k in members))
+            for members in base.groups.values()
+        ),
     )
-    table.add_column("")
-    for heading in ("truth", "estimate", "std. error", "error", "z"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("in 95 %")
-    table.add_column("unit")
-    for members in base.groups.values():
-        for k in members:
-            s = float(result.standard_error[k])
-            values = (result.truth[k], result.p[k], s, result.error[k])
-            cells = (rounded(float(value), s) for value in values)
-            inside = "yes" if result.inside[k] else "[red]no[/red]"
-            z = signed(f"{result.z[k]:.1f}")
-            table.add_row(base.names[k], *cells, z, inside, base.units[k])
-        table.add_section()
-    return table
+
+
+def _parameter(result: Comparison, base: BaseParameters, k: int) -> Row:
+    s = float(result.standard_error[k])
+    values = (result.truth[k], result.p[k], s, result.error[k])
+    return (
+        base.names[k],
+        *(rounded(float(value), s) for value in values),
+        signed(f"{result.z[k]:.1f}"),
+        "yes" if result.inside[k] else Marked("no"),
+        unit(base.units[k]),
+    )
 
 
 def _torque_error(robot: Robot, error: Array, truth: Array) -> Array:

@@ -35,15 +35,15 @@ def with_and_without_load(
     axes = sorted({each.axis for run in runs for each in run})
     figure, panels = panels_in_rows(len(axes), height=2.3)
     for axis, (panel,) in zip(axes, panels, strict=True):
-        for run, colour, mark, line, told in zip(
+        for run, colour, mark, line, state in zip(
             runs, (MUTED, MEASURED), ("o", "x"), ("-", "--"), ("without", "with"), strict=True
         ):
             x = [k for k, each in enumerate(run, start=1) if each.axis == axis]
             own = [each for each in run if each.axis == axis]
             panel.plot(x, [each.model for each in own], line, color=MODEL, linewidth=0.9,
-                       label=f"model {told} load")  # fmt: skip
+                       label=f"model {state} load")  # fmt: skip
             panel.plot(x, [each.value for each in own], mark, color=colour, markersize=4,
-                       markerfacecolor="none", label=f"measured {told} load")  # fmt: skip
+                       markerfacecolor="none", label=f"measured {state} load")  # fmt: skip
         panel.set_title(f"${kind.element(axis - 1, axis - 1)}$", fontsize=11)
         panel.set_xlabel("configuration number")
         panel.set_ylabel(kind.label)

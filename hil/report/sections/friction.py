@@ -43,7 +43,7 @@ def _plots(result: FrictionResult) -> Iterator[Plot]:
             "models",
             partial(plots.models, result),
             "Friction over speed with fitted models, one panel an axis.",
-            "Measured friction and the models fitted to it (Fig. 1b); the recommended one is drawn"
+            "Measured friction and the models fitted to it (Fig. 1b); the chosen one is drawn"
             " thick.",
         )
     if result.drifts:

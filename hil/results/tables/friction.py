@@ -25,19 +25,19 @@ AXIS = Column("axis")
 def models(result: FrictionResult) -> Table:
     """Every model of every axis with its errors; parameters that the data leave open are notes."""
     return Table(
-        title=f"{result.robot.name}: friction models, gravity by {result.gravity}",
+        title=_title(result),
         columns=(
             AXIS,
             Column("model"),
-            *figures("rms, N m", "held out, N m"),
-            Column("recommended"),
+            *figures("rms, N m", "held out"),
+            Column("chosen"),
             Column("parameters with std. errors", folds=True),
         ),
         parts=tuple(Part(tuple(_models(fit))) for fit in result.axes),
         explanation=(
             "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
-            " error, of the fit and at speeds held out of it. Recommended is the simplest model"
-            " that none beats by more than chance at speeds held out."
+            " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
+            " none beats by more than chance at speeds held out."
         ),
         notes=tuple(
             f"axis {fit.axis + 1}, {kind}: {word}"
@@ -46,6 +46,11 @@ def models(result: FrictionResult) -> Table:
             for word in model.unidentifiable
         ),
     )
+
+
+def _title(result: FrictionResult) -> str:
+    measurements = f"{len(result.points)} friction measurements"
+    return f"{result.robot.name}: {measurements}, gravity by {result.gravity}"
 
 
 def _models(fit: AxisFriction) -> list[Row]:
@@ -76,13 +81,13 @@ def symmetry(tests: Iterable[Symmetry]) -> Table:
         title="Is friction the same in both directions?",
         columns=(
             AXIS,
-            *figures("measurements", "asymmetry, %", "std. error, %", "p (none)", "p (bound)"),
+            *figures("n", "asymmetry, %", "std. error", "p (none)", "p (bound)"),
             Column("verdict", folds=True),
         ),
         parts=(Part(tuple(_symmetry(test) for test in tests)),),
         explanation=(
-            "The difference as a share of the friction level; p-values of no asymmetry at all, and"
-            " of one within the bound."
+            "The difference in n measurements as a share of the friction level; p-values of no"
+            " asymmetry at all, and of one within the bound."
         ),
     )
 
@@ -105,7 +110,7 @@ def drift(drifts: Iterable[Drift]) -> Table:
         columns=(
             AXIS,
             Column("time constant"),
-            *figures("value, s", "std. error, s", "effect"),
+            *figures("value, s", "std. error", "effect"),
             Column("", folds=True),
         ),
         parts=tuple(Part(tuple(_drift(each))) for each in drifts),

@@ -19,17 +19,16 @@ MISFIT = 0.001
 def changes(load: PayloadFile) -> Table:
     """Base parameters without and with the load, and what a rigid load changes of them."""
     return Table(
-        title="Base parameters without (A) and with load (B): the paper's Table 3 of this robot",
+        title="Change by the load: the paper's Table 3 of this robot",
         columns=(
             Column("", symbols=True),
-            *figures("without load, A", "with load, B", "difference", "std. error"),
-            *figures("expected", "z"),
-            Column("unit"),
+            *figures("without", "with load", "change", "std. error", "expected", "z"),
             Column("of the load", folds=True, symbols=True),
         ),
         parts=(Part(tuple(_change(each) for each in load.changes)),),
         explanation=(
-            "Expected is what the load below changes by the expressions of the base parameters; z"
+            "Base parameters without (A) and with the load (B), in kg m² and kg m as above."
+            " Expected is what the load below changes by the expressions of the base parameters; z"
             " is how far the change found is off it, in standard errors."
         ),
     )
@@ -39,7 +38,7 @@ def _change(each: Change) -> Row:
     s = each.standard_error
     values = (each.without, each.loaded, each.change, s, each.expected)
     z = signed(f"{(each.change - each.expected) / s:.1f}")
-    return (each.name, *(rounded(value, s) for value in values), z, unit(each.unit), each.share)
+    return (each.name, *(rounded(value, s) for value in values), z, each.share)
 
 
 def quantities(load: PayloadFile) -> Table:
@@ -59,11 +58,10 @@ def _quantity(q: QuantityRecord) -> Row:
 def torque_constants(load: PayloadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
     return Table(
-        title="Torque constants of the drives by the load's mass",
+        title="Torque constants by the load's mass, N m/A",
         columns=(
             Column("axis"),
-            *figures("assumed, N m/A", "corrected, N m/A", "std. error, N m/A"),
-            *figures("off by, %", "std. error, %"),
+            *figures("assumed", "corrected", "std. error", "off by, %", "std. error, %"),
         ),
         parts=(Part(tuple(_gain(gain) for gain in load.gains)),),
         explanation="" if load.mass is None else f"The mass was stated as {load.mass:g} kg.",

@@ -20,7 +20,7 @@ def torque_lag(estimate: Estimate) -> Table:
     """Lag of each axis's torque behind its position; no rows where none was estimated."""
     lags = estimate.lags
     return Table(
-        title="Lag of the torque behind the position, compensated",
+        title="Torque lag, compensated",
         columns=(Column("axis"), *figures("lag, ms", "std. error, ms")),
         parts=(Part(tuple(_axes(lags))),) if lags else (),
     )
