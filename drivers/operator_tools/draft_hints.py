@@ -89,7 +89,7 @@ def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
 
 
 def default_of(dictionary: Dictionary, entry: Entry) -> str:
-    """Return a remark on a data sheet's default, empty where there is none worth telling."""
+    """Return a remark on a data sheet's default, empty where none is worth a remark."""
     default = _default(dictionary, entry)
     return f"; the data sheet's default of {entry.index:04X} is {default}" if default else ""
 
