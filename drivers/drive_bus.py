@@ -224,7 +224,7 @@ class StreamingBus(DriveBus, Protocol):
         """Begin to send a path of set-points, the next of which goes out with every `sample`.
 
         The whole path is checked before any set-point is sent; some SYNCs may pass while the drives
-        change their mode. `Sample.reached` tells when the axes rest at the last set-point, where
+        change their mode. `Sample.reached` shows when the axes rest at the last set-point, where
         they are held until the next `move` or `stream`.
 
         Parameters

@@ -351,5 +351,5 @@ class DrivesFile(FileModel):
 
 
 def load_drives(path: Path | str) -> DrivesFile:
-    """Read a drives file; `checked_files.yaml_file.FileError` tells line, value and remedy."""
+    """Read a drives file; `checked_files.yaml_file.FileError` states line, value and remedy."""
     return load_yaml(path, DrivesFile)

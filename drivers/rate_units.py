@@ -13,7 +13,7 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from pydantic import AfterValidator
 
@@ -46,26 +46,41 @@ class RateUnit:
     size: Fraction
 
 
-VELOCITIES = {
-    "inc/s": RateUnit(Per.COUNT, Fraction(1)),
-    "rpm": RateUnit(Per.TURN, Fraction(1, 60)),
-    "mrpm": RateUnit(Per.TURN, Fraction(1, 60_000)),
-    "rps": RateUnit(Per.TURN, Fraction(1)),
-    "deg/s": RateUnit(Per.TURN, Fraction(1, 360)),
-    "rad/s": RateUnit(Per.RADIAN, Fraction(1)),
-    "m/s": RateUnit(Per.METRE, Fraction(1)),
-    "mm/s": RateUnit(Per.METRE, Fraction(1, 1000)),
-}
-ACCELERATIONS = {
-    "inc/s^2": RateUnit(Per.COUNT, Fraction(1)),
-    "rpm/s": RateUnit(Per.TURN, Fraction(1, 60)),
-    "mrpm/s": RateUnit(Per.TURN, Fraction(1, 60_000)),
-    "rps/s": RateUnit(Per.TURN, Fraction(1)),
-    "deg/s^2": RateUnit(Per.TURN, Fraction(1, 360)),
-    "rad/s^2": RateUnit(Per.RADIAN, Fraction(1)),
-    "m/s^2": RateUnit(Per.METRE, Fraction(1)),
-    "mm/s^2": RateUnit(Per.METRE, Fraction(1, 1000)),
-}
+class NamedRate(NamedTuple):
+    """A rate by its two names, of a velocity and of its change per second.
+
+    Attributes
+    ----------
+    velocity, acceleration : str
+        The names in the drives file.
+    unit : RateUnit
+        What they mean.
+    code : tuple of int, optional
+        Numerator and denominator by which 60A9 names the velocity (CiA 303-2), where it can.
+    """
+
+    velocity: str
+    acceleration: str
+    unit: RateUnit
+    code: tuple[int, int] | None
+
+
+INCREMENT, REVOLUTION, DEGREE, RADIAN, METRE = 0xB5, 0xB4, 0x41, 0x10, 0x01
+SECOND, MINUTE = 0x03, 0x47
+"""Codes of CiA 303-2, of what moves and per which time."""
+
+RATES = (
+    NamedRate("inc/s", "inc/s^2", RateUnit(Per.COUNT, Fraction(1)), (INCREMENT, SECOND)),
+    NamedRate("rpm", "rpm/s", RateUnit(Per.TURN, Fraction(1, 60)), (REVOLUTION, MINUTE)),
+    NamedRate("mrpm", "mrpm/s", RateUnit(Per.TURN, Fraction(1, 60_000)), None),
+    NamedRate("rps", "rps/s", RateUnit(Per.TURN, Fraction(1)), (REVOLUTION, SECOND)),
+    NamedRate("deg/s", "deg/s^2", RateUnit(Per.TURN, Fraction(1, 360)), (DEGREE, SECOND)),
+    NamedRate("rad/s", "rad/s^2", RateUnit(Per.RADIAN, Fraction(1)), (RADIAN, SECOND)),
+    NamedRate("m/s", "m/s^2", RateUnit(Per.METRE, Fraction(1)), (METRE, SECOND)),
+    NamedRate("mm/s", "mm/s^2", RateUnit(Per.METRE, Fraction(1, 1000)), None),
+)
+VELOCITIES = {rate.velocity: rate.unit for rate in RATES}
+ACCELERATIONS = {rate.acceleration: rate.unit for rate in RATES}
 
 _RATIO = r"[0-9]{1,12}(?:\.[0-9]{1,12})?(?:\s*/\s*[0-9]{1,12})?"
 _UNIT = re.compile(rf"(?:(?P<factor>{_RATIO})\s+)?(?P<symbol>\S+)")

@@ -14,7 +14,7 @@ from sim_plant.physics import state as st
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from sim_plant.plant_file import Axis, PlantFile
+    from sim_plant.plant_file import PlantAxis, PlantFile
 
     Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def arm(file: PlantFile) -> tuple[tuple[int, ...], Array, Array, Array]:
     return tuple(range(len(bodies))), frames, bodies, np.array(file.gravity)
 
 
-def constants(axis: Axis, file: PlantFile) -> Array:
+def constants(axis: PlantAxis, file: PlantFile) -> Array:
     """What never changes of one axis; see `sim_plant.physics.state`."""
     drive, f = axis.drive, axis.friction
     c = np.zeros(st.N_CONST)
@@ -108,7 +108,7 @@ def _ripple_phases(node: int) -> Array:
     return phases
 
 
-def settings(index: int, axis: Axis) -> DriveSettings:
+def settings(index: int, axis: PlantAxis) -> DriveSettings:
     """What the drive of an axis reports about itself."""
     drive = axis.drive
     per_rad = drive.gear_ratio * drive.increments / math.tau

@@ -150,7 +150,7 @@ class Friction(FileModel):
     """[rad]."""
 
 
-class Axis(FileModel):
+class PlantAxis(FileModel):
     """One joint of the arm with the link behind it."""
 
     name: str
@@ -188,11 +188,11 @@ class PlantFile(FileModel):
     loops: Loops = Loops()
     noise: Noise = Noise()
     payload: Payload | None = None
-    axes: Annotated[tuple[Axis, ...], Field(min_length=1)]
+    axes: Annotated[tuple[PlantAxis, ...], Field(min_length=1)]
 
     @field_validator("axes")
     @classmethod
-    def _nodes_differ(cls, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+    def _nodes_differ(cls, axes: tuple[PlantAxis, ...]) -> tuple[PlantAxis, ...]:
         nodes = [axis.drive.node for axis in axes]
         if len(set(nodes)) < len(nodes):
             raise ValueError(f"nodes {nodes} must differ from one another")

@@ -39,7 +39,7 @@ FRAME = struct.Struct("=IB3x8s")
 _by_identifier = itemgetter(1)
 
 
-Frame: TypeAlias = tuple[float, int, bytes]
+CanFrame: TypeAlias = tuple[float, int, bytes]
 """A data frame that a drive sends: instant [s], 11-bit identifier, data."""
 
 
@@ -80,8 +80,8 @@ class SlaveNetwork:
         self.cycle = self._default_cycle = cycle
         self._clock = clock
         self._timers = Timers()
-        self._past: list[Frame] = []
-        self._present: list[Frame] = []
+        self._past: list[CanFrame] = []
+        self._present: list[CanFrame] = []
         self._stale = True
         self._synced: dict[int, _Synced] = {}
         self._counted: dict[int, _Synced] = {}
@@ -104,24 +104,24 @@ class SlaveNetwork:
         """Time since power-on [s]."""
         return self._timers.now
 
-    def power_on(self) -> list[Frame]:
+    def power_on(self) -> list[CanFrame]:
         """Boot all drives."""
         self._latch()
         for node in self.nodes:
             node.boot()
         return self._take()
 
-    def receive(self, identifier: int, data: bytes) -> list[Frame]:
+    def receive(self, identifier: int, data: bytes) -> list[CanFrame]:
         """Take a data frame with 11-bit identifier; return what the drives send."""
         frames, block = self.answer(identifier, data)
         return frames + self._frames_of(block)
 
-    def answer(self, identifier: int, data: bytes) -> tuple[list[Frame], bytes]:
+    def answer(self, identifier: int, data: bytes) -> tuple[list[CanFrame], bytes]:
         """Do as `receive`, but quicker where SYNC is answered by what every SYNC is answered by.
 
         Returns
         -------
-        frames : list of Frame
+        frames : list of CanFrame
         block : bytes
             Frames of the present instant that follow, as consecutive ``struct can_frame``.
         """
@@ -134,7 +134,7 @@ class SlaveNetwork:
             handle(data)
         return self._take(), b""
 
-    def receive_remote(self, identifier: int) -> list[Frame]:
+    def receive_remote(self, identifier: int) -> list[CanFrame]:
         """Take a remote frame; return what the drives send."""
         if self._stale:
             self._wire()
@@ -142,7 +142,7 @@ class SlaveNetwork:
             answer()
         return self._take()
 
-    def elapse(self, duration: float) -> list[Frame]:
+    def elapse(self, duration: float) -> list[CanFrame]:
         """Let time pass without SYNC [s]; return what the drives send meanwhile."""
         if self._stale:
             self._wire()
@@ -150,7 +150,7 @@ class SlaveNetwork:
         self._latch()
         return self._take()
 
-    def _sync(self, synced: _Synced) -> tuple[list[Frame], bytes]:
+    def _sync(self, synced: _Synced) -> tuple[list[CanFrame], bytes]:
         if self._clock == "sync":
             self._advance(self.cycle)
         actions, reports, block = synced
@@ -172,7 +172,7 @@ class SlaveNetwork:
             self._present += self._frames_of(block.frames)
         return self._take(), b""
 
-    def _frames_of(self, block: bytes) -> list[Frame]:
+    def _frames_of(self, block: bytes) -> list[CanFrame]:
         now = self._timers.now
         return [(now, number, data[:size]) for number, size, data in FRAME.iter_unpack(block)]
 
@@ -205,7 +205,7 @@ class SlaveNetwork:
         """Put the frames of the present instant into arbitration order behind earlier ones."""
         self._past += self._take_present()
 
-    def _take(self) -> list[Frame]:
+    def _take(self) -> list[CanFrame]:
         if self._stale:
             self._wire()
         frames = self._take_present()
@@ -214,7 +214,7 @@ class SlaveNetwork:
         past, self._past = self._past, []
         return past + frames
 
-    def _take_present(self) -> list[Frame]:
+    def _take_present(self) -> list[CanFrame]:
         for act in self._event_actions:
             act()
         frames, self._present = self._present, []

@@ -56,7 +56,7 @@ class FrameLog(can.BusABC):
     ----------
     bus : can.BusABC
     path : Path
-        Where to write; its suffix tells the format.
+        Where to write; its suffix states the format.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class FrameLog(can.BusABC):
         Raises
         ------
         FileError
-            The log cannot be written any more; told once.
+            The log cannot be written any more; raised once.
         """
         trouble, self._trouble = self._trouble, None
         if trouble is not None:
@@ -199,7 +199,7 @@ class FrameLog(can.BusABC):
                 self._empty()
             self._empty()
             self._writer.stop()
-        except Exception as error:  # each format has its own; `recv` tells
+        except Exception as error:  # each format has its own; `recv` raises it
             self._trouble, self._waiting = error, deque(maxlen=0)
             with suppress(Exception):
                 self._writer.stop()

@@ -3,7 +3,7 @@
 A driver that does what it did when the log was written gets the same answers. Each frame that it
 sends is compared with the log; what had been received by then, and up to the next sent one, is
 handed out. Where the two part, an error names the frame: another plan, other drives file or another
-version of the program. Heartbeats of the master go by the clock, tell nothing and are passed over.
+version of the program. Heartbeats of the master go by the clock, show nothing and are passed over.
 
 A log of lock-step is replayed in lock-step. In one of a real bus time is the log's too: it jumps to
 the instant of each frame, and waiting without a frame takes just as long as was asked for. So SYNCs
@@ -91,7 +91,7 @@ class ReplayBus(can.BusABC):
         Raises
         ------
         BusUnavailable
-            The log has another frame here or none any more; told once, then frames are ignored.
+            The log has another frame here or none any more; raised once, then frames are ignored.
         """
         if self._over or is_heartbeat(msg):
             return
@@ -115,7 +115,7 @@ class ReplayBus(can.BusABC):
         Raises
         ------
         BusUnavailable
-            The log breaks off here; told once.
+            The log breaks off here; raised once.
         """
         ends = math.inf if timeout is None or self.lock_step else self._now + timeout
         while self._received and self._instant(self._received[0]) <= ends:

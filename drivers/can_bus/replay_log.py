@@ -1,7 +1,7 @@
 """A log of frames read back: in order, with who sent what and which time it goes by.
 
 Formats differ in what they keep. Where none of the first frames is marked as sent (.csv, .db, or a
-log that `candump` wrote), the predefined connection set (CiA 301) tells who sent it: NMT, SYNC,
+log that `candump` wrote), the predefined connection set (CiA 301) shows who sent it: NMT, SYNC,
 RPDOs and SDO requests are the master's, and so is the heartbeat of a node that answers no SDO. In
 lock-step the plant's time stands still while the master sends, and a log that shows this is
 one of lock-step.
@@ -26,7 +26,7 @@ _HEARTBEAT = 0x700
 
 
 def is_heartbeat(frame: can.Message) -> bool:
-    """Tell whether a frame is a heartbeat or boot-up of some node."""
+    """Whether a frame is a heartbeat or boot-up of some node."""
     return frame.arbitration_id & ~0x7F == _HEARTBEAT and not frame.is_extended_id
 
 

@@ -12,7 +12,7 @@ from drivers.fieldbus import Entry
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class VendorObject:
     """A maker's object and what one count of it is in SI units."""
 
     entry: Entry
@@ -34,17 +34,17 @@ class Maker:
 
     Attributes
     ----------
-    rated_current : Quantity
+    rated_current : VendorObject
         Of the motor [A].
-    torque_constant : Quantity
+    torque_constant : VendorObject
         Of the motor [N m/A].
-    brake_delay : Quantity
+    brake_delay : VendorObject
         Time that the holding brake takes to close [s].
     """
 
-    rated_current: Quantity
-    torque_constant: Quantity
-    brake_delay: Quantity
+    rated_current: VendorObject
+    torque_constant: VendorObject
+    brake_delay: VendorObject
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -55,9 +55,9 @@ class Maker:
 
 MAKERS = {
     0xFB: Maker(  # maxon, EPOS4 and IDX
-        rated_current=Quantity(Entry(0x3001, 1, "u32", "nominal current"), 1e-3),
-        torque_constant=Quantity(Entry(0x3001, 5, "u32", "torque constant"), 1e-6),
-        brake_delay=Quantity(Entry(0x3158, 2, "u16", "holding brake fall time"), 1e-3),
+        rated_current=VendorObject(Entry(0x3001, 1, "u32", "nominal current"), 1e-3),
+        torque_constant=VendorObject(Entry(0x3001, 5, "u32", "torque constant"), 1e-6),
+        brake_delay=VendorObject(Entry(0x3158, 2, "u16", "holding brake fall time"), 1e-3),
     )
 }
 """By vendor."""

@@ -1,7 +1,7 @@
 """Error codes of drives in words: the emergency object (EMCY) and object 603F.
 
 An EMCY frame holds an error code (u16), the error register (1001, u8) and five bytes of the
-maker's own. Codes are hierarchical: where a code itself is unknown, its class still tells what
+maker's own. Codes are hierarchical: where a code itself is unknown, its class still states what
 kind of trouble it is. Code 0000 says that the error has gone. Texts follow CiA 402-2, table of
 error codes, and CiA 301.
 """

@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
 from drivers.cia402.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
-from drivers.cia402.set_point import ENABLED, HALTED, Phase, SetPoint, Standstill, Stopping
+from drivers.cia402.set_point import (
+    ENABLED,
+    HALTED,
+    HaltedAxis,
+    Phase,
+    SetPoint,
+    Standstill,
+)
 from drivers.drive_bus import MoveFailed, SampleFlag
 
 if TYPE_CHECKING:
@@ -42,7 +49,7 @@ _MISSING = SampleFlag.MISSING.value
 
 @dataclass(slots=True)
 class _Motion:
-    command: SetPoint | Stopping
+    command: SetPoint | HaltedAxis
     deadline: float
     duration: float
     start: float = 0.0
@@ -100,7 +107,7 @@ class ProfilePosition:
         for axis, drive in enumerate(self._axes):
             self._process_data.command(axis, self._position(axis), HALTED)
             duration = drive.limits.velocity / self.deceleration(axis)
-            command = Stopping(self._standstill(axis))
+            command = HaltedAxis(self._standstill(axis))
             self.active[axis] = _Motion(command, self._deadline(duration), duration)
 
     def velocity(self, axis: int) -> float:
@@ -189,7 +196,7 @@ class ProfilePosition:
 
     def _failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
         place, q = self._servers[axis].label, self._scales[axis].position_from_counts(position)
-        if isinstance(motion.command, Stopping):
+        if isinstance(motion.command, HaltedAxis):
             return MoveFailed(f"{place}: does not come to rest after halt, q = {q:g}; check load")
         target = self._scales[axis].position_from_counts(motion.command.target)
         phase = motion.command.phase

@@ -1,7 +1,7 @@
 """What the drives reported, as a `Sample`: counts become SI, gaps become NaN.
 
 A regular sample is two products and a difference per axis; the flags of limits change with the
-statuswords only, so they are told by whoever notices that.
+statuswords only, so whoever notices that notes them.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Phase(enum.Enum):
 
 @dataclass(slots=True)
 class Standstill:
-    """Tells from positions alone whether an axis rests.
+    """Decides from positions alone whether an axis rests.
 
     An axis rests when its position stayed within `band` of one value for `count` samples.
 
@@ -107,8 +107,8 @@ class SetPoint:
 
 
 @dataclass(slots=True)
-class Stopping:
-    """An axis that was told to come to rest; the same interface as `SetPoint`.
+class HaltedAxis:
+    """An axis that was commanded to come to rest; the same interface as `SetPoint`.
 
     Attributes
     ----------

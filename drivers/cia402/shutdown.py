@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
 from drivers.cia402.set_point import Standstill
-from drivers.cia402.stop import AxisStop, Phase
+from drivers.cia402.stop import AxisStop, StopPhase
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
@@ -105,7 +105,9 @@ class Shutdown:
     @property
     def off(self) -> tuple[bool, ...]:
         """Which drives have shown that they are off, in joint order."""
-        return tuple(stop.phase is Phase.OFF for stop in self._stops) or (False,) * len(self._axes)
+        return tuple(stop.phase is StopPhase.OFF for stop in self._stops) or (False,) * len(
+            self._axes
+        )
 
     def begin(self, speeds: Sequence[float], decelerations: Sequence[float]) -> None:
         """Command all axes to stop, at once; does nothing where that was done.
@@ -145,19 +147,20 @@ class Shutdown:
 
     def await_rest(self) -> None:
         """Let time pass until no axis is left that may still be moving under power."""
-        while any(stop.phase in {Phase.STOPPING, Phase.DISABLING} for stop in self._stops):
+        while any(stop.phase in {StopPhase.STOPPING, StopPhase.DISABLING} for stop in self._stops):
             self._cycle()
 
     def switch_off(self) -> None:
         """Switch off all axes; those that do not show it are left to their watchdogs."""
         self.await_rest()
         while any(
-            stop.phase is Phase.RESTING and stop.rested(self._process_data.now()) < axis.brake_delay
+            stop.phase is StopPhase.RESTING
+            and stop.rested(self._process_data.now()) < axis.brake_delay
             for stop, axis in zip(self._stops, self._axes, strict=True)
         ):
             self._cycle()
         for stop in self._stops:
-            if stop.phase is Phase.RESTING:
+            if stop.phase is StopPhase.RESTING:
                 stop.disable(self._process_data.now())
         while not all(stop.ended for stop in self._stops):
             self._cycle()
@@ -219,7 +222,7 @@ class Shutdown:
             )
             if stop.overrun is not overrun:
                 self.problems.append(self._overran(axis, stop))
-            if stop.phase is Phase.LOST:
+            if stop.phase is StopPhase.LOST:
                 self._life_sign.cease()
             if command is not None:
                 self._command(axis, stop, command)
@@ -238,10 +241,10 @@ class Shutdown:
         """Ask drives by SDO whose TPDOs stay away, and switch them off that way."""
         ends = monotonic() + ASK_TIME
         for axis, (server, stop) in enumerate(zip(self._servers, self._stops, strict=True)):
-            if stop.phase is Phase.UNSEEN and monotonic() < ends:
+            if stop.phase is StopPhase.UNSEEN and monotonic() < ends:
                 try:
                     self._switch_off_by_sdo(server)
-                    stop.phase = Phase.OFF
+                    stop.phase = StopPhase.OFF
                 except Exception as error:
                     self._refused[axis] = str(error)
 
@@ -260,7 +263,7 @@ class Shutdown:
             resting = [rest.update(p) for rest, p in zip(rests, positions, strict=True)]
         sagged: list[str] = []
         for axis, stop in enumerate(self._stops):
-            if stop.phase is Phase.OFF and stop.left_at is not None:
+            if stop.phase is StopPhase.OFF and stop.left_at is not None:
                 way = abs(self._process_data.positions[axis] - stop.left_at) * self._per_count[axis]
                 sagged += self._judged(axis, stop, way, resting=resting[axis])
         return sagged
@@ -283,8 +286,8 @@ class Shutdown:
             self._process_data.now() + self._reaction_time,
             monotonic() + self._reaction_time,
         )
-        lost = [stop for stop in self._stops if stop.phase is not Phase.OFF]
-        while any(stop.phase is not Phase.OFF for stop in lost):
+        lost = [stop for stop in self._stops if stop.phase is not StopPhase.OFF]
+        while any(stop.phase is not StopPhase.OFF for stop in lost):
             if self._process_data.now() > ends or monotonic() > gives_up:
                 break  # in lock-step with a plant that is gone a period takes long
             self._cycle()
@@ -292,12 +295,12 @@ class Shutdown:
             f"{server.label}: did not switch off when commanded; its own reaction to the loss of "
             "our heartbeat did it"
             for server, stop in zip(self._servers, self._stops, strict=True)
-            if stop in lost and stop.phase is Phase.OFF
+            if stop in lost and stop.phase is StopPhase.OFF
         ]
 
     def _left_on(self) -> Iterable[str]:
         for axis, (server, stop) in enumerate(zip(self._servers, self._stops, strict=True)):
-            if stop.phase is not Phase.OFF:
+            if stop.phase is not StopPhase.OFF:
                 shown = "nothing" if stop.state is None else stop.state.value
                 why = f" ({self._refused[axis]})" if axis in self._refused else ""
                 yield (

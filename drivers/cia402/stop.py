@@ -78,7 +78,7 @@ class StopBound(NamedTuple):
         return cls(window + speed * (STOP_DELAY + age + braking / 2), STOP_DELAY + braking)
 
 
-class Phase(enum.Enum):
+class StopPhase(enum.Enum):
     """How far the stop of an axis has come."""
 
     STOPPING = "is commanded to stop"
@@ -111,7 +111,7 @@ class AxisStop:
 
     Attributes
     ----------
-    phase : Phase
+    phase : StopPhase
         How far it has come.
     state : State or None
         What it showed at the last SYNC, None where that is unknown.
@@ -134,7 +134,7 @@ class AxisStop:
         settling: float,
         delay: float = 0.0,
     ) -> None:
-        self.phase = Phase.STOPPING
+        self.phase = StopPhase.STOPPING
         self.overrun: tuple[float, float] | None = None
         self.state: State | None = None
         self._seen, self._origin = time, position
@@ -154,7 +154,7 @@ class AxisStop:
     @property
     def ended(self) -> bool:
         """Nothing is to be commanded any more."""
-        return self.phase in {Phase.OFF, Phase.UNSEEN, Phase.LOST}
+        return self.phase in {StopPhase.OFF, StopPhase.UNSEEN, StopPhase.LOST}
 
     @property
     def bound(self) -> StopBound:
@@ -167,30 +167,30 @@ class AxisStop:
         if self._begun is not None:
             return None
         return {
-            Phase.STOPPING: Command.QUICK_STOP,
-            Phase.DISABLING: Command.DISABLE_VOLTAGE,
+            StopPhase.STOPPING: Command.QUICK_STOP,
+            StopPhase.DISABLING: Command.DISABLE_VOLTAGE,
         }.get(self.phase)
 
     def sent(self, time: float) -> None:
         """Take note that the command of this phase went out [s]."""
-        self._confirmed |= self.phase is Phase.OFF
+        self._confirmed |= self.phase is StopPhase.OFF
         if self._begun is None:
             self._begun = time
-            if self.phase is Phase.STOPPING:
+            if self.phase is StopPhase.STOPPING:
                 self._bound = self._bound_at(time)
 
     def rested(self, time: float) -> float:
         """Return for how long it has been standing still [s], 0 while it moves."""
-        return time - self._rested if self.phase is Phase.RESTING else 0.0
+        return time - self._rested if self.phase is StopPhase.RESTING else 0.0
 
     def disable(self, time: float) -> None:
         """Go on to switching off, unless that was reached already."""
-        if self.phase in {Phase.STOPPING, Phase.RESTING, Phase.OFF}:
-            self._returns += self.phase is Phase.OFF
+        if self.phase in {StopPhase.STOPPING, StopPhase.RESTING, StopPhase.OFF}:
+            self._returns += self.phase is StopPhase.OFF
             if self._returns <= RETURNS:
                 self._begun, self._asked = None, time  # else the time that has passed counts
-            self._moving = self.phase is Phase.STOPPING
-            self.phase = Phase.DISABLING
+            self._moving = self.phase is StopPhase.STOPPING
+            self.phase = StopPhase.DISABLING
 
     def step(self, time: float, word: int, position: int, *, fresh: bool) -> Command | None:
         """Take one SYNC; return what to command.
@@ -207,46 +207,48 @@ class AxisStop:
         self.state = decode_state(word) if fresh else None
         if self.state in SHOWN_OFF:
             self._take_off(position)
-        elif self.state in _UNUSED or (self.state and self.phase is Phase.OFF):
+        elif self.state in _UNUSED or (self.state and self.phase is StopPhase.OFF):
             self.disable(time)
-        elif self.phase in {Phase.STOPPING, Phase.RESTING}:
+        elif self.phase in {StopPhase.STOPPING, StopPhase.RESTING}:
             self._watch(time, position, fresh=fresh)
-        if self.phase is Phase.DISABLING:
+        if self.phase is StopPhase.DISABLING:
             self._await_off(time, fresh=fresh)
         match self.phase:
-            case Phase.STOPPING if self.state not in _OBEYING:
+            case StopPhase.STOPPING if self.state not in _OBEYING:
                 return Command.QUICK_STOP
-            case Phase.DISABLING:
+            case StopPhase.DISABLING:
                 return Command.DISABLE_VOLTAGE
-            case Phase.OFF if not self._confirmed:  # the last word is never that of a quick stop
+            case StopPhase.OFF if (
+                not self._confirmed
+            ):  # the last word is never that of a quick stop
                 return Command.DISABLE_VOLTAGE
         return None
 
     def hang(self) -> None:
         """Give up what takes too long: it does not show any more whether it is off."""
         if not self.ended:
-            self.phase = Phase.UNSEEN
+            self.phase = StopPhase.UNSEEN
 
     def give_up(self) -> None:
         """Take note that it moves although it shows that it is off: only standstill counts now."""
-        self._adrift, self.phase = True, Phase.LOST
+        self._adrift, self.phase = True, StopPhase.LOST
 
     def _take_off(self, position: int) -> None:
         if self.left_at is None:
             self.left_at = position
         if not self._adrift or self._rest.update(position):
-            self.phase, self._adrift = Phase.OFF, False
+            self.phase, self._adrift = StopPhase.OFF, False
 
     def _watch(self, time: float, position: int, *, fresh: bool) -> None:
         way = abs(position - self._origin)
         rests = fresh and self._rest.update(position) and self.state in _OBEYING
-        if rests and self.phase is Phase.STOPPING:
-            self.phase, self._rested = Phase.RESTING, time
-        came_back = self.phase is Phase.RESTING and self.state is State.OPERATION_ENABLED
+        if rests and self.phase is StopPhase.STOPPING:
+            self.phase, self._rested = StopPhase.RESTING, time
+        came_back = self.phase is StopPhase.RESTING and self.state is State.OPERATION_ENABLED
         self._obeyed |= self.state in _OBEYING
         deaf = fresh and not self._obeyed
         patience = STOP_DELAY if deaf else self._bound.time
-        late = self.phase is Phase.STOPPING and self._overdue(time, patience, fresh=fresh)
+        late = self.phase is StopPhase.STOPPING and self._overdue(time, patience, fresh=fresh)
         far = fresh and way > self._bound.way
         if late or far or came_back:
             self.overrun = (way, time - self._seen) if fresh else None
@@ -256,13 +258,13 @@ class AxisStop:
         if not self._overdue(time, OFF_TIME_MOVING if self._moving else OFF_TIME, fresh=fresh):
             return
         if self.state is State.READY_TO_SWITCH_ON:
-            self.phase = Phase.OFF  # it keeps its voltage, and cannot turn its motor
+            self.phase = StopPhase.OFF  # it keeps its voltage, and cannot turn its motor
         else:
-            self.phase = Phase.LOST if fresh else Phase.UNSEEN
+            self.phase = StopPhase.LOST if fresh else StopPhase.UNSEEN
 
     def _overdue(self, time: float, bound: float, *, fresh: bool) -> bool:
         if self._begun is None and not fresh:  # the bus takes nothing and brings nothing
-            unsent = UNSENT_TIME if self.phase is Phase.STOPPING else OFF_TIME_MOVING
+            unsent = UNSENT_TIME if self.phase is StopPhase.STOPPING else OFF_TIME_MOVING
             return time - self._asked > unsent
         begun = self._asked if self._begun is None else self._begun
         return time - begun > bound + self._settling

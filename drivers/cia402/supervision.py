@@ -35,7 +35,7 @@ class Supervision:
     Attributes
     ----------
     emergency : bool
-        An emergency has come of which it is not yet told whether it was a warning.
+        An emergency has come of which it is not yet reported whether it was a warning.
     """
 
     def __init__(self, servers: Sequence[Objects]) -> None:

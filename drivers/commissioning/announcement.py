@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
 
-Place = tuple[int, int]
+Address = tuple[int, int]
 
 LATER = (
     *objects.INTERPOLATION,
@@ -40,7 +40,7 @@ LATER = (
     mapping_count(0x1A01),
 )
 """What may be written beside: where a path is streamed, where TPDO 1 turns out to be fixed."""
-FURTHEST: Place = (0x1A00, 3)
+FURTHEST: Address = (0x1A00, 3)
 """The entry of TPDO 1 that drives with room for two objects refuse."""
 IF_SHORT = "if TPDO 1 takes fewer objects"
 _NO_ENTRY = 0x06090011
@@ -143,7 +143,7 @@ class _Rehearsal:
 
     def __init__(self, server: RemoteDictionary, layer: Callable[[SdoClient], _Layer]) -> None:
         self.found: dict[Entry, int] = {}
-        self._entries: dict[Place, Entry] = {}
+        self._entries: dict[Address, Entry] = {}
 
         def behind(client: SdoClient) -> SdoClient:
             self.layer = layer(client)
@@ -153,11 +153,11 @@ class _Rehearsal:
         self.shown.first_write = self._keep
 
     @property
-    def written(self) -> Mapping[Place, bytes]:
+    def written(self) -> Mapping[Address, bytes]:
         """What the layer keeps to itself."""
         return self.layer.written
 
-    def changes(self, besides: Mapping[Place, bytes] | None = None) -> Iterator[Change]:
+    def changes(self, besides: Mapping[Address, bytes] | None = None) -> Iterator[Change]:
         """Yield what would be another value on the drive, but what is in `besides`."""
         held = {(entry.index, entry.subindex): value for entry, value in self.found.items()}
         for place, data in self.written.items():
@@ -178,11 +178,11 @@ class _Layer:
     """A client that keeps to itself what is written, and asks the drive for each object once."""
 
     def __init__(self, drive: SdoClient) -> None:
-        self.written: dict[Place, bytes] = {}
+        self.written: dict[Address, bytes] = {}
         self._drive = drive
-        self._answers: dict[Place, bytes | SdoAbortedError] = {}
+        self._answers: dict[Address, bytes | SdoAbortedError] = {}
         self._shown = {(by.index, by.subindex): what for what, by in _SHOWN_BY.items()}
-        self._lacks: frozenset[Place] = frozenset()
+        self._lacks: frozenset[Address] = frozenset()
 
     def shorter(self, _: SdoClient) -> _Layer:
         """Return another one over the same drive, if its TPDO 1 took two objects only."""

@@ -1,7 +1,7 @@
 """Rated current and rated torque of a drive's motor (6075, 6076) beside those of the drives file.
 
 By the standard 6075 is in mA and 6076 in mN m; some makers state 6076 in uN m. A factor of thousand
-scales every torque and every torque limit, so the unit is stated in the file, and two things tell
+scales every torque and every torque limit, so the unit is stated in the file, and two things show
 it: the value that the file expects, and rated current times torque constant, which must lead to the
 rated torque. These need not meet exactly (rms and peak, warm and cold magnets), but never differ by
 hundreds. Where a maker's own objects state current and constant, they are compared too.
@@ -21,7 +21,7 @@ from drivers.drives_file import Basis, TorqueUnit
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.canopen.vendor_objects import Quantity
+    from drivers.canopen.vendor_objects import VendorObject
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
@@ -144,7 +144,7 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
     )
 
 
-def _constant(quantity: Quantity, counts: int, stated: float) -> Comparison:
+def _constant(quantity: VendorObject, counts: int, stated: float) -> Comparison:
     """Compare the torque constant, of which it is not said whether of rms or peak."""
     return compared(
         _within(quantity.value(counts) / stated, ALIKE),

@@ -16,17 +16,18 @@ import math
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar
 
+from drivers.rate_units import DEGREE, INCREMENT, METRE, RADIAN, RATES, REVOLUTION, SECOND
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 Code = TypeVar("Code", int, tuple[int, int, int])
 
-INCREMENT, REVOLUTION, DEGREE, RADIAN, METRE = 0xB5, 0xB4, 0x41, 0x10, 0x01
 MINUTE_OF_ARC, SECOND_OF_ARC = 0x42, 0x43
 POWERS = range(-12, 7)
 """Powers of ten that a unit may have; others are taken for unknown codes."""
 
-_SECOND, _MINUTE, _SECOND_SQUARED, _RPM = 0x03, 0x47, 0x57, 0xC0
+_SECOND_SQUARED, _RPM = 0x57, 0xC0
 
 POSITIONS = {
     INCREMENT: "inc",
@@ -46,25 +47,17 @@ ANGLES = {
 }
 """Units in one revolution; that of the radian is rounded to a double."""
 
-VELOCITIES = {
-    (INCREMENT, _SECOND, 0): "inc/s",
-    (REVOLUTION, _SECOND, 0): "rps",
-    (REVOLUTION, _MINUTE, 0): "rpm",
-    (DEGREE, _SECOND, 0): "deg/s",
-    (RADIAN, _SECOND, 0): "rad/s",
-    (METRE, _SECOND, 0): "m/s",
-}
+VELOCITIES = {(*rate.code, 0): rate.velocity for rate in RATES if rate.code}
 ACCELERATIONS = {
-    (INCREMENT, _SECOND_SQUARED, 0): "inc/s^2",
-    (REVOLUTION, _SECOND_SQUARED, 0): "rps/s",
-    (DEGREE, _SECOND_SQUARED, 0): "deg/s^2",
-    (RADIAN, _SECOND_SQUARED, 0): "rad/s^2",
-    (METRE, _SECOND_SQUARED, 0): "m/s^2",
-    (_RPM, _SECOND, 0): "rpm/s",
-    (REVOLUTION, _MINUTE, _SECOND): "rpm/s",
-    (REVOLUTION, _SECOND, _SECOND): "rps/s",
-    (INCREMENT, _SECOND, _SECOND): "inc/s^2",
+    **{(*rate.code, SECOND): rate.acceleration for rate in RATES if rate.code},
+    **{
+        (rate.code[0], _SECOND_SQUARED, 0): rate.acceleration
+        for rate in RATES
+        if rate.code and rate.code[1] == SECOND
+    },
+    (_RPM, SECOND, 0): "rpm/s",
 }
+"""Per second twice, as two units of time or as one squared."""
 
 
 def power_of(word: int) -> int:

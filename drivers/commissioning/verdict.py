@@ -71,8 +71,8 @@ def graded(
 
 
 def unknown(place: str, check: str, remedy: str) -> Verdict:
-    """Return the warning that a drive does not tell something."""
-    return Verdict(Grade.WARNING, place, check, "the drive does not tell", remedy=remedy)
+    """Return the warning that a drive does not state something."""
+    return Verdict(Grade.WARNING, place, check, "the drive does not state it", remedy=remedy)
 
 
 def refused(place: str, check: str, error: DriveError) -> Verdict:

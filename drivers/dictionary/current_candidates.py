@@ -53,7 +53,7 @@ class CurrentCandidate:
     usable : bool
         An integer of 16 or 32 bits that a PDO can carry, as far as is known.
     basis : Basis or None
-        What the standard says that a count is; None where only the manual can tell.
+        What the standard says that a count is; None where only the manual states it.
     why : str
         What speaks for it, or why it cannot be used.
     """

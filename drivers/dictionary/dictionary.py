@@ -1,8 +1,8 @@
-"""What an object dictionary declares, be it told by a data sheet (EDS, DCF) or by a live drive.
+"""What an object dictionary declares, by a data sheet (EDS, DCF) or by a live drive.
 
 The two know different things. A data sheet knows names, access and what can be mapped, and only the
 maker's defaults; a live drive knows values, and keeps silent about the rest. What is not known is
-None, so that whoever judges a dictionary can tell "no" from "not said".
+None, so that whoever judges a dictionary can distinguish "no" from "not said".
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Dictionary:
     entries : mapping of (index, sub-index) to Declared
         What there is.
     damaged : mapping of (index, sub-index) to str
-        What is declared in a way that cannot be understood; told when it is asked for.
+        What is declared in a way that cannot be understood; raised when it is asked for.
     unanswered : mapping of (index, sub-index) to str
         What a live drive neither gave nor denied, and how it refused.
     node, bitrate : int or None

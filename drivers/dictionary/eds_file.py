@@ -3,9 +3,9 @@
 Files in the wild break CiA 306 in every way that does no harm: section names and keys in any case,
 Latin-1, byte order marks, sections twice, hex without or with a sign, no PDOMapping, objects that
 are listed and not described. Such things are mended and noted. What cannot be understood is kept as
-`Dictionary.damaged` and told with file, line and section by whoever needs that object, so that a
-wrong section about an unused input does not keep anyone from working. canopen's own reader gives up
-at the first of them, and takes its types from the file alone.
+`Dictionary.damaged` and reported with file, line and section by whoever needs that object, so that
+a wrong section about an unused input does not keep anyone from working. canopen's own reader gives
+up at the first of them, and takes its types from the file alone.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class _Reading:
         return None
 
     def is_number(self, section: Section) -> bool:
-        """Tell whether an object is a number of its own, not the head of an array or record."""
+        """Whether an object is a number of its own, not the head of an array or record."""
         try:
             return number(section.get("objecttype")) not in {ARRAY, RECORD}
         except NoNumber:

@@ -53,7 +53,7 @@ class Section:
 
 
 def sections_of(raw: bytes, source: str) -> tuple[dict[str, Section], list[str]]:
-    """Split a file into sections, by name in lower case, and tell what was mended.
+    """Split a file into sections, by name in lower case, and return what was mended.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """What an object dictionary offers for measuring, and what each gap in it means.
 
 The same review serves a data sheet that lies on the desk, a drive that a scan has found and a drive
-that is about to be used: `review` takes a `Dictionary`, whatever told it, and does no I/O. Each
+that is about to be used: `review` takes a `Dictionary`, whatever its source, and does no I/O. Each
 `Finding` says what is lacking and what follows. One that is `fatal` keeps the drive from being used
 at all; of what a live drive left unanswered nothing is concluded but that it must be looked up.
 """

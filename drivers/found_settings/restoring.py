@@ -41,8 +41,6 @@ _PDO_SPAN = 0x1C00
 _ROUNDS = 2
 """Limits may depend on each other: what a drive refuses at first is tried again once."""
 
-Place = tuple[int, int]
-
 
 class NotTakenBack(DriveRefused):
     """A drive holds again what it held but for some values that it does not take.

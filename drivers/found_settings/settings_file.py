@@ -68,7 +68,7 @@ LONGEST_NAME = 200
 Name = Annotated[str, BeforeValidator(_printable)]
 
 
-Place = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
+BusName = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
 """Name of an interface or a channel: of such characters as a terminal does not obey."""
 
 
@@ -211,8 +211,8 @@ class FoundSettings(FileModel):
     restored: bool = False
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
     sdo_timeout: Annotated[float, Field(ge=0.01, le=30)] = 0.5
-    interface: Place | None = None
-    channel: Place | None = None
+    interface: BusName | None = None
+    channel: BusName | None = None
     drives: tuple[FoundDrive, ...] = ()
 
     @model_validator(mode="after")

@@ -148,4 +148,4 @@ def _apart(one: float, other: float) -> float:
 
 def _cannot_tell(place: str, found: str) -> Verdict:
     remedy = "move farther, or an axis that carries a load; else take it from the drive's manual"
-    return Verdict(Grade.WARNING, place, CHECK, f"cannot tell here, {found}", remedy=remedy)
+    return Verdict(Grade.WARNING, place, CHECK, f"undecided: {found}", remedy=remedy)

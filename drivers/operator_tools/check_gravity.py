@@ -97,4 +97,4 @@ def _torque(gravity: Gravity, pose: NDArray[np.float64], number: int, q: float) 
 
 
 def _cannot_tell(place: str, found: str, remedy: str, bound: str = "") -> Verdict:
-    return Verdict(Grade.WARNING, place, CHECK, f"cannot tell here, {found}", bound, remedy)
+    return Verdict(Grade.WARNING, place, CHECK, f"undecided: {found}", bound, remedy)

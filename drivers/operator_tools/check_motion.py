@@ -126,7 +126,7 @@ def _current_sign(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Ve
     found = f"friction {friction:+.3g} ± {error:.2g} {force}"
     bound = "along the motion: positive"
     if not abs(friction) > SIGNIFICANT * error:
-        remedy = "too little to tell: move farther, or make sure that this is the motor's current"
+        remedy = "too little to decide: move farther, or make sure that this is the motor's current"
         return Verdict(Grade.WARNING, place, "sign of the current", found, bound, remedy)
     return graded(
         friction > 0,

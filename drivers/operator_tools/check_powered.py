@@ -172,7 +172,7 @@ def _hold(axes: CanopenDriveBus, operator: Operator) -> list[Sample]:
 def _direction(
     axes: CanopenDriveBus, label: str, drive: AxisDrive, way: float, operator: Operator
 ) -> Verdict:
-    """Which way the joint turned, and how far, only eyes can tell."""
+    """Which way the joint turned, and how far, only eyes can see."""
     moved, check = shown_way(drive, way), "sign and size of the motion"
     if not operator.present:
         remedy = "nobody was asked: see that a jog turns the joint as the robot file has it"

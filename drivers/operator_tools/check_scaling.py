@@ -2,7 +2,7 @@
 
 Torques are proportional to the rated values, positions to encoder and gear: an error of any of
 them is an error of every result of the axis and shows in no residual. So each is read by SDO,
-nothing is written, and a contradiction is refused. What a drive does not tell stays on trust, and
+nothing is written, and a contradiction is refused. What a drive does not state stays on trust, and
 that is said too.
 """
 

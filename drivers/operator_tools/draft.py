@@ -1,4 +1,4 @@
-"""A first drives file from what dictionaries tell; the rest is left to be stated, line by line.
+"""A first drives file from what dictionaries state; the rest is left to be stated, line by line.
 
 A value stands in the draft only where a drive has it: read from the drive, set in its configuration
 file, or fixed by its maker. A default of a data sheet is no such thing (the motor is another one),
@@ -164,9 +164,9 @@ def _identity(dictionary: Dictionary) -> Iterator[str]:
         hint = f"{place} of the drive, a number such as 0x{0x4D2:X}: `hil scan` shows it"
         yield "  " + _line(key, shown, "", hint)
     if dictionary.revision is not None:
-        told = f"revision: 0x{dictionary.revision:X}"
+        revision = f"revision: 0x{dictionary.revision:X}"
         certain = "" if dictionary.live else "# of the data sheet, add it to have it compared: "
-        yield f"  {certain}{told}"
+        yield f"  {certain}{revision}"
 
 
 def _drive_train(dictionary: Dictionary) -> Iterator[str]:

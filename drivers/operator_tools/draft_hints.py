@@ -14,6 +14,7 @@ from drivers.cia402 import objects
 from drivers.commissioning import unit_codes
 from drivers.commissioning.position_units import PositionFactors, position_readings, shown
 from drivers.drives_file import Basis
+from drivers.rate_units import ACCELERATIONS, VELOCITIES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,13 +36,14 @@ _NAMES = {
 
 def velocity_unit(dictionary: Dictionary) -> tuple[str | None, str]:
     """Return the unit of velocities if it is certain, and what to state otherwise."""
-    choice = "unit of velocities in the drive (6081): inc/s, rpm, 0.1 rpm, mrpm, rps, deg/s or so"
+    choice = f"unit of velocities in the drive (6081), such as 0.1 rpm: {', '.join(VELOCITIES)}"
     return _unit(dictionary, objects.VELOCITY_UNIT, unit_codes.velocity_of, choice)
 
 
 def acceleration_unit(dictionary: Dictionary) -> tuple[str | None, str]:
     """Return the unit of accelerations if it is certain, and what to state otherwise."""
-    choice = "unit of accelerations in the drive (6083): inc/s^2, rpm/s, 0.1 rpm/s, rps/s or so"
+    names = ", ".join(ACCELERATIONS)
+    choice = f"unit of accelerations in the drive (6083), such as 0.1 rpm/s: {names}"
     return _unit(dictionary, objects.ACCELERATION_UNIT, unit_codes.acceleration_of, choice)
 
 
@@ -87,7 +89,7 @@ def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
 
 
 def default_of(dictionary: Dictionary, entry: Entry) -> str:
-    """Return a remark on a data sheet's default, empty where there is none worth telling."""
+    """Return a remark on a data sheet's default, empty where none is worth a remark."""
     default = _default(dictionary, entry)
     return f"; the data sheet's default of {entry.index:04X} is {default}" if default else ""
 

@@ -18,7 +18,7 @@ from drivers.drives_file import TorqueUnit
 from drivers.operator_tools.draft_hints import also_named, default_of
 
 if TYPE_CHECKING:
-    from drivers.canopen.vendor_objects import Quantity
+    from drivers.canopen.vendor_objects import VendorObject
     from drivers.dictionary.dictionary import Dictionary
 
 CONSTANT_MAX = 20.0
@@ -60,7 +60,7 @@ class Ratings:
         return cls(current, *_rated_torque(dictionary, current, constant), constant)
 
 
-def _rated_current(dictionary: Dictionary, own: Quantity | None) -> Drafted:
+def _rated_current(dictionary: Dictionary, own: VendorObject | None) -> Drafted:
     present = dictionary.value(objects.RATED_CURRENT)
     hint = "rated current of the motor [A], which the drive's per mille refer to"
     hint += default_of(dictionary, objects.RATED_CURRENT)
@@ -71,13 +71,13 @@ def _rated_current(dictionary: Dictionary, own: Quantity | None) -> Drafted:
     )
 
 
-def _torque_constant(dictionary: Dictionary, own: Quantity | None) -> Drafted:
+def _torque_constant(dictionary: Dictionary, own: VendorObject | None) -> Drafted:
     hint = "motor torque over current [N m/A], from the motor's data sheet"
     hint += also_named(dictionary, "torque_constant")
     return _own(dictionary, own, "N m/A") or Drafted(None, "", hint)
 
 
-def _own(dictionary: Dictionary, own: Quantity | None, unit: str) -> Drafted | None:
+def _own(dictionary: Dictionary, own: VendorObject | None, unit: str) -> Drafted | None:
     """What a maker's own object is configured to."""
     counts = dictionary.value(own.entry) if own else None
     if own is None or not counts:

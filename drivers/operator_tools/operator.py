@@ -1,4 +1,4 @@
-"""Who supervises a motion: confirms it, can stop it at any time, and is asked what only eyes tell.
+"""Who supervises a motion: confirms it, can stop it at any time, and is asked what only eyes see.
 
 The logic of probing sees this protocol; terminal and keyboard stand behind it. Keys are polled
 between two SYNCs, for powered axes want to be served while somebody thinks.

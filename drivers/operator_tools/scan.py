@@ -1,6 +1,6 @@
 """Who is on the bus: all 127 node numbers, by what is heard and by who answers.
 
-First the scan only listens: heartbeats, boot-ups and emergencies tell of nodes that answer no SDO,
+First the scan only listens: heartbeats, boot-ups and emergencies show nodes that answer no SDO,
 and a SYNC of another master. Then every number is asked for its device type (1000), all in a row,
 which takes no longer than one time-out; and of each node that answers, what a review needs is read.
 Nothing is written, no state of a node changes and nothing is energised: the only frames sent are

@@ -52,7 +52,7 @@ class Stroke:
     time, q, tau : ndarray, shape (n,)
         Of each SYNC [s], [rad], [N m]; NaN where the TPDO is missing.
     following_error : float
-        The largest that the drive showed [rad]; NaN where it does not tell.
+        The largest that the drive showed [rad]; NaN where it does not show one.
     """
 
     move: Move

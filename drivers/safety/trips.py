@@ -93,7 +93,7 @@ class Trips:
         self._highs[axis] = max(high, self._highs[axis]) if moving else high
 
     def follow(self, lows: Sequence[int], highs: Sequence[int]) -> None:
-        """Let all axes be between `lows` and `highs` [increments] until told otherwise."""
+        """Let all axes be between `lows` and `highs` [increments] until others are given."""
         self._lows, self._highs = list(lows), list(highs)
 
     def look(self, time: float, process_data: ProcessData) -> Tripped | None:

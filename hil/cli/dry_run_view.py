@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.planning.dry_run import DryRun
 
 SHOWN = 10
-"""Problems that are told one by one."""
+"""Problems that are shown one by one."""
 
 
 def render(result: DryRun, console: Console) -> None:

@@ -90,7 +90,7 @@ def run(
     from drivers.open_drive_bus import open_drive_bus
     from hil.cli import bus_access, drive_settings
     from hil.cli.plan_files import load, refuse_problems
-    from hil.cli.robot_drives import load_robots_drives, narrowed, packaged_drives
+    from hil.cli.robot_drives import load_robots_drives, narrowed_drives, packaged_drives
     from hil.cli.run_session import carry_out, prepare_folder
     from hil.planning.dry_run import dry_run
     from hil.runs.journal import BusName
@@ -102,7 +102,7 @@ def run(
     channel = channel or the_robot.name
     drives_file = drives_file or packaged_drives(the_robot)
     drives, text = load_robots_drives(drives_file, the_robot)
-    drives = narrowed(drives, the_plan.workspace)
+    drives = narrowed_drives(drives, the_plan.workspace)
     refuse_problems(dry_run(the_plan, the_robot, drives.bitrate), plan_file)
     options = bus_options(bus_option)
     if what_changes:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def render(found: Precision, robot: Robot, console: Console) -> None:
-    """Print what a plan will tell of every base parameter."""
+    """Print how precisely a plan will identify every base parameter."""
     table = _table("How precisely, predicted", ("std. deviation",))
     for group, members in base_parameters(robot).groups.items():
         _head(table, group, members)

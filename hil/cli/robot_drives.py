@@ -60,7 +60,7 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
     return drives, text
 
 
-def narrowed(drives: DrivesFile, workspace: Workspace | None) -> DrivesFile:
+def narrowed_drives(drives: DrivesFile, workspace: Workspace | None) -> DrivesFile:
     """Give driver and drives the joint ranges of the workspace too."""
     axes = list(drives.axes)
     for joint, (low, high) in (workspace.ranges if workspace else {}).items():

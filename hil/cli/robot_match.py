@@ -90,7 +90,7 @@ def _factors(axis: StatedAxis, index: int, robot: Robot) -> Iterator[tuple[_Plac
 
 
 def _limits(axis: StatedAxis, index: int, robot: Robot) -> Iterator[tuple[_Place, str]]:
-    """Tell limits wider than the robot's, and narrower ones that a plan would run into."""
+    """Find limits wider than the robot's, and narrower ones that a plan would run into."""
     low, high = float(robot.q_min[index]), float(robot.q_max[index])
     for key, stated, known, unit in (
         ("q_min", -axis.q_min, -low, "rad"),

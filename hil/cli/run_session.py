@@ -70,8 +70,8 @@ def prepare_folder(
     if folder is None or not (resume or folder.only_rehearsed):
         return RunFolder.create(path, the_plan, the_robot, drives)
     folder.refuse_changes(the_plan, the_robot, drives)
-    for told in folder.set_aside_damaged():
-        out.print(told, highlight=False, soft_wrap=True)
+    for message in folder.set_aside_damaged():
+        out.print(message, highlight=False, soft_wrap=True)
     return folder
 
 
@@ -99,7 +99,7 @@ def carry_out(
     FileError
         Another process measures into the folder.
     typer.Exit
-        With status 130 when interrupted, 1 when drives, bus or disk failed; all has been told.
+        With status 130 when interrupted, 1 when drives, bus or disk failed; all has been reported.
     """
     if not folder.missing and rehearsal is None:
         out.print(f"{folder.path}: nothing is missing", highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What a scan found: a line a node, then what they lack and why that matters, told once for all."""
+"""What a scan found: a line a node, then what they lack and why that matters, stated once."""
 
 from __future__ import annotations
 

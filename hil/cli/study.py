@@ -82,7 +82,7 @@ def drift(
             raise FileError(f"{output}: {error}") from error
         where = execution.cluster(scheduler) if scheduler else execution.local(workers)
         with where as execute, study_view.shown(out) as show:
-            for done in campaigns.carry_out(cells, execute):
+            for done in campaigns.measure_cells(cells, execute):
                 show(done)
                 failed += bool(done.error)
         rows = summary.summarise(campaigns.judged(cells))

@@ -27,7 +27,7 @@ import numpy as np
 from scipy import ndimage, signal
 
 from hil.errors import NotEnoughData
-from hil.regression.window import half_width, smooth
+from hil.regression.window import half_window, smooth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -167,7 +167,7 @@ def _butterworth(period: float) -> Array:
 
 def _reach(period: float) -> int:
     """Samples over which filters and differences spread a disturbance (noticeably)."""
-    return max(half_width(period) + len(_SECOND) // 2, round(1.0 / CUTOFF / period))
+    return max(half_window(period) + len(_SECOND) // 2, round(1.0 / CUTOFF / period))
 
 
 def _on_grid(time: Array, sampled: Array, values: Array) -> Array:

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, field_validator
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.planning import LONGEST
 from hil.planning.measurement import KEYS, Measurement
-from hil.planning.plan_values import Fraction, rounded
+from hil.planning.plan_values import Fraction, to_millionths
 from hil.planning.workspace import Workspace, refuse_unfit
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Plan(FileModel):
 
     format: Literal[1] = 1
     robot: PlannedRobot
-    sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(rounded)] = 0.004
+    sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(to_millionths)] = 0.004
     travel: Fraction = 0.3
     attempts: int = Field(default=3, ge=1, le=20)
     warm_up: WarmUp | None = None

@@ -11,13 +11,13 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 
-def rounded(value: float) -> float:
+def to_millionths(value: float) -> float:
     """Round to a millionth; never -0.0."""
     return round(value, 6) + 0.0
 
 
-Real = Annotated[float, AfterValidator(rounded)]
-Positive = Annotated[float, Field(ge=1e-6), AfterValidator(rounded)]
-Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(rounded)]
+Real = Annotated[float, AfterValidator(to_millionths)]
+Positive = Annotated[float, Field(ge=1e-6), AfterValidator(to_millionths)]
+Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(to_millionths)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
 """Identifies a measurement and names its file."""

@@ -26,7 +26,7 @@ def smooth(x: Array, period: float) -> Array:
     return mean
 
 
-def half_width(period: float) -> int:
+def half_window(period: float) -> int:
     """Samples on either side of the middle one."""
     return max(2, round(HALF_WIDTH / period))
 
@@ -37,5 +37,5 @@ def noise_gain(period: float) -> float:
 
 
 def _window(period: float) -> Array:
-    window = np.blackman(2 * half_width(period) + 3)[1:-1]
+    window = np.blackman(2 * half_window(period) + 3)[1:-1]
     return np.asarray(window / window.sum())

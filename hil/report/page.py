@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from hil.report import header
 from hil.report.friction_of_run import friction_alone
 from hil.report.header import when
-from hil.report.plots.style import drawn
+from hil.report.plots.style import plotting
 from hil.report.reported_run import identified, read
 from hil.report.sections import OF_CAMPAIGN, OF_FRICTION
 from hil.results.tables.html import environment
@@ -55,7 +55,7 @@ def report(run: Run, figures: Path | None = None) -> Path:
     """
     top, sections = _content(run)
     path = run.path / NAME
-    with drawn():
+    with plotting():
         write_file(path, _html(run, top, sections).encode())
         if figures is not None:
             _write_figures(figures, [plot for each in sections for plot in each.plots])

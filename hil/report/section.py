@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot, which is drawn when it is wanted; use it within `hil.report.plots.style.drawn`.
+    """A plot, which is drawn when it is wanted; use it within `hil.report.plots.style.plotting`.
 
     Attributes
     ----------

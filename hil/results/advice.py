@@ -40,7 +40,7 @@ FEW_DEGREES = 2.5
 FEW_ROWS = 3
 """Measurements that a group should have for each of its parameters."""
 CORRELATED = 0.9
-"""Correlation from which on two parameters count as hard to tell apart."""
+"""Correlation from which on two parameters count as hard to distinguish."""
 CONDITION = 100.0
 """Condition number above which a group is badly excited."""
 OUTLIER = 4.0
@@ -105,10 +105,10 @@ def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> I
     for left in estimate.left_out:
         yield Advice(left.id, f"left out: {left.reason}", "move its recording away and --resume")
     for measured in (m for m in campaign if m.findings):
-        told = "; ".join(finding.message for finding in measured.findings)
+        findings = "; ".join(finding.message for finding in measured.findings)
         yield Advice(
             measured.measurement.id,
-            f"kept with findings after {measured.attempts} attempts: {told}",
+            f"kept with findings after {measured.attempts} attempts: {findings}",
             "mend the cause, move its recording away and --resume",
         )
 

@@ -1,4 +1,4 @@
-"""What a run tells against its robot file: left-out parameters, needless ones, Fig. 7."""
+"""What a run shows against its robot file: left-out parameters, needless ones, Fig. 7."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ def diagnose(run: Run) -> Diagnosis:
 
 
 def evidence_for(found: Diagnosis, name: str) -> AbsenceEvidence:
-    """Tell the rank and the evidence of one left-out parameter, such as ``sy4``.
+    """Return the rank and the evidence of one left-out parameter, such as ``sy4``.
 
     Raises
     ------
     ValueError
-        It was not tested: stated, absorbed, or not told by these measurements.
+        It was not tested: stated, absorbed, or not identifiable from these measurements.
     """
     errors = found.errors
     tested = next((c for c in errors.alone if name in c.names), None)

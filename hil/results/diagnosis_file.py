@@ -1,4 +1,4 @@
-"""`diagnosis.yaml`: what a run told against its robot file, as a file in its folder.
+"""`diagnosis.yaml`: what a run shows against its robot file, as a file in its folder.
 
 Reports show it without computing it again, so the file says of what it was made: the recordings,
 the robot file, and the parameters of the estimate that it stood beside.

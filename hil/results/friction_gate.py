@@ -36,13 +36,14 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
     tested = {record.axis: record.symmetry for record in found.axes if record.symmetry}
     failed = [(axis, test) for axis, test in tested.items() if not test.passed]
     if failed:
-        told = ", ".join(
+        asymmetries = ", ".join(
             f"axis {axis}: {100 * test.asymmetry:+.1f} % (p = {test.p_bound:.1g})"
             for axis, test in failed
         )
         raise AsymmetricFriction(
             f"{source}: friction differs by direction by more than {100 * failed[0][1].bound:g} %:"
-            f" {told}; look for a current sensor's offset or a worn gear, or go on without the gate"
+            f" {asymmetries}; look for a current sensor's offset or a worn gear, or go on without"
+            " the gate"
         )
     if not tested:
         raise AsymmetricFriction(

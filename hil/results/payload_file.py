@@ -73,7 +73,7 @@ class GainRecord(FileModel):
     error_standard_error: float
 
 
-class Element(FileModel):
+class ElementRecord(FileModel):
     """One measurement by itself: an element of g(q) or M(q), measured and modelled."""
 
     id: str
@@ -96,7 +96,7 @@ class PayloadFile(FileModel):
         Of what a rigid load leaves of the changes.
     unseen : tuple of str
         Parameters of the load that the robot file takes as zero.
-    elements_without, elements_loaded : tuple of Element
+    elements_without, elements_loaded : tuple of ElementRecord
         What Figs. 5 and 6 are drawn from, in the plans' order; axes count from 1.
     """
 
@@ -113,8 +113,8 @@ class PayloadFile(FileModel):
     p_value: float
     unseen: tuple[str, ...]
     gains: tuple[GainRecord, ...]
-    elements_without: tuple[Element, ...]
-    elements_loaded: tuple[Element, ...]
+    elements_without: tuple[ElementRecord, ...]
+    elements_loaded: tuple[ElementRecord, ...]
 
     def stale(self, folder: Run, estimate: Estimate) -> str:
         """Why it does not belong to these runs as they are now; empty if it does."""
@@ -202,9 +202,9 @@ def _gains(found: FoundPayload, gains: Gains) -> tuple[GainRecord, ...]:
     )
 
 
-def _elements(estimate: Estimate) -> tuple[Element, ...]:
+def _elements(estimate: Estimate) -> tuple[ElementRecord, ...]:
     return tuple(
-        Element(
+        ElementRecord(
             id=value.id,
             kind=value.kind,
             axis=value.axis + 1,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def experience(folders: Sequence[Run]) -> Levels:
-    """Noise that runs of one robot show, and what they tell of its parameters.
+    """Noise that runs of one robot show, and what they show of its parameters.
 
     Raises
     ------

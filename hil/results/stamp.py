@@ -55,7 +55,7 @@ class RunStamp(FileModel):
         )
 
     def change(self, folder: Run) -> str:
-        """Tell what of the run is no longer as it was; empty if all is."""
+        """Return what of the run is no longer as it was; empty if all is."""
         now = RunStamp.of(folder)
         for name, then, is_now in (
             ("robot file", self.robot_digest, now.robot_digest),
@@ -67,7 +67,7 @@ class RunStamp(FileModel):
         return ""
 
     def change_beside(self, holder: Run) -> str:
-        """Tell the same of another run than the one that holds the result; gone is no change."""
+        """Return the same of another run than the one that holds the result; gone is no change."""
         path = holder.path / self.folder
         return self.change(Run.open(path)) if path.exists() else ""
 
@@ -83,7 +83,7 @@ def _recordings(folder: Run) -> str:
 
 
 def same_parameters(then: Sequence[float], now: NDArray[np.float64]) -> str:
-    """Tell whether a result stood beside another estimate than today's; empty if it did not.
+    """Return how a result stood beside another estimate than today's; empty if it did not.
 
     Recordings may be the same and the program another.
     """

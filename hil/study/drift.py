@@ -110,7 +110,7 @@ def prepare(
     ]
 
 
-def carry_out(cells: Sequence[Cell], execute: Execute[Any, Any]) -> Iterator[Done]:
+def measure_cells(cells: Sequence[Cell], execute: Execute[Any, Any]) -> Iterator[Done]:
     """Measure all campaigns, then judge them."""
     measured = set(cells)
     for step, function in (("measured", measure), ("judged", judge)):

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from hil.model.dependencies import GROUPS
-from hil.report.plots.style import GRID, INK, MEASURED, MODEL, MUTED, drawn, image
+from hil.report.plots.style import GRID, INK, MEASURED, MODEL, MUTED, image, plotting
 from hil.runs.atomic_file import write_file
 from hil.study.campaigns import KINDS
 from hil.study.cell import OUR_DEFAULT
@@ -94,7 +94,7 @@ def write(folder: Path, rows: Sequence[MethodScore]) -> None:
         writer.writerow([row.scenario, row.method, row.n, *(f"{x:.6g}" for x in figures)])
     write_file(folder / TABLE, text.getvalue().encode())
     for kind in ("svg", "png"):
-        with drawn():
+        with plotting():
             write_file(folder / f"{PICTURE}.{kind}", image(picture(rows), kind))
 
 

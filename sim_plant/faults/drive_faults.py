@@ -11,7 +11,7 @@ from sim_plant.faults.injection import NodeInjection
 
 if TYPE_CHECKING:
     from sim_plant.canopen.canopen_node import CanopenNode
-    from sim_plant.slave_network import Frame
+    from sim_plant.slave_network import CanFrame
 
 _NODE = 0x7F
 
@@ -47,12 +47,12 @@ class NodeBusOff(NodeInjection):
         """Leave the bus."""
         self.node.connect(False)
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Come back."""
         self.node.connect(True)
         return []
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+    def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
         """Drop what comes from this node."""
         return [frame for frame in frames if frame[1] & _NODE != self.node.node_id]
 
@@ -64,7 +64,7 @@ class VoltageLost(NodeInjection):
         """Lose it."""
         self.node.lose_voltage()
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Have it again."""
         self.node.regain_voltage()
         return []
@@ -78,7 +78,7 @@ class SupplyLost(NodeBusOff):
         super().begin()
         self.node.lose_voltage()
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Boot."""
         super().end()
         self.node.regain_voltage()
@@ -93,7 +93,7 @@ class EncoderJump(NodeInjection):
         """Jump."""
         self.machine.jump(self.axis, round(self.fault.size or 0))
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Jump back."""
         self.machine.jump(self.axis, -round(self.fault.size or 0))
         return []
@@ -106,7 +106,7 @@ class CurrentOffset(NodeInjection):
         """Show too much."""
         self.machine.offsets[self.axis] = round(self.fault.size or 0)
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Show what is."""
         del self.machine.offsets[self.axis]
         return []
@@ -119,7 +119,7 @@ class CurrentClipped(NodeInjection):
         """Clip."""
         self.machine.clips[self.axis] = round(self.fault.size or 0)
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Show what is."""
         del self.machine.clips[self.axis]
         return []
@@ -132,7 +132,7 @@ class CurrentStuck(NodeInjection):
         """Stick."""
         self.machine.freeze_current(self.axis)
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Show what is."""
         del self.machine.frozen[self.axis]
         return []
@@ -145,7 +145,7 @@ class BrakeClosed(NodeInjection):
         """Close."""
         self.machine.press_brake(self.axis, 1)
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Open."""
         self.machine.press_brake(self.axis, -1)
         return []
@@ -158,7 +158,7 @@ class AxisWeak(NodeInjection):
         """Weaken."""
         self.machine.axes[self.axis].weaken(round(self.fault.size or 0))
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Recover."""
         self.machine.axes[self.axis].weaken(None)
         return []
@@ -176,7 +176,7 @@ class _Disobedient(NodeInjection):
         """Disobey."""
         self.node.disobedience = self.disobedience
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Obey the commands to come."""
         self.node.disobedience = OBEDIENT
         return []

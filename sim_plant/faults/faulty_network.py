@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sim_plant.faults.fault_plan import Fault, FaultPlan
     from sim_plant.faults.injection import Injection
     from sim_plant.plant import Plant
-    from sim_plant.slave_network import Clock, Frame
+    from sim_plant.slave_network import CanFrame, Clock
 
 _INJECTIONS: dict[What, type[Injection]] = {
     What.TPDO_LOST: frame_faults.TpdoLost,
@@ -119,11 +119,11 @@ class FaultyNetwork:
         injection = _INJECTIONS[fault.what](fault, self._network, self.machine)
         self._waiting.append((Watch(fault), injection))
 
-    def power_on(self) -> list[Frame]:
+    def power_on(self) -> list[CanFrame]:
         """Boot all drives."""
         return self._network.power_on()
 
-    def receive(self, identifier: int, data: bytes) -> list[Frame]:
+    def receive(self, identifier: int, data: bytes) -> list[CanFrame]:
         """Take a data frame with 11-bit identifier; return what the drives send.
 
         Raises
@@ -145,11 +145,11 @@ class FaultyNetwork:
             return held + self._passed_on(self._network.receive(identifier, data))
         return held + answer + self._unheard(sync=sync)
 
-    def answer(self, identifier: int, data: bytes) -> tuple[list[Frame], bytes]:
+    def answer(self, identifier: int, data: bytes) -> tuple[list[CanFrame], bytes]:
         """Do as `receive`; no frames come as a block here, each may meet its fault."""
         return self.receive(identifier, data), b""
 
-    def receive_remote(self, identifier: int) -> list[Frame]:
+    def receive_remote(self, identifier: int) -> list[CanFrame]:
         """Take a remote frame; return what the drives send.
 
         Raises
@@ -165,13 +165,13 @@ class FaultyNetwork:
             return held + answer
         return held + self._passed_on(self._network.receive_remote(identifier))
 
-    def elapse(self, duration: float) -> list[Frame]:
+    def elapse(self, duration: float) -> list[CanFrame]:
         """Let time pass without SYNC [s]; return what the drives send meanwhile."""
         self.progress.between = True
         held = self._update()
         return held + self._passed_on(self._network.elapse(duration))
 
-    def _intercepted(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def _intercepted(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Return what a fault answers in the drives' place, None if the frame reaches them."""
         for _, injection in self._present:
             answer = injection.incoming(identifier, data)
@@ -179,16 +179,16 @@ class FaultyNetwork:
                 return answer
         return None
 
-    def _unheard(self, *, sync: bool) -> list[Frame]:
+    def _unheard(self, *, sync: bool) -> list[CanFrame]:
         """Let the time of a frame pass that the drives do not get; return what they send."""
         if not (sync and self._clock == "sync"):
             return []
         return self._passed_on(self._network.elapse(self._network.cycle))
 
-    def _update(self) -> list[Frame]:
+    def _update(self) -> list[CanFrame]:
         """Let faults begin and end; return frames that those which end have held back."""
         self.progress.time = self._network.time
-        held: list[Frame] = []
+        held: list[CanFrame] = []
         for watched in tuple(self._present):
             if not watched[0].present(self.progress):
                 self._present.remove(watched)
@@ -200,7 +200,7 @@ class FaultyNetwork:
                 watched[1].begin()
         return held
 
-    def _passed_on(self, frames: list[Frame]) -> list[Frame]:
+    def _passed_on(self, frames: list[CanFrame]) -> list[CanFrame]:
         for _, injection in self._present:
             frames = injection.outgoing(frames)
         return frames

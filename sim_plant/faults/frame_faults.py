@@ -11,7 +11,7 @@ from sim_plant.canopen.heartbeat import HEARTBEAT
 from sim_plant.faults.injection import Injection, NodeInjection
 
 if TYPE_CHECKING:
-    from sim_plant.slave_network import Frame
+    from sim_plant.slave_network import CanFrame
 
 _NODE = 0x7F
 _ABORT = struct.Struct("<B3sI")
@@ -22,13 +22,13 @@ class NotSent(can.CanOperationError):
 
     Attributes
     ----------
-    frames : list of Frame
+    frames : list of CanFrame
         What reaches us from the drives meanwhile.
     """
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
-        self.frames: list[Frame] = []
+        self.frames: list[CanFrame] = []
 
 
 class BusOff(NotSent):
@@ -38,7 +38,7 @@ class BusOff(NotSent):
 class TpdoLost(NodeInjection):
     """Process data do not arrive."""
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+    def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
         """Drop them."""
         return [frame for frame in frames if frame[1] not in self.tpdos]
 
@@ -46,7 +46,7 @@ class TpdoLost(NodeInjection):
 class TpdoDoubled(NodeInjection):
     """Process data arrive twice."""
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+    def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
         """Double them."""
         return [copy for frame in frames for copy in [frame] * (1 + (frame[1] in self.tpdos))]
 
@@ -56,14 +56,14 @@ class TpdoLate(NodeInjection):
 
     def begin(self) -> None:
         """Hold none yet."""
-        self._held: list[Frame] = []
+        self._held: list[CanFrame] = []
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+    def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
         """Hold what is new, let go what was held."""
         late, self._held = self._held, [frame for frame in frames if frame[1] in self.tpdos]
         return late + [frame for frame in frames if frame[1] not in self.tpdos]
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Let go what is held."""
         return self._held
 
@@ -71,7 +71,7 @@ class TpdoLate(NodeInjection):
 class SdoSilent(NodeInjection):
     """No request is answered."""
 
-    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Swallow requests."""
         del data
         return [] if identifier == 0x600 + self.node.node_id else None
@@ -80,7 +80,7 @@ class SdoSilent(NodeInjection):
 class SdoAborted(NodeInjection):
     """Every request is refused."""
 
-    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Answer with the abort code."""
         if identifier != 0x600 + self.node.node_id or len(data) != 8:
             return None
@@ -91,7 +91,7 @@ class SdoAborted(NodeInjection):
 class HeartbeatLost(NodeInjection):
     """The node's heartbeat does not arrive."""
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+    def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
         """Drop it."""
         return [frame for frame in frames if frame[1] != HEARTBEAT + self.node.node_id]
 
@@ -99,7 +99,7 @@ class HeartbeatLost(NodeInjection):
 class MasterHeartbeatLost(Injection):
     """No heartbeat but the drives' own gets through."""
 
-    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Swallow heartbeats."""
         del data
         return [] if HEARTBEAT < identifier <= HEARTBEAT + _NODE else None
@@ -108,7 +108,7 @@ class MasterHeartbeatLost(Injection):
 class TransmitOutage(Injection):
     """Our adapter sends no frame, but receives whatever arrives."""
 
-    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Refuse it."""
         del data
         raise NotSent(f"transmit outage: frame {identifier:03X} was not sent")
@@ -117,7 +117,7 @@ class TransmitOutage(Injection):
 class ReceiveOutage(Injection):
     """Nothing that the drives send reaches us."""
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+    def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
         """Swallow everything."""
         del frames
         return []
@@ -126,7 +126,7 @@ class ReceiveOutage(Injection):
 class CableCut(ReceiveOutage):
     """No frame passes in either direction."""
 
-    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Swallow everything."""
         del identifier, data
         return []
@@ -135,7 +135,7 @@ class CableCut(ReceiveOutage):
 class AdapterBusOff(ReceiveOutage):
     """Our controller takes no frame and hears none."""
 
-    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Refuse it."""
         del data
         raise BusOff(f"bus-off: frame {identifier:03X} was not sent")

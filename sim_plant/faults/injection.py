@@ -12,7 +12,7 @@ from sim_plant.canopen.cob_id import IDENTIFIER, INVALID
 if TYPE_CHECKING:
     from sim_plant.faults.fault_plan import Fault
     from sim_plant.faults.machine_faults import FaultyMachine
-    from sim_plant.slave_network import Frame, SlaveNetwork
+    from sim_plant.slave_network import CanFrame, SlaveNetwork
 
 _TPDOS = 4
 
@@ -36,16 +36,16 @@ class Injection:
     def begin(self) -> None:
         """Happen."""
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Be over; return frames that were held back."""
         return []
 
-    def incoming(self, identifier: int, data: bytes) -> list[Frame] | None:
+    def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
         """Answer a frame in the drives' place, which then never get it; None lets it pass."""
         del identifier, data
         return None
 
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+    def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
         """Return what becomes of frames that the drives send."""
         return frames
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sim_plant.faults.injection import NodeInjection
 
 if TYPE_CHECKING:
-    from sim_plant.slave_network import Frame
+    from sim_plant.slave_network import CanFrame
 
 
 class TorqueOff(NodeInjection):
@@ -17,7 +17,7 @@ class TorqueOff(NodeInjection):
         """Lock the drive."""
         self.node.lock()
 
-    def end(self) -> list[Frame]:
+    def end(self) -> list[CanFrame]:
         """Release it."""
         self.node.unlock()
         return []

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import queue
     from collections.abc import Iterable
 
-    from sim_plant.slave_network import Frame
+    from sim_plant.slave_network import CanFrame
 
     Inbox = queue.SimpleQueue[can.Message | Block]
 
@@ -106,7 +106,7 @@ class PlantChannel:
                 )
                 inbox.put(copy)
 
-    def _deliver(self, frames: Iterable[Frame]) -> None:
+    def _deliver(self, frames: Iterable[CanFrame]) -> None:
         free, durations, name, inboxes = self._wire_free, self._durations, self.name, self.inboxes
         for time, identifier, data in frames:
             free = (free if free > time else time) + durations[len(data)]

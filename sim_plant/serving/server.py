@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from sim_plant.faults.fault_plan import FaultPlan
     from sim_plant.plant import Plant
-    from sim_plant.slave_network import Clock, Frame
+    from sim_plant.slave_network import CanFrame, Clock
 
 SYNC = 0x80
 """What time is brought up to date for: drives latch at it."""
@@ -76,7 +76,7 @@ def serve(
             _send(bus, _answer(network, message))
 
 
-def _answer(network: SlaveNetwork | FaultyNetwork, message: can.Message) -> list[Frame]:
+def _answer(network: SlaveNetwork | FaultyNetwork, message: can.Message) -> list[CanFrame]:
     if message.is_extended_id or message.is_error_frame or message.is_fd:
         return []
     if message.is_remote_frame:
@@ -87,7 +87,7 @@ def _answer(network: SlaveNetwork | FaultyNetwork, message: can.Message) -> list
         return refused.frames
 
 
-def _send(bus: can.BusABC, frames: Iterable[Frame]) -> None:
+def _send(bus: can.BusABC, frames: Iterable[CanFrame]) -> None:
     for _, identifier, data in frames:
         message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
         _send_patiently(bus, message)

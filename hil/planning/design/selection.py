@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-Criterion = Literal["det", "torque"]
+SelectionCriterion = Literal["det", "torque"]
 _PRIOR = 1e-6
 """Information that counts as nothing, as share of a mean option's."""
 
@@ -61,7 +61,7 @@ class Selection:
         robot: Robot,
         options: Sequence[Option],
         fraction: float,
-        criterion: Criterion = "det",
+        criterion: SelectionCriterion = "det",
         known: Array | None = None,
     ) -> None:
         self._robot, self._criterion, self._fraction = robot, criterion, fraction

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-Criterion = Literal["condition", "singular", "det"]
-CRITERIA: tuple[Criterion, ...] = ("condition", "singular", "det")
+ExcitationCriterion = Literal["condition", "singular", "det"]
+CRITERIA: tuple[ExcitationCriterion, ...] = ("condition", "singular", "det")
 HARMONICS = 5
 SAMPLES = 100
 """Instants of a period at which the regressor is judged while searching."""
@@ -59,7 +59,7 @@ def design_trajectory(
     robot: Robot,
     period: float = 10.0,
     cycles: int = 1,
-    criterion: Criterion = "condition",
+    criterion: ExcitationCriterion = "condition",
     seed: int = 0,
     search: Search | None = None,
     name: str = "trajectory",
@@ -154,14 +154,14 @@ class Basis:
         x[1:] /= used if fill else np.maximum(used, 1.0)
         return x
 
-    def judge(self, x: Array, criterion: Criterion) -> float:
-        """Criterion of unknowns made to keep the limits."""
+    def judge(self, x: Array, criterion: ExcitationCriterion) -> float:
+        """ExcitationCriterion of unknowns made to keep the limits."""
         W = self._matrix(*self._motion(self.within(x)))
         sizes = np.linalg.svd(W, compute_uv=False)
         return _value(np.asarray(sizes, dtype=float), criterion)
 
-    def cost(self, x: Array, criterion: Criterion, penalty: float) -> tuple[float, Array]:
-        """Criterion with penalties for what exceeds the limits, and its gradient."""
+    def cost(self, x: Array, criterion: ExcitationCriterion, penalty: float) -> tuple[float, Array]:
+        """ExcitationCriterion with penalties for what exceeds the limits, and its gradient."""
         motion = self._motion(x)
         u, sizes, vt = np.linalg.svd(self._matrix(*motion), full_matrices=False)
         shape = (SAMPLES, self._robot.n_joints, -1)
@@ -234,7 +234,7 @@ def condition(robot: Robot, trajectory: Trajectory, samples: int = 1000) -> floa
     return float(np.linalg.cond(observation_matrix(robot, *trajectory.motion(t))))
 
 
-def _refine(basis: Basis, start: Array, criterion: Criterion, steps: int) -> Array:
+def _refine(basis: Basis, start: Array, criterion: ExcitationCriterion, steps: int) -> Array:
     x = start
     for penalty in PENALTIES:
         done = optimize.minimize(
@@ -249,7 +249,7 @@ def _refine(basis: Basis, start: Array, criterion: Criterion, steps: int) -> Arr
 
 
 def _flat(
-    basis: Basis, criterion: Criterion, penalty: float, shape: tuple[int, ...]
+    basis: Basis, criterion: ExcitationCriterion, penalty: float, shape: tuple[int, ...]
 ) -> Callable[[Array], tuple[float, Array]]:
     def cost(x: Array) -> tuple[float, Array]:
         value, gradient = basis.cost(x.reshape(shape), criterion, penalty)
@@ -258,8 +258,8 @@ def _flat(
     return cost
 
 
-def _value(sizes: Array, criterion: Criterion) -> float:
-    """Criterion of singular values, logarithmic so that its scale does not matter."""
+def _value(sizes: Array, criterion: ExcitationCriterion) -> float:
+    """ExcitationCriterion of singular values, logarithmic so that its scale does not matter."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "condition":
         return float(np.log(safe[0] / safe[-1]))
@@ -268,7 +268,7 @@ def _value(sizes: Array, criterion: Criterion) -> float:
     return float(-2 * np.log(safe).sum())
 
 
-def _slope(sizes: Array, criterion: Criterion) -> Array:
+def _slope(sizes: Array, criterion: ExcitationCriterion) -> Array:
     """Derivative of the criterion by each singular value."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "det":

@@ -1,6 +1,6 @@
 """The plot of how the errors of parameters are correlated.
 
-Call and save it within `hil.report.plots.style.drawn`.
+Call and save it within `hil.report.plots.style.plotting`.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ from hil.report.plots.style import (
     MEASURED,
     MODEL,
     WIDTH,
-    drawn,
     fixed_grid,
     image,
     legend,
+    plotting,
 )
 from hil.results.rounding import signed
 from hil.runs.atomic_file import own_folder, write_file
@@ -58,7 +58,7 @@ def write_diagnosis_plots(run_folder: Path, found: Diagnosis) -> Path:
     """Draw residuals over angles and, where there is one, Fig. 7; return their folder."""
     place = run_folder / "diagnosis"
     own_folder(place)
-    with drawn():
+    with plotting():
         for name, figure in _figures(found).items():
             write_file(place / f"{name}.svg", image(figure, "svg"))
     return place

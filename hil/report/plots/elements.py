@@ -1,7 +1,7 @@
 """The plots of measured elements against those of the model: the paper's Figs. 5 and 6.
 
 What was measured is blue with error bars of two standard errors, what the model says is orange,
-wherever both appear. Call and save them within `hil.report.plots.style.drawn`.
+wherever both appear. Call and save them within `hil.report.plots.style.plotting`.
 """
 
 from __future__ import annotations

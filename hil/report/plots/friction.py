@@ -1,6 +1,6 @@
 """The plots of a run's friction: the paper's Figs. 1 and 2 of this robot, levels of a campaign.
 
-Call and save them within `hil.report.plots.style.drawn`.
+Call and save them within `hil.report.plots.style.plotting`.
 """
 
 from __future__ import annotations

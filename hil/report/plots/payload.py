@@ -1,6 +1,6 @@
 """The plot of elements without and with a load: the paper's Figs. 5 and 6.
 
-Call and save it within `hil.report.plots.style.drawn`.
+Call and save it within `hil.report.plots.style.plotting`.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hil.planning.measurement import ElementKind
-    from hil.results.payload_file import Element
+    from hil.results.payload_file import ElementRecord
 
 
 def with_and_without_load(
-    without: Sequence[Element], loaded: Sequence[Element], kind: ElementKind
+    without: Sequence[ElementRecord], loaded: Sequence[ElementRecord], kind: ElementKind
 ) -> Figure:
     """The paper's Figs. 5 and 6: elements of both runs over configuration number.
 
     Parameters
     ----------
-    without, loaded : sequence of Element
+    without, loaded : sequence of ElementRecord
     kind : ElementKind
         Of the elements that are drawn.
     """

@@ -1,6 +1,6 @@
 """The plots of what a model leaves of the measurements: over all of them, and over joint angles.
 
-Call and save them within `hil.report.plots.style.drawn`.
+Call and save them within `hil.report.plots.style.plotting`.
 """
 
 from __future__ import annotations

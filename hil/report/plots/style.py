@@ -1,7 +1,7 @@
 """How plots look and where their panels stand; what they show is in `hil.report.plots.campaign`.
 
 Figures are made with matplotlib's objects alone. There is no global state to set up or to leave
-behind but the style, which holds within `drawn`. Margins are fixed in inches, since engines that
+behind but the style, which holds within `plotting`. Margins are fixed in inches, since engines that
 find them out take most of the time that a figure takes.
 """
 
@@ -38,7 +38,7 @@ STYLE: dict[Any, Any] = {
 
 
 @contextmanager
-def drawn() -> Iterator[None]:
+def plotting() -> Iterator[None]:
     """Style of everything drawn and saved within."""
     with mpl.rc_context(STYLE):
         yield

@@ -10,7 +10,7 @@ from markupsafe import escape
 from rich.console import Console
 from rich.text import Text
 
-from hil.results.tables.terminal import drawn
+from hil.results.tables.terminal import rich_table
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderResult
@@ -34,7 +34,7 @@ class Summary:
         """What rich prints."""
         del console, options
         for table in self.tables:
-            yield drawn(table)
+            yield rich_table(table)
         for remark in self.remarks:
             yield Text(remark, style="yellow")
 

@@ -1,4 +1,4 @@
-"""Tables on a terminal, drawn by rich."""
+"""Tables on a terminal, rich_table by rich."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.results.tables.table import Table
 
 
-def drawn(table: Table) -> RichTable:
+def rich_table(table: Table) -> RichTable:
     """Return what rich prints of a table; names of parts stand in its last column."""
     title = Text(table.title, style="table.title") if table.title else None
     made = RichTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
@@ -35,7 +35,7 @@ def drawn(table: Table) -> RichTable:
 def show(table: Table, console: Console) -> None:
     """Print a table, if it has rows, with its notes below."""
     if table:
-        console.print(drawn(table), highlight=False)
+        console.print(rich_table(table), highlight=False)
     for note in table.notes:
         show_remark(note, console)
 

@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.cia402.error_codes import decode_emergency, error_text
-from drivers.cia402.set_point import ENABLED, RAISED, Phase, SetPoint, Standstill, Stopping
+from drivers.cia402.set_point import (
+    ENABLED,
+    RAISED,
+    HaltedAxis,
+    Phase,
+    SetPoint,
+    Standstill,
+)
 from drivers.cia402.states import (
     TRANSITIONS,
     Command,
@@ -225,7 +232,7 @@ def test_whatever_a_drive_shows_reached_means_handshake_window_and_bit_10(
 
 
 def test_a_halted_axis_has_come_to_rest_when_its_position_stays() -> None:
-    stopping = Stopping(Standstill(band=1, count=3))
+    stopping = HaltedAxis(Standstill(band=1, count=3))
     for position in (0, 10, 18, 24, 28, 30, 30, 30):
         assert stopping.step(0, position) is None
         assert stopping.phase is Phase.TRAVELLING

@@ -17,8 +17,8 @@ from drivers.cia402.stop import (
     STOP_DELAY,
     UNSENT_TIME,
     AxisStop,
-    Phase,
     StopBound,
+    StopPhase,
 )
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def test_quick_stop_is_commanded_at_every_sync_until_the_drive_shows_that_it_obe
 
 def test_an_axis_that_slows_down_as_stated_rests_within_its_bound() -> None:
     axis = stop()
-    time = run(axis, lambda *_: STOPPING, braking, until=lambda a: a.phase is Phase.RESTING)
+    time = run(axis, lambda *_: STOPPING, braking, until=lambda a: a.phase is StopPhase.RESTING)
     assert time <= axis.bound.time + SETTLING
     assert axis.overrun is None
 
@@ -106,7 +106,7 @@ def test_an_axis_that_does_not_slow_down_loses_its_voltage_at_the_bound_of_its_w
         axis,
         lambda *_: STOPPING,
         lambda t: SPEED * t,
-        until=lambda a: a.phase is Phase.DISABLING,
+        until=lambda a: a.phase is StopPhase.DISABLING,
     )
     assert SPEED * time <= axis.bound.way + SPEED * PERIOD
     assert axis.overrun is not None
@@ -119,7 +119,7 @@ def test_an_axis_that_creeps_on_loses_its_voltage_at_the_bound_of_its_time() -> 
         axis,
         lambda *_: STOPPING,
         lambda t: 600.0 * t,  # too slow for the bound of the way
-        until=lambda a: a.phase is Phase.DISABLING,
+        until=lambda a: a.phase is StopPhase.DISABLING,
     )
     assert time == pytest.approx(axis.bound.time + SETTLING, abs=0.1)
     assert time <= axis.bound.time + SETTLING + 2 * PERIOD
@@ -129,20 +129,20 @@ def test_a_drive_that_keeps_its_voltage_is_given_up_sooner_while_its_axis_moves(
     moving, resting = stop(), stop(0.0)
     ended = run(moving, lambda *_: STOPPING, lambda t: SPEED * t)
     begun = moving.bound.way / SPEED
-    assert moving.phase is Phase.LOST
+    assert moving.phase is StopPhase.LOST
     assert ended - begun <= OFF_TIME_MOVING + SETTLING + 3 * PERIOD
-    run(resting, lambda *_: STOPPING, lambda _: 0.0, until=lambda a: a.phase is Phase.RESTING)
+    run(resting, lambda *_: STOPPING, lambda _: 0.0, until=lambda a: a.phase is StopPhase.RESTING)
     resting.disable(1.0)
     resting.sent(1.0)
     assert resting.step(1.0 + OFF_TIME, STOPPING, 0, fresh=True) is Command.DISABLE_VOLTAGE
     resting.step(1.0 + OFF_TIME + SETTLING + PERIOD, STOPPING, 0, fresh=True)
-    assert resting.phase is Phase.LOST
+    assert resting.phase is StopPhase.LOST
 
 
 def test_a_drive_that_shows_nothing_is_unseen_and_not_off() -> None:
     axis = stop()
     run(axis, lambda *_: OFF, braking, fresh=lambda _: False)
-    assert axis.phase is Phase.UNSEEN
+    assert axis.phase is StopPhase.UNSEEN
 
 
 def test_the_bound_begins_when_the_command_goes_out_and_the_last_position_may_be_old() -> None:
@@ -153,7 +153,7 @@ def test_the_bound_begins_when_the_command_goes_out_and_the_last_position_may_be
         lambda t: SPEED * t,
         fresh=lambda t: t > 0.2,
         sendable=lambda t: t > 0.2,
-        until=lambda a: a.phase is Phase.DISABLING,
+        until=lambda a: a.phase is StopPhase.DISABLING,
     )
     plain = StopBound.of(SPEED, DECELERATION, WINDOW)
     assert axis.bound.way == pytest.approx(plain.way + 0.2 * SPEED, abs=2 * PERIOD * SPEED)
@@ -163,7 +163,7 @@ def test_the_bound_begins_when_the_command_goes_out_and_the_last_position_may_be
 def test_a_bus_that_takes_nothing_is_given_up_after_a_while() -> None:
     axis = stop()
     time = run(axis, lambda *_: ENABLED, braking, fresh=lambda _: False, sendable=lambda _: False)
-    assert axis.phase is Phase.UNSEEN
+    assert axis.phase is StopPhase.UNSEEN
     assert time <= UNSENT_TIME + OFF_TIME_MOVING + 4 * PERIOD
 
 
@@ -173,7 +173,7 @@ def test_a_drive_that_is_off_is_told_to_stay_off_once(word: int) -> None:
     axis.sent(0.0)
     assert axis.step(PERIOD, word, 0, fresh=True) is Command.DISABLE_VOLTAGE
     axis.sent(PERIOD)
-    assert axis.phase is Phase.OFF
+    assert axis.phase is StopPhase.OFF
     assert axis.step(2 * PERIOD, word, 0, fresh=True) is None
 
 
@@ -182,7 +182,7 @@ def test_a_drive_that_was_off_and_shows_power_again_is_switched_off_again() -> N
     axis.step(PERIOD, OFF, 0, fresh=True)
     axis.sent(PERIOD)
     assert axis.step(2 * PERIOD, ENABLED, 0, fresh=True) is Command.DISABLE_VOLTAGE
-    assert axis.phase is Phase.DISABLING
+    assert axis.phase is StopPhase.DISABLING
 
 
 @given(
@@ -204,13 +204,13 @@ def test_whatever_drive_and_bus_do_the_stop_ends_and_off_was_shown(
         turn, time = turn + 1, time + PERIOD
         command = axis.step(time, word, position, fresh=fresh)
         shown_off |= fresh and word in {OFF, FAULT, 0x00, READY}
-        if axis.phase is Phase.RESTING:
+        if axis.phase is StopPhase.RESTING:
             axis.disable(time)
         if command is not None and sendable:
             axis.sent(time)
         assert time <= 3 * most + 1.0
         assert math.isfinite(axis.bound.way)
-    assert axis.phase is not Phase.OFF or shown_off
+    assert axis.phase is not StopPhase.OFF or shown_off
 
 
 def test_a_drive_that_comes_back_again_and_again_is_given_up() -> None:
@@ -220,7 +220,7 @@ def test_a_drive_that_comes_back_again_and_again_is_given_up() -> None:
         word = OFF if round(time / PERIOD) % 8 == 0 else ENABLED
         if axis.step(time, word, 0, fresh=True) is not None:
             axis.sent(time)
-        given_up = axis.phase is Phase.LOST
+        given_up = axis.phase is StopPhase.LOST
         assert time < 3.0
 
 
@@ -237,7 +237,10 @@ def test_a_drive_that_is_seen_to_ignore_quick_stop_loses_its_voltage_whatever_it
     )
     assert axis.bound.time > 1000.0
     time = run(
-        axis, lambda *_: ENABLED, lambda t: SPEED * t, until=lambda a: a.phase is Phase.DISABLING
+        axis,
+        lambda *_: ENABLED,
+        lambda t: SPEED * t,
+        until=lambda a: a.phase is StopPhase.DISABLING,
     )
     assert time <= STOP_DELAY + SETTLING + 2 * PERIOD
 
@@ -245,7 +248,7 @@ def test_a_drive_that_is_seen_to_ignore_quick_stop_loses_its_voltage_whatever_it
 def test_a_command_that_the_bus_refuses_counts_once_it_is_seen_that_nothing_happens() -> None:
     axis = stop()
     time = run(axis, lambda *_: ENABLED, lambda t: SPEED * t, sendable=lambda _: False)
-    assert axis.phase is Phase.LOST
+    assert axis.phase is StopPhase.LOST
     assert time <= STOP_DELAY + OFF_TIME_MOVING + 2 * SETTLING + 4 * PERIOD
 
 
@@ -263,10 +266,10 @@ def test_the_time_for_a_command_begins_with_the_command_however_old_the_last_syn
     assert axis.step(10.0, 0, 0, fresh=False) is Command.QUICK_STOP
     axis.sent(10.0)
     assert axis.step(10.0 + PERIOD, STOPPING, 8000, fresh=True) is None
-    assert axis.phase is Phase.STOPPING
+    assert axis.phase is StopPhase.STOPPING
 
 
 def test_an_axis_that_comes_back_from_its_stop_loses_its_voltage() -> None:
     axis = stop(0.0)
-    run(axis, lambda *_: STOPPING, lambda _: 0.0, until=lambda a: a.phase is Phase.RESTING)
+    run(axis, lambda *_: STOPPING, lambda _: 0.0, until=lambda a: a.phase is StopPhase.RESTING)
     assert axis.step(1.0, ENABLED, 0, fresh=True) is Command.DISABLE_VOLTAGE

@@ -244,6 +244,7 @@ def test_codes_of_velocity_units_are_those_that_the_file_can_state(
         (0xFAB45700, "0.000001 rps/s"),
         (0x00B44703, "rpm/s"),
         (0xFF415700, "0.1 deg/s^2"),
+        (0xFF410303, "0.1 deg/s^2"),
         (0xFD015700, "0.001 m/s^2"),
         (0x00C04700, None),
     ],

@@ -11,15 +11,22 @@ from requirement_tables import DOCS, TABLES, with_tables
 from drivers.cia402 import objects
 from drivers.commissioning.requirement import Lack, Use
 from drivers.commissioning.requirements import OWN_LIMITS, REQUIREMENTS, reaction_for
+from drivers.rate_units import ACCELERATIONS, VELOCITIES
 
 if TYPE_CHECKING:
     from drivers.commissioning.requirement import Requirement
+    from drivers.rate_units import RateUnit
 
 
 @pytest.mark.parametrize("file", [file for file, _ in TABLES])
 def test_the_documentation_has_the_table_as_it_is(file: str) -> None:
     remedy = "write it anew: python tests/support/requirement_tables.py"
     assert (DOCS / file).read_text() == with_tables(file), remedy
+
+
+@pytest.mark.parametrize("names", [VELOCITIES, ACCELERATIONS])
+def test_the_documentation_names_all_units_of_rates(names: dict[str, RateUnit]) -> None:
+    assert f" one of {', '.join(names)}, " in (DOCS / "drives.md").read_text()
 
 
 SET_IF_PRESENT = [

@@ -98,7 +98,7 @@ def test_without_the_torque_beside_it_the_load_that_no_motor_holds_tells(
 ) -> None:
     # joint 2 holds its arm with 90 % of the rated torque; mA taken for per mille make it 233 %
     light, heavy = verdicts(stated(1, 2, basis=BASES[1]), UNIT, personality=without_torque)
-    assert "cannot tell here" in light.found
+    assert "undecided" in light.found
     assert "contradicts" in heavy.found
     assert heavy.grade is Grade.WARNING
     assert "it would be possible as mA" in heavy.remedy
@@ -150,7 +150,7 @@ def test_two_units_that_differ_by_more_than_a_factor_are_never_taken_for_one_ano
         assert found.grade is Grade.REFUSED
         assert shown in found.remedy
     elif 1.1 < apart < 0.98 * NEAR:  # a motor for little more or less than 1 A
-        assert "cannot tell here" in found.found
+        assert "undecided" in found.found
 
 
 def test_a_ratio_of_the_root_of_two_is_a_confusion_of_rms_and_peak() -> None:
@@ -165,9 +165,9 @@ def test_a_ratio_of_the_root_of_two_is_a_confusion_of_rms_and_peak() -> None:
 @pytest.mark.parametrize(
     ("counts", "found"),
     [
-        (np.zeros((0, 2)), "cannot tell here"),  # no such object
-        (np.tile([2.0, 2.0], (50, 1)), "cannot tell here"),  # rounding, no load
-        (np.random.default_rng(1).normal(0, 100, (50, 2)), "cannot tell here"),  # two quantities
+        (np.zeros((0, 2)), "undecided"),  # no such object
+        (np.tile([2.0, 2.0], (50, 1)), "undecided"),  # rounding, no load
+        (np.random.default_rng(1).normal(0, 100, (50, 2)), "undecided"),  # two quantities
     ],
 )
 def test_a_ratio_that_means_nothing_is_not_used(counts: np.ndarray, found: str) -> None:
@@ -183,7 +183,7 @@ def test_a_ratio_that_means_nothing_is_not_used(counts: np.ndarray, found: str) 
         (0.0, 250.0, 2.0, "contradicts"),  # 83 %
         (400.0, 30.0, 2.0, "contradicts"),  # 133 % held
         (200.0, 30.0, 0.05, "confirmed"),  # as mA it would be 2000 %
-        (0.0, 30.0, 2.0, "cannot tell here"),
+        (0.0, 30.0, 2.0, "undecided"),
     ],
 )
 def test_magnitudes_that_no_motor_has_contradict(
@@ -222,14 +222,14 @@ class TestDirection:
         assert "set sign: -1" in found.remedy
 
     def test_an_arm_that_is_its_own_mirror_image_tells_nothing(self) -> None:
-        assert "cannot tell here" in self.judged(self.hanging, 29.0).found
+        assert "undecided" in self.judged(self.hanging, 29.0).found
 
     def test_a_torque_far_from_both_predictions_tells_nothing(self) -> None:
         assert "neither" in self.judged(self.horizontal, 10.0).remedy
 
     def test_what_friction_can_hide_is_not_told(self) -> None:
         found = self.judged(lambda q: 0.5 * self.horizontal(q) / 100, 0.5, friction=50.0)
-        assert "cannot tell here" in found.found
+        assert "undecided" in found.found
 
     def test_without_a_model_nothing_is_told(self) -> None:
         assert "no model of the robot" in self.judged(None, 94.5).found

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sim_plant.faults.fault_plan import Fault
-    from sim_plant.slave_network import Frame
+    from sim_plant.slave_network import CanFrame
 
     Condition = Callable[[can.Message], bool]
 
@@ -123,7 +123,7 @@ class LoggedBus(can.BusABC):
             self.network.elapse(STEP)
             self._look(len(self.log))
 
-    def _take(self, frames: Sequence[Frame]) -> None:
+    def _take(self, frames: Sequence[CanFrame]) -> None:
         for _, identifier, data in frames:
             self.log.append(Seen(self._syncs, False, identifier, data))
             self._inbox.append(

@@ -14,7 +14,7 @@ from hil.model.robot import load_robot
 from hil.planning.design.trajectories import (
     CRITERIA,
     Basis,
-    Criterion,
+    ExcitationCriterion,
     Search,
     condition,
     design_trajectory,
@@ -112,7 +112,7 @@ def test_rows_of_different_lengths_are_refused() -> None:
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
-def test_the_gradient_is_that_of_the_cost(robot: Robot, criterion: Criterion) -> None:
+def test_the_gradient_is_that_of_the_cost(robot: Robot, criterion: ExcitationCriterion) -> None:
     basis = Basis(robot, 10.0)
     x = 1.2 * basis.random(np.random.default_rng(1))
     _, gradient = basis.cost(x, criterion, 3.0)

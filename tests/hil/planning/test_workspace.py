@@ -12,7 +12,7 @@ from drivers.drive_bus import LimitExceeded
 from drivers.drives_file import load_drives
 from hil import cli
 from hil.cli.dry_run_view import describe_problems
-from hil.cli.robot_drives import narrowed
+from hil.cli.robot_drives import narrowed_drives
 from hil.measuring.sequencer import measure
 from hil.model.capsules import capsules, reaches, segments
 from hil.model.robot import ROBOTS, Robot
@@ -165,7 +165,7 @@ def test_left_alone_the_same_arm_does_run_into_the_box(
 
 def test_the_drives_get_the_narrowed_ranges_as_their_limits() -> None:
     drives = load_drives(ROBOTS / "manutec-r15.drives.yaml")
-    narrow = narrowed(drives, Workspace(ranges={2: (-0.5, 0.25)}))
+    narrow = narrowed_drives(drives, Workspace(ranges={2: (-0.5, 0.25)}))
     assert (narrow.axes[1].limits.q_min, narrow.axes[1].limits.q_max) == (-0.5, 0.25)
     assert narrow.axes[0] == drives.axes[0]
 

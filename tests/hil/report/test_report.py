@@ -140,12 +140,12 @@ class TestModelNote:
         assert "There is no model.yaml yet" in page
 
     @pytest.mark.parametrize(
-        ("method", "told"),
+        ("method", "stated"),
         [("printed", "holds the parameters of the printed method"), ("improved", "same method")],
     )
-    def test_it_tells_by_which_method_the_model_was_made(self, as_it_was, method, told):
+    def test_it_states_by_which_method_the_model_was_made(self, as_it_was, method, stated):
         identify(Run.open(as_it_was), method).save(as_it_was / "model.yaml")
-        assert told in report(Run.open(as_it_was)).read_text()
+        assert stated in report(Run.open(as_it_was)).read_text()
 
     def test_a_damaged_model_does_not_matter(self, as_it_was):
         (as_it_was / "model.yaml").write_text("format: 9\n")

@@ -22,7 +22,7 @@ from hil.runs.pooling import recorded
 from hil.runs.run import Run
 from hil.study import execution, summary
 from hil.study.cell import OUR_DEFAULT, judge, measure
-from hil.study.drift import carry_out, judged
+from hil.study.drift import judged, measure_cells
 from hil.study.scenarios import SCENARIOS
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def finished(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     folder = tmp_path_factory.mktemp("study") / "study"
     cells = begun(folder, manutec)
     with execution.local(1) as execute:
-        done = list(carry_out(cells, execute))
+        done = list(measure_cells(cells, execute))
         ((_, group),) = execute(os.getpgid, [0])
     assert group != os.getpgrp(), "Ctrl-C at the terminal would reach the worker"
     return folder, done
@@ -104,14 +104,14 @@ class TestStudy:
 
     def test_called_again_it_measures_and_judges_nothing(self, study: Path) -> None:
         before = files(study)
-        assert set(errors_of(carry_out(opened(study), here)).values()) == {""}
+        assert set(errors_of(measure_cells(opened(study), here)).values()) == {""}
         assert files(study) == before
 
     def test_a_deleted_verdict_is_judged_again(self, study: Path) -> None:
         cell = cell_of(study, "trajectory", 2)
         before, found = files(study), judge(cell)
         cell.verdict.unlink()
-        list(carry_out(opened(study), here))
+        list(measure_cells(opened(study), here))
         again = files(study)
         changed = {path for path in again if again[path] != before[path]}
         assert changed == {cell.verdict.resolve().relative_to(study.resolve())}
@@ -191,7 +191,7 @@ class TestFailure:
         cells = opened(study)
         cells[0].plant.write_text("axes: [")
         cells[0].verdict.unlink()
-        errors = errors_of(carry_out(cells, here))
+        errors = errors_of(measure_cells(cells, here))
         assert "plant.yaml" in errors["judged", str(cells[0])]
         assert [error for error in errors.values() if error] == [errors["judged", str(cells[0])]]
 
@@ -203,7 +203,9 @@ class TestFailure:
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         folder = put(small_plans(manutec), tmp_path / "study")
-        monkeypatch.setattr("hil.study.drift.carry_out", lambda cells, _: carry_out(cells, failing))
+        monkeypatch.setattr(
+            "hil.study.drift.measure_cells", lambda cells, _: measure_cells(cells, failing)
+        )
         status, out, err = hil("-o", folder, "--scenario", "on", "--seeds", 2)
         assert (status, "6 campaigns failed" in err) == (1, True)
         assert "[/etc] is full" in out
@@ -258,7 +260,7 @@ class TestCluster:
             ) as cluster,
             execution.cluster(cluster.scheduler_address) as execute,
         ):
-            assert set(errors_of(carry_out(cells, execute)).values()) == {""}
+            assert set(errors_of(measure_cells(cells, execute)).values()) == {""}
         for found, expected in zip(judged(cells), judged(opened(finished[0])), strict=True):
             for one, other in zip(found.outcomes, expected.outcomes, strict=True):
                 assert (one.method, one.inside) == (other.method, other.inside)

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
 from hil.cli import study_view
-from hil.report.plots.style import drawn
+from hil.report.plots.style import plotting
 from hil.study import summary
 from hil.study.cell import OUR_DEFAULT, Cell, Outcome
 from hil.study.drift import Judged
@@ -133,7 +133,7 @@ class TestOutput:
     def test_no_text_of_the_picture_meets_another_or_the_edge(
         self, rows: list[summary.MethodScore], scenarios: Sequence[str]
     ) -> None:
-        with drawn():
+        with plotting():
             figure = summary.picture([row for row in rows if row.scenario in scenarios])
             FigureCanvasAgg(figure).draw()
         axes = figure.axes
