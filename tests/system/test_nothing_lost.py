@@ -213,7 +213,7 @@ def test_an_incomplete_run_says_so_wherever_it_is_used(
     path = Path(shutil.copytree(undisturbed.path, tmp_path / "run"))
     for measurement in undisturbed.plan.measurements[:2]:
         RunFolder.open(path).recording_path(measurement).unlink()
-    monkeypatch.setattr("hil.report.page.report", lambda folder, _: folder / "report.html")
+    monkeypatch.setattr("hil.report.page.report", lambda run, _: run.path / "report.html")
     for command in ("identify", "report"):
         with pytest.raises(SystemExit) as ended:
             main([command, str(path)])
