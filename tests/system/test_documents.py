@@ -1,0 +1,22 @@
+"""What the documents point at is there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PACKAGES = "checked_files|hil|drivers|sim_plant|tests|benchmarks|tools|examples"
+PLACE = re.compile(rf"`((?:{PACKAGES})/[\w./-]*)`")
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_file_that_a_document_names_or_links_exists(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    named = {ROOT / place for place in PLACE.findall(text)}
+    linked = {document.parent / place for place in LINK.findall(text)}
+    assert [str(path) for path in sorted(named | linked) if not path.exists()] == []
