@@ -16,11 +16,11 @@ import can
 
 from drivers.can_bus.capabilities import Capabilities, capabilities_of
 from drivers.canopen.frame_length import frame_bits
-from drivers.canopen.pdo_mapping import answers, transmitted
+from drivers.canopen.pdo_mapping import answers, received, transmitted
 from drivers.canopen.sync_clock import WINDOW
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from can.broadcastmanager import CyclicSendTaskABC
 
@@ -33,8 +33,13 @@ MAX_LOAD = 0.7
 _SYNC = 0x80
 
 
-def cycle_time(drives: DrivesFile, sent: Sequence[Sequence[Pdo]] | None = None) -> float:
-    """How long SYNC and all its answers occupy the bus [s].
+def cycle_time(
+    drives: DrivesFile,
+    sent: Sequence[Sequence[Pdo]] | None = None,
+    *,
+    streamed: bool = False,
+) -> float:
+    """How long SYNC and all that belongs to it occupy the bus [s].
 
     Parameters
     ----------
@@ -42,10 +47,19 @@ def cycle_time(drives: DrivesFile, sent: Sequence[Sequence[Pdo]] | None = None) 
         Axes and bit rate.
     sent : sequence, optional
         The TPDOs of each axis; by default those that we would have.
+    streamed : bool
+        Whether each axis gets a set-point in every cycle too.
     """
     pdos = [transmitted(axis) for axis in drives.axes] if sent is None else sent
     sizes = [pdo.size for own in pdos for pdo in own]
-    return (frame_bits(0) + sum(map(frame_bits, sizes))) / drives.bitrate
+    if streamed:
+        sizes += [received(axis).size for axis in drives.axes]
+    return time_on_bus(sizes, drives.bitrate)
+
+
+def time_on_bus(sizes: Iterable[int], bitrate: int) -> float:
+    """How long SYNC and frames of so many bytes each occupy the bus at worst [s]."""
+    return (frame_bits(0) + sum(map(frame_bits, sizes))) / bitrate
 
 
 def achievable_rate(

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from drivers.axis import AxisScale
-from drivers.drives_file import load_drives
-from hil.model.robot import ROBOTS
+from hil.cli.robot_drives import known_drives
 from hil.planning.prediction.noise import stated_noise
 from hil.results.prior_knowledge import experience
 from hil.runs.pooling import open_runs
@@ -49,12 +48,5 @@ def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
 
 def _resolution(robot: Robot, drives_file: Path | None) -> list[float] | None:
     """Smallest steps of the torques, if a drives file states them [N m]."""
-    path = drives_file or ROBOTS / f"{robot.name}.drives.yaml"
-    if drives_file is None and not path.exists():
-        return None
-    axes = load_drives(path).axes
-    if len(axes) != robot.n_joints:
-        raise FileError(
-            f"{path}: {len(axes)} axes must be {robot.n_joints}, one for each joint of {robot.name}"
-        )
-    return [abs(AxisScale.of(axis).torque) for axis in axes]
+    drives = known_drives(robot, drives_file)
+    return [abs(AxisScale.of(axis).torque) for axis in drives.axes] if drives else None

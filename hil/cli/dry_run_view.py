@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from checked_files.yaml_file import line_of
-from hil.planning.dry_run import MAX_LOAD
 from hil.results.rounding import clock
 
 if TYPE_CHECKING:
@@ -23,11 +22,12 @@ SHOWN = 10
 def render(result: DryRun, console: Console) -> None:
     """Print what a plan will cost and what it will give."""
     console.print(_costs(result))
-    console.print(
-        f"bus load {result.bus_load:.1%} at {result.bitrate / 1000:g} kbit/s"
-        f" (SYNC and one TPDO of 8 bytes an axis; at most {MAX_LOAD:.0%})",
-        soft_wrap=True,
-    )
+    if result.bus:
+        console.print(
+            f"bus load {result.bus_load:.1%} at {result.bus.bitrate / 1000:g} kbit/s"
+            f" ({result.bus.frames}; at most {result.bus.most:.0%})",
+            soft_wrap=True,
+        )
     if result.groups:
         console.print(_gains(result))
         for group in result.groups:

@@ -89,6 +89,7 @@ def run(
     """Measure a plan into a folder; the robot moves."""
     from drivers.open_drive_bus import open_drive_bus
     from hil.cli import bus_access, drive_settings
+    from hil.cli.bus_cycle import bus_cycle
     from hil.cli.plan_files import load, refuse_problems
     from hil.cli.robot_drives import load_robots_drives, narrowed_drives, packaged_drives
     from hil.cli.run_session import carry_out, prepare_folder
@@ -103,7 +104,8 @@ def run(
     drives_file = drives_file or packaged_drives(the_robot)
     drives, text = load_robots_drives(drives_file, the_robot)
     drives = narrowed_drives(drives, the_plan.workspace)
-    refuse_problems(dry_run(the_plan, the_robot, drives.bitrate), plan_file)
+    cycle = bus_cycle(the_plan, the_robot.n_joints, drives)
+    refuse_problems(dry_run(the_plan, the_robot, cycle), plan_file)
     options = bus_options(bus_option)
     if what_changes:
         kept = drive_settings.kept_in(output, interface, channel)

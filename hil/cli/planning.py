@@ -18,7 +18,7 @@ from hil.cli.arguments import (
     WorkspaceOption,
     refuse_existing,
 )
-from hil.planning import BITRATE, LONGEST
+from hil.planning import LONGEST
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -50,19 +50,27 @@ def dry_run_(
     plan_file: PlanFile,
     robot_file: RobotOption = None,
     bitrate: Annotated[
-        int, typer.Option(min=10_000, max=1_000_000, help="Bit rate of the bus \\[bit/s].")
-    ] = BITRATE,
+        int | None,
+        typer.Option(
+            min=10_000,
+            max=1_000_000,
+            help="Bit rate of the bus \\[bit/s]; by default that of the drives file.",
+        ),
+    ] = None,
     workspace: WorkspaceOption = None,
     noise_from: NoiseFrom = None,
     drives_file: RobotsDrives = None,
 ) -> None:
     """State what a plan takes and what it gives; nothing moves."""
     from hil.cli import dry_run_view
+    from hil.cli.bus_cycle import bus_cycle
     from hil.cli.plan_files import load, refuse_problems
+    from hil.cli.robot_drives import known_drives
     from hil.planning.dry_run import dry_run
 
     the_plan, the_robot = load(plan_file, robot_file, workspace)
-    result = dry_run(the_plan, the_robot, bitrate)
+    drives = known_drives(the_robot, drives_file)
+    result = dry_run(the_plan, the_robot, bus_cycle(the_plan, the_robot.n_joints, drives, bitrate))
     dry_run_view.render(result, out)
     refuse_problems(result, plan_file)
     if result.groups:

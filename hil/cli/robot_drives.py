@@ -26,10 +26,35 @@ def packaged_drives(the_robot: Robot) -> Path:
     FileError
         None does.
     """
-    path = ROBOTS / f"{the_robot.name}.drives.yaml"
+    path = _packaged(the_robot)
     if not path.exists():
         raise FileError(f"{the_robot.name}: no drives file comes along; give one with --drives")
     return path
+
+
+def _packaged(the_robot: Robot) -> Path:
+    return ROBOTS / f"{the_robot.name}.drives.yaml"
+
+
+def known_drives(the_robot: Robot, path: Path | None) -> DrivesFile | None:
+    """Return the drives by their file, or by the one that comes along; None if none does.
+
+    Raises
+    ------
+    FileError
+        The file cannot be used, or is of another number of axes.
+    """
+    packaged = _packaged(the_robot)
+    if path is None and not packaged.exists():
+        return None
+    path = path or packaged
+    drives = load_drives(path)
+    if len(drives.axes) != the_robot.n_joints:
+        raise FileError(
+            f"{path}: {len(drives.axes)} axes must be {the_robot.n_joints}, one for each joint of"
+            f" {the_robot.name}"
+        )
+    return drives
 
 
 def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:

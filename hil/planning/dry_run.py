@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from hil.planning import BITRATE
 from hil.planning.measurement import element_measurements
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
@@ -28,9 +27,6 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.strokes import Strokes
-
-MAX_LOAD = 0.7
-"""Share of the bus that SYNC and samples may take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +45,27 @@ class Problem:
     message: str
 
 
+class BusCycle(NamedTuple):
+    """What SYNC and all that belongs to it put on the bus, as whoever knows the bus states it.
+
+    Attributes
+    ----------
+    duration : float
+        How long these frames occupy the bus [s].
+    bitrate : int
+        [bit/s].
+    frames : str
+        Which frames these are, for readers.
+    most : float
+        Share of the bus that they may take.
+    """
+
+    duration: float
+    bitrate: int
+    frames: str
+    most: float
+
+
 @dataclass(frozen=True, slots=True)
 class DryRun:
     """Answer of a dry run.
@@ -59,9 +76,10 @@ class DryRun:
         Measurements of each kind.
     durations : dict
         Time of each kind, of travels and of the warm-up [s].
+    bus : BusCycle or None
+        What a cycle puts on the bus, where that is known.
     bus_load : float
-        Share of the bus that SYNC and one 8-byte TPDO of each axis take at the sample period, and
-        one RPDO of each where a trajectory is streamed.
+        Share of the bus that it takes at the sample period.
     problems : tuple of Problem
         Why the plan must not be run; empty when it may.
     groups : tuple of Identifiability
@@ -71,7 +89,7 @@ class DryRun:
 
     counts: dict[str, int]
     durations: dict[str, float]
-    bitrate: int
+    bus: BusCycle | None
     bus_load: float
     problems: tuple[Problem, ...]
     groups: tuple[Identifiability, ...]
@@ -82,10 +100,8 @@ class DryRun:
         return sum(self.durations.values())
 
 
-def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
-    """Fold over `plan`, which was made for `robot`; `bitrate` of the bus in bit/s."""
-    streamed = any(m.streamed for m in plan.measurements)
-    load = bus_load(robot.n_joints, plan.sample_period, bitrate, streamed=streamed)
+def dry_run(plan: Plan, robot: Robot, bus: BusCycle | None = None) -> DryRun:
+    """Fold over `plan`, which was made for `robot`; `bus` is what a cycle puts on the bus."""
     of_groups = bool(element_measurements(plan.measurements))
     measurements = measurement_problems(plan, robot)
     if not measurements:
@@ -96,9 +112,9 @@ def dry_run(plan: Plan, robot: Robot, bitrate: int = BITRATE) -> DryRun:
     return DryRun(
         counts=dict(Counter(m.kind for m in plan.measurements)),
         durations=_durations(plan, robot),
-        bitrate=bitrate,
-        bus_load=load,
-        problems=tuple(measurements + list(_check_load(load, plan, bitrate))),
+        bus=bus,
+        bus_load=bus.duration / plan.sample_period if bus else 0.0,
+        problems=tuple(measurements + list(_check_load(bus, plan))),
         groups=() if measurements or not of_groups else identifiability(plan, robot),
     )
 
@@ -113,20 +129,6 @@ def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
     ]
 
 
-def frame_bits(n_bytes: int) -> int:
-    """Longest base frame of `n_bytes` on the wire, stuffing and interframe space included."""
-    return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
-
-
-def bus_load(n_axes: int, period: float, bitrate: int, *, streamed: bool = False) -> float:
-    """Share of the bus taken by one SYNC and `n_axes` full TPDOs each `period` [s].
-
-    While a trajectory is `streamed` each axis gets an RPDO of 6 bytes besides.
-    """
-    each = frame_bits(8) + (frame_bits(6) if streamed else 0)
-    return (frame_bits(0) + n_axes * each) / (period * bitrate)
-
-
 def _durations(plan: Plan, robot: Robot) -> dict[str, float]:
     total: defaultdict[str, float] = defaultdict(float)
     for entry in timetable(plan, robot, plan.measurements):
@@ -137,13 +139,13 @@ def _durations(plan: Plan, robot: Robot) -> dict[str, float]:
     return dict(total)
 
 
-def _check_load(load: float, plan: Plan, bitrate: int) -> Iterator[Problem]:
-    if load > MAX_LOAD:
-        longest = plan.sample_period * load / MAX_LOAD
+def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:
+    if bus is not None and bus.duration > bus.most * plan.sample_period:
+        load, longest = bus.duration / plan.sample_period, bus.duration / bus.most
         yield Problem(
             ("sample_period",),
-            f"{plan.sample_period:g} s loads the bus with {load:.0%} at {bitrate} bit/s, at most"
-            f" {MAX_LOAD:.0%} may; sample every {math.ceil(longest * 1e4) / 1e4:g} s or use a"
+            f"{plan.sample_period:g} s loads the bus with {load:.0%} at {bus.bitrate} bit/s, at"
+            f" most {bus.most:.0%} may; sample every {math.ceil(longest * 1e4) / 1e4:g} s or use a"
             " faster bus",
         )
 

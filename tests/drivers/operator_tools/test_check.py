@@ -168,7 +168,7 @@ def test_a_current_that_shows_nothing_but_zero_leaves_its_sign_open() -> None:
 
     with bench(alter=dead) as bus:
         warnings = of_grade(Grade.WARNING, checked(bus, drives_of(1)))
-    assert "too little to tell" in warnings["sign of the current"]
+    assert "too little to decide" in warnings["sign of the current"]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from rich.console import Console
 from hil.cli.dry_run_view import describe_problems, render
 from hil.measuring.sequencer import measure
 from hil.model.robot import Robot
-from hil.planning.dry_run import bus_load, dry_run, frame_bits
+from hil.planning.dry_run import BusCycle, dry_run
 from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.plan import Plan, dump_plan
 from hil.planning.prediction.identifiability import group_observations
@@ -57,23 +57,14 @@ def test_the_duration_foreseen_is_what_the_sequencer_takes(
     assert dry_run(small_plan, manutec).duration == pytest.approx(ideal_bus.time, rel=0.15)
 
 
-def test_worst_frames_have_135_and_55_bits() -> None:
-    assert frame_bits(8) == 135
-    assert frame_bits(0) == 55
-
-
-def test_six_axes_at_250_hz_take_22_percent_of_1_mbit() -> None:
-    assert bus_load(6, 0.004, 1_000_000) == pytest.approx(0.216, abs=0.001)
-
-
-@pytest.mark.parametrize(("bitrate", "refused"), [(1_000_000, False), (250_000, True)])
+@pytest.mark.parametrize(("duration", "refused"), [(0.00279, False), (0.00346, True)])
 def test_a_bus_loaded_above_70_percent_is_refused(
-    small_plan: Plan, manutec: Robot, bitrate: int, refused: bool
+    small_plan: Plan, manutec: Robot, duration: float, refused: bool
 ) -> None:
-    result = dry_run(small_plan, manutec, bitrate)
+    result = dry_run(small_plan, manutec, BusCycle(duration, 250_000, "SYNC and six TPDOs", 0.7))
     assert bool(result.problems) is refused
     if refused:
-        assert "loads the bus with 86%" in result.problems[0].message
+        assert "loads the bus with 86% at 250000 bit/s" in result.problems[0].message
         assert "sample every 0.005 s" in result.problems[0].message
 
 
@@ -209,7 +200,8 @@ def test_a_parameter_that_nothing_excites_is_named(small_plan: Plan, manutec: Ro
 
 def test_the_answer_is_rendered_with_costs_and_gains(small_plan: Plan, manutec: Robot) -> None:
     stream = io.StringIO()
-    render(dry_run(small_plan, manutec), Console(file=stream, width=120))
+    cycle = BusCycle(0.000864, 1_000_000, "SYNC and six TPDOs", 0.7)
+    render(dry_run(small_plan, manutec, cycle), Console(file=stream, width=120))
     text = stream.getvalue()
     for words in (
         "bus load 21.6%",
