@@ -16,8 +16,8 @@ from drivers.cia402 import objects
 from drivers.cia402.states import Mode
 from drivers.commissioning.requirements import DRIVE_PROFILE, REQUIREMENTS
 from drivers.dictionary.current_candidates import current_candidates
-from drivers.dictionary.gaps import Finding, fixed_at, gaps
 from drivers.dictionary.mapping_review import Mapping, review_mapping
+from drivers.dictionary.missing_objects import Finding, fixed_at, gaps
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

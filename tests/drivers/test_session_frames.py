@@ -116,8 +116,8 @@ def test_the_samples_are_what_the_tpdos_said(session):
     q = -(np.array([t[1] for t in tpdos]) - 5000) / (79.2 * 4096) * 2 * np.pi
     tau = -np.array([t[2] for t in tpdos]) / 1000 * 3.002 * 0.2608 * 79.2
     heard = {(round(a, 9), round(b, 6)) for a, b in zip(q, tau, strict=True)}
-    told = [(round(s.q[4], 9), round(s.tau[4], 6)) for s in samples]
-    assert all(pair in heard for pair in told)
+    stated = [(round(s.q[4], 9), round(s.tau[4], 6)) for s in samples]
+    assert all(pair in heard for pair in stated)
     assert samples[-1].q[4] == pytest.approx(MOVE.target, abs=2e-3)
 
 

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.plots.elements import measured_elements
+from hil.report.plots.measured_elements import measured_elements
 from hil.report.section import Plot, Section
 
 if TYPE_CHECKING:

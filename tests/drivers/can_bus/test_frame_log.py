@@ -285,7 +285,7 @@ def test_what_is_no_log_cannot_be_replayed(
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "stated"),
     [
         ("there.log", "is there already; choose another name"),
         ("run.xyz", r"choose \.asc or \.log"),
@@ -293,10 +293,10 @@ def test_what_is_no_log_cannot_be_replayed(
     ],
 )
 def test_a_log_that_cannot_be_written_is_told_before_anything_moves(
-    tmp_path: Path, drives: DrivesFile, name: str, told: str
+    tmp_path: Path, drives: DrivesFile, name: str, stated: str
 ) -> None:
     (tmp_path / "there.log").write_text("")
-    with pytest.raises(FileError, match=told):
+    with pytest.raises(FileError, match=stated):
         open_drive_bus(drives, "sim_plant", "manutec-r15", frame_log=tmp_path / name)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there.log"]
 
@@ -328,13 +328,15 @@ def test_a_disk_that_is_full_is_told_once_and_the_bus_goes_on(
     monkeypatch.setattr(can.CanutilsLogWriter, "on_message_received", full)
     with FrameLog(Echo(), tmp_path / "run.log") as bus:
         bus.send(can.Message(arbitration_id=0x601))
-        told = None
-        while told is None:
+        stated = None
+        while stated is None:
             try:
                 bus.recv(0.0)
             except FileError as error:
-                told = str(error)
-        assert told == f"{tmp_path}/run.log: cannot be written: [Errno 28] No space left on device"
+                stated = str(error)
+        assert (
+            stated == f"{tmp_path}/run.log: cannot be written: [Errno 28] No space left on device"
+        )
         bus.send(can.Message(arbitration_id=0x601))
         assert bus.recv(0.0) is not None
 

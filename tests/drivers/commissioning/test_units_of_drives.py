@@ -98,12 +98,12 @@ def test_a_file_that_contradicts_the_drive_is_refused_by_both_before_anything_is
     assert len(found) >= 1
     with local_drives.LocalBus(1, {1: habit.objects}) as bus:
         with (
-            pytest.raises(DriveRefused) as told,
+            pytest.raises(DriveRefused) as stated,
             CanopenDriveBus(bus, drives(habit, **wrong)),
         ):
             pytest.fail("the drive was accepted")
         assert never_energised(bus)
-    assert words in str(told.value)
+    assert words in str(stated.value)
 
 
 def test_an_object_of_another_length_is_left_out_and_noted() -> None:

@@ -143,10 +143,10 @@ def test_what_cannot_be_understood_is_told_with_file_line_and_section(
 ) -> None:
     text = sheet({(0x6081, 0): {key: value}})
     line = text.splitlines().index("[6081]") + 1
-    with pytest.raises(FileError) as told:
+    with pytest.raises(FileError) as stated:
         review(parsed(text))
-    assert str(told.value).startswith(f"drive.eds:{line}: [6081] ")
-    assert message in str(told.value)
+    assert str(stated.value).startswith(f"drive.eds:{line}: [6081] ")
+    assert message in str(stated.value)
 
 
 def test_nonsense_about_an_object_that_nobody_needs_harms_nobody() -> None:
@@ -199,10 +199,10 @@ def test_an_object_that_a_pdo_carries_can_be_mapped_whatever_the_sheet_says() ->
     ],
 )
 def test_files_that_are_no_data_sheet_are_refused(raw: bytes, message: str) -> None:
-    with pytest.raises(FileError) as told:
+    with pytest.raises(FileError) as stated:
         parse_eds(raw, "drive.eds")
-    assert str(told.value).startswith("drive.eds: ")
-    assert message in str(told.value)
+    assert str(stated.value).startswith("drive.eds: ")
+    assert message in str(stated.value)
 
 
 def test_a_file_that_is_not_there_is_told_by_name(tmp_path: Path) -> None:

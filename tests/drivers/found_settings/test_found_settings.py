@@ -250,8 +250,8 @@ def test_an_object_that_is_written_unforeseen_is_kept_first(tmp_path: Path) -> N
             axes.servers[1].set(offset, 6)
             objects = load_found_settings(path).drives[1].objects
             assert [o.value for o in objects if o.index == 0x607C] == [-70]
-        told = "joint 2 (node 2): 607C:00 (x) was written without having been announced"
-        assert told in axes.notes
+        stated = "joint 2 (node 2): 607C:00 (x) was written without having been announced"
+        assert stated in axes.notes
         assert can_bus.drives[2].node.get_data(0x607C, 0) == (-70).to_bytes(
             4, "little", signed=True
         )

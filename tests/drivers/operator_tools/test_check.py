@@ -284,10 +284,10 @@ def on_personality(name: str, **changes: Any) -> list[Verdict]:
 def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
     verdicts = on_personality("bare")
     assert refusals(verdicts) == {}
-    told = [v for v in verdicts if v.grade is Grade.WARNING and "6007" in str(v)]
-    assert len(told) == 1
-    assert "when our heartbeat is lost" in told[0].remedy
-    assert told[0].check == "objects that measuring needs"
+    stated = [v for v in verdicts if v.grade is Grade.WARNING and "6007" in str(v)]
+    assert len(stated) == 1
+    assert "when our heartbeat is lost" in stated[0].remedy
+    assert stated[0].check == "objects that measuring needs"
 
 
 def test_a_drive_that_cannot_watch_our_heartbeat_is_refused() -> None:

@@ -70,9 +70,9 @@ def test_an_unedited_draft_is_refused_line_by_line_with_what_to_state(tmp_path: 
     text = draft_drives([axis(), axis(node=2)])
     path = tmp_path / "drives.yaml"
     path.write_text(text)
-    with pytest.raises(FileError) as told:
+    with pytest.raises(FileError) as stated:
         load_drives(path)
-    problems = str(told.value).splitlines()
+    problems = str(stated.value).splitlines()
     lines = text.splitlines()
     assert len(problems) == text.count(f": {UNSTATED} ") > 40
     for problem in problems:
@@ -80,7 +80,8 @@ def test_an_unedited_draft_is_refused_line_by_line_with_what_to_state(tmp_path: 
         assert UNSTATED in lines[number - 1]
     gear = text.splitlines().index(next(line for line in lines if "gear_ratio" in line)) + 1
     assert (
-        f"{path}:{gear}: axes.0.gear_ratio: must be stated: motor angle over" in told.value.args[0]
+        f"{path}:{gear}: axes.0.gear_ratio: must be stated: motor angle over"
+        in stated.value.args[0]
     )
 
 
@@ -262,9 +263,9 @@ def test_what_is_missing_stands_above_the_axis() -> None:
     ],
 )
 def test_a_drive_that_cannot_serve_is_refused(axes: list[Changes], message: str) -> None:
-    with pytest.raises(DriveRefused) as told:
+    with pytest.raises(DriveRefused) as stated:
         draft_drives([axis(changes) for changes in axes])
-    assert message in str(told.value)
+    assert message in str(stated.value)
 
 
 @pytest.mark.parametrize(

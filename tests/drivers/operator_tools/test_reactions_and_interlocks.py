@@ -114,11 +114,11 @@ def test_a_drive_that_does_not_switch_on_says_why_if_it_can() -> None:
     can_bus, drive_bus = build({3: {(0x60FD, 0): ("u32", 8)}})
     with can_bus:
         can_bus.drives[3].stuck.add("off")
-        with pytest.raises(DriveRefused) as told:
+        with pytest.raises(DriveRefused) as stated:
             drive_bus.__enter__()
         assert never_energised(can_bus)
-    assert f"joint 3 (node 3): {LOCKED}, so that " in str(told.value)
-    assert "stays in" not in str(told.value)
+    assert f"joint 3 (node 3): {LOCKED}, so that " in str(stated.value)
+    assert "stays in" not in str(stated.value)
 
 
 @pytest.fixture
@@ -157,9 +157,9 @@ def test_the_plant_stays_off_behind_an_open_guard_and_serves_when_it_is_closed(
     guarded: str,
 ) -> None:
     with plant(guarded) as bus:
-        with pytest.raises(DriveRefused) as told:
+        with pytest.raises(DriveRefused) as stated:
             CanopenDriveBus(bus, drives_of(1, 2)).__enter__()
-        assert f"joint 2 (node 2): {LOCKED}" in str(told.value)
+        assert f"joint 2 (node 2): {LOCKED}" in str(stated.value)
         unpowered = UnpoweredDrives(bus, drives_of(2))
         unpowered.wait(4.0)
         assert safe_torque_off(unpowered.servers[0]) is None

@@ -79,8 +79,8 @@ def test_what_a_drive_lacks_is_told() -> None:
     found = scanned(LocalBus(2, {2: {(0x6084, 0): None, (0x6502, 0): ("u32", 0x20)}}))
     review = found.nodes[2].review
     assert review is not None
-    told = [str(finding) for finding in review.findings]
-    assert any("6084:00 (profile deceleration) is missing: its profile accel" in t for t in told)
+    stated = [str(finding) for finding in review.findings]
+    assert any("6084:00 (profile deceleration) is missing: its profile accel" in t for t in stated)
     assert not review.serves
 
 
@@ -156,10 +156,10 @@ def test_of_what_a_node_leaves_unanswered_nothing_is_concluded() -> None:
     assert found.dictionary is not None
     assert found.review.serves
     assert found.dictionary.vendor == 0x4D2
-    told = [str(finding) for finding in found.review.findings]
-    assert any("6041:00 (statusword) was refused with 08000022" in text for text in told)
-    assert any("was not answered: if it is missing, " in text for text in told)
-    assert any("was not asked for any more" in text for text in told)
+    stated = [str(finding) for finding in found.review.findings]
+    assert any("6041:00 (statusword) was refused with 08000022" in text for text in stated)
+    assert any("was not answered: if it is missing, " in text for text in stated)
+    assert any("was not asked for any more" in text for text in stated)
     assert len(bus.sent) < 127 + 30
 
 

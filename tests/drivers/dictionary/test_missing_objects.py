@@ -135,15 +135,15 @@ def test_of_two_objects_that_limit_the_same_one_is_enough(one: int, other: int) 
 def test_a_limit_of_current_serves_in_place_of_one_of_torque_at_start_up() -> None:
     can_bus, drive_bus = build({2: {(0x6072, 0): None, (0x6073, 0): ("u16", 9999)}})
     with can_bus, drive_bus:
-        told = [note for note in drive_bus.notes if note.startswith("joint 2") and "6072" in note]
-    assert told == []
+        stated = [note for note in drive_bus.notes if note.startswith("joint 2") and "6072" in note]
+    assert stated == []
 
 
 def test_a_drive_without_limits_of_torque_and_current_is_noted_once() -> None:
     can_bus, drive_bus = build({2: {(0x6072, 0): None, (0x6073, 0): None}})
     with can_bus, drive_bus:
-        told = [note for note in drive_bus.notes if note.startswith("joint 2") and "607" in note]
-    assert told == [
+        stated = [note for note in drive_bus.notes if note.startswith("joint 2") and "607" in note]
+    assert stated == [
         "joint 2 (node 2): no object 6072:00 (max torque) nor 6073:00 (max current): this limit is"
         " kept by the driver alone"
     ]
