@@ -63,7 +63,7 @@ def test_mass_and_centre_of_a_load_are_found(robot, runs):
     quantities = {q.name: q for q in found.quantities()}
     assert quantities["mass"].value == pytest.approx(10.86, rel=2e-3)
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
-    assert "sx" in found.unseen
+    assert found.unseen == ("Ixy", "Ixz", "Iyz", "sx", "sy")
     assert found.p_value > 1e-4
 
 
@@ -83,8 +83,13 @@ def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
     off = np.array([1.0, 1.02, 1.0, 1.0, 1.0, 1.0])
     wrong = [[(m, replace(r, tau=r.tau * off)) for m, r in run] for run in runs]
     gains = drive_gains(robot, *(SimultaneousFit(robot, prepared(run)) for run in wrong), 10.86)
+    assert gains.error == pytest.approx(off - 1.0, abs=1e-2)
     assert gains.error[1] == pytest.approx(0.02, abs=2e-3)
     assert gains.constant[1] == pytest.approx(robot.torque_constant[1] / 1.02, rel=2e-3)
+    low, high = (
+        robot.torque_constant / (1 + gains.error + s * gains.standard_error) for s in (1, -1)
+    )
+    assert gains.constant_error[1] == pytest.approx((high - low)[1] / 2, rel=1e-3)
 
 
 def test_nothing_is_found_where_nothing_is_left_out(robot, runs):
