@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cia402.error_codes import decode_emergency, error_text
+from drivers.cia402.error_codes import ERROR_CODES, decode_emergency, error_text
 from drivers.cia402.set_point import (
     ENABLED,
     RAISED,
@@ -256,6 +256,12 @@ def test_a_halted_axis_has_come_to_rest_when_its_position_stays() -> None:
 )
 def test_an_error_code_is_told_in_words_if_need_be_by_its_class(code: int, text: str) -> None:
     assert error_text(code) == text
+
+
+def test_codes_stand_in_the_standard_s_ascending_order_each_of_two_bytes() -> None:
+    codes = list(ERROR_CODES)
+    assert codes == sorted(codes)
+    assert (codes[0], codes[-1]) == (0x0000, 0xFF00)
 
 
 def test_an_emergency_frame_is_decoded() -> None:

@@ -55,6 +55,7 @@ def test_standard_errors_agree_with_the_scatter_of_repeated_fits(kind):
 def test_models_are_odd_functions_of_velocity(kind, seed):
     a = np.random.default_rng(seed).uniform(0.1, 10, len(TRUTH[kind]))
     assert torque(kind, a, -SPEED) == pytest.approx(-torque(kind, a, SPEED))
+    assert torque(kind, a, np.zeros(1)) == 0.0
 
 
 def test_scaling_speeds_and_torques_scales_the_parameters():

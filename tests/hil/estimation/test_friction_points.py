@@ -65,6 +65,16 @@ def test_the_model_s_own_uncertainty_widens_the_asymmetry(robot):
     assert of_points(unsure)[0].standard_error > 3 * of_points(sure)[0].standard_error
 
 
+def test_standard_errors_within_a_measurement_cover_what_noise_does(robot):
+    friction = Friction(coulomb=40.0, viscous=0.0, root=0.0, offset=OFFSET)
+    found, _ = points(
+        robot, [m for axis in (0, 3, 4) for m in measured(robot, axis, friction, 0.05)]
+    )
+    misses = [(p.friction - 40.0) / p.friction_error for p in found]
+    misses += [(p.common - OFFSET[p.axis]) / p.common_error for p in found if p.absolute]
+    assert 0.6 < np.sqrt(np.mean(np.square(misses))) < 1.5
+
+
 def test_drift_within_a_measurement_does_not_look_like_friction_or_asymmetry(robot):
     drifting = Friction(coulomb=40.0, viscous=0.0, root=0.0, growth=1e-3)
     found, _ = points(robot, measured(robot, 0, drifting))

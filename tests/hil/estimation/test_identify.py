@@ -93,6 +93,15 @@ class TestLocalFits:
         assert (local.axis, local.partner) == (0, 1)
         assert local.value == pytest.approx(local.model, abs=0.1)
 
+    @pytest.mark.parametrize("measurement", [GRAVITY, INERTIA], ids=lambda m: m.kind)
+    def test_a_standard_error_is_what_noise_does_to_the_element(self, robot, measurement):
+        clean = record(robot, measurement, TABLE_3_A, Friction())
+        misses = []
+        for _, recording in noisy(robot, [(measurement, clean)] * 20):
+            local = local_fit(robot, measurement, signals(recording)).at(TABLE_3_A)
+            misses.append((local.value - local.model) / local.standard_error)
+        assert 0.3 < np.median(np.abs(misses)) < 1.5  # 0.67 to 1.0 for Student's t
+
     def test_a_gravity_measurement_without_a_window_is_refused(self, robot):
         short = GRAVITY.model_copy(update={"stroke": 0.05})
         s = signals(record(robot, short, TABLE_3_A, Friction()))
@@ -189,5 +198,7 @@ class TestRefusals:
         recordings[0] = measurement, replace(recording, tau=np.full_like(recording.tau, np.nan))
         with pytest.raises(NotEnoughData, match="no usable sample"):
             signals(recordings[0][1])
+        short = GRAVITY.model_copy(update={"stroke": 0.05})
+        recordings.append((short, record(robot, short, TABLE_3_A, Friction())))
         found = estimate(robot, recordings)
-        assert [each.id for each in found.left_out] == [measurement.id]
+        assert [each.id for each in found.left_out] == [measurement.id, short.id]

@@ -7,16 +7,19 @@ import pytest
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.estimation.absent_parameters import examine
-from hil.estimation.identify import estimate
+from hil.estimation.gravity_phase import SEEN, models, shifted_most
+from hil.estimation.identify import estimate, prepared_for
+from hil.estimation.noise_levels import noise_levels
 from hil.estimation.payload import estimate_payload
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
-from hil.estimation.torque_lag import find_lags
+from hil.estimation.torque_lag import find_lags, no_lags
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.dynamics import gravity_torque
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
+from hil.planning.prediction.noise import stated_noise
 
 LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
 
@@ -63,7 +66,7 @@ def test_mass_and_centre_of_a_load_are_found(robot, runs):
     quantities = {q.name: q for q in found.quantities()}
     assert quantities["mass"].value == pytest.approx(10.86, rel=2e-3)
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
-    assert "sx" in found.unseen
+    assert found.unseen == ("Ixy", "Ixz", "Iyz", "sx", "sy")
     assert found.p_value > 1e-4
 
 
@@ -83,22 +86,64 @@ def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
     off = np.array([1.0, 1.02, 1.0, 1.0, 1.0, 1.0])
     wrong = [[(m, replace(r, tau=r.tau * off)) for m, r in run] for run in runs]
     gains = drive_gains(robot, *(SimultaneousFit(robot, prepared(run)) for run in wrong), 10.86)
+    assert gains.error == pytest.approx(off - 1.0, abs=1e-2)
     assert gains.error[1] == pytest.approx(0.02, abs=2e-3)
     assert gains.constant[1] == pytest.approx(robot.torque_constant[1] / 1.02, rel=2e-3)
+    low, high = (
+        robot.torque_constant / (1 + gains.error + s * gains.standard_error) for s in (1, -1)
+    )
+    assert gains.constant_error[1] == pytest.approx((high - low)[1] / 2, rel=1e-3)
 
 
 def test_nothing_is_found_where_nothing_is_left_out(robot, runs):
     assert examine(robot, prepared(runs[0])).found == ()
 
 
-def test_a_centre_of_mass_off_the_axis_is_ranked_first(robot, runs):
-    found = examine(robot, prepared(runs[0]))
-    k = found.complete.standard_parameters.index("sy4")
-    u = 0.05 * base_parameters(found.complete).matrix[:, k]
-    spoilt = [
-        (m, replace(r, tau=r.tau + gravity_torque(found.complete, u, r.q))) for m, r in runs[0]
-    ]
-    assert "sy4" in examine(robot, prepared(spoilt)).alone[0].names
+@pytest.fixture(scope="module")
+def off_axis(robot, runs):
+    """What is examined of a run, and the run, of a machine whose link 4 has its centre aside."""
+    complete = examine(robot, prepared(runs[0])).complete
+    u = 0.05 * base_parameters(complete).matrix[:, complete.standard_parameters.index("sy4")]
+    run = [(m, replace(r, tau=r.tau + gravity_torque(complete, u, r.q))) for m, r in runs[0]]
+    return examine(robot, prepared(run)), run
+
+
+def test_a_centre_of_mass_off_the_axis_is_ranked_first(off_axis):
+    assert "sy4" in off_axis[0].alone[0].names
+
+
+def test_what_is_left_out_shifts_the_sinusoid_that_gravity_is_over_an_angle(robot, off_axis):
+    found, run = off_axis
+    phase = shifted_most(estimate(robot, run), found, robot.torque_limit)
+    angle = np.linspace(-3.0, 3.0, 7)
+    q = np.tile(phase.q, (len(angle), 1))
+    q[:, phase.over] = angle
+    for p, sinusoid in zip(models(found), (phase.stated, phase.extended), strict=True):
+        torque = gravity_torque(found.complete, p, q)[:, phase.axis]
+        assert sinusoid.at(angle) == pytest.approx(torque, abs=1e-9)
+    assert abs(phase.shift) > SEEN
+
+
+def test_signals_behind_an_estimate_are_advanced_by_its_lags(robot, runs):
+    lag = np.array([0.004, 0.0, 0.0, 0.0, 0.0, 0.0])
+    found = estimate(robot, runs[0], "printed")
+    (_, plain), *_ = prepared_for(found, runs[0])
+    late = replace(found, lags=replace(no_lags(robot), lag=lag))
+    (_, advanced), *_ = prepared_for(late, runs[0])
+    assert np.array_equal(advanced.tau, plain.torque_advanced(lag).tau)
+    assert not np.array_equal(advanced.tau, plain.tau)
+
+
+def test_a_campaign_shows_the_noise_of_each_axis(robot, runs):
+    found = noise_levels(robot, prepared(runs[0])).noise
+    assert found.torque == pytest.approx(0.0005 * robot.torque_limit, rel=0.3)
+
+
+def test_an_axis_that_was_not_measured_keeps_the_noise_that_is_stated(robot, runs):
+    without = [(m, recording) for m, recording in runs[0] if 5 not in m.moved]
+    found, stated = noise_levels(robot, prepared(without)).noise, stated_noise(robot)
+    assert found.torque[5] == pytest.approx(stated.torque[5], rel=1e-3)
+    assert found.wander[5] == pytest.approx(stated.wander[5], rel=1e-3)
 
 
 def test_a_lag_of_the_torque_is_found_and_taken_back(robot, runs):

@@ -1,0 +1,77 @@
+"""Set-points that replace each other, and those that are given up: after how long, and why."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from fake_fieldbus import PERIOD, FakeFieldbus
+from local_bench import drives_file
+
+from drivers.axis import AxisScale
+from drivers.cia402.profile_position import GRACE, ProfilePosition
+from drivers.cia402.states import State
+from drivers.drive_bus import Move, MoveFailed
+
+PATIENCE = 0.5
+LONG = Move(1.5, 0.5, 10.0)
+
+
+@pytest.fixture
+def bus() -> FakeFieldbus:
+    found = FakeFieldbus(3)
+    for drive in found.drives:
+        drive.state = State.OPERATION_ENABLED
+    found.sync()
+    return found
+
+
+def moving_on(bus: FakeFieldbus, **changes: Any) -> ProfilePosition:
+    axes = drives_file(acknowledge_timeout=PATIENCE, **changes).axes
+    return ProfilePosition(bus, bus.drives, axes, PERIOD)
+
+
+def failure(bus: FakeFieldbus, motion: ProfilePosition) -> tuple[float, MoveFailed]:
+    """Let SYNCs pass until a set-point fails; return after how long [s], and what failed."""
+    begin = bus.time
+    while bus.time < begin + 60.0:
+        failed = motion.advance(bus.sync(), bus)
+        if failed is not None:
+            return bus.time - begin, failed
+    raise AssertionError("it never failed")
+
+
+def test_a_set_point_that_comes_before_the_last_is_acknowledged_takes_its_place(
+    bus: FakeFieldbus,
+) -> None:
+    motion = moving_on(bus)
+    motion.start({0: LONG})
+    motion.start({0: Move(0.1, 0.5, 10.0)})
+    while motion.active:
+        assert motion.advance(bus.sync(), bus) is None
+    q = AxisScale.of(drives_file().axes[0]).position_from_counts(bus.positions[0])
+    assert q == pytest.approx(0.1, abs=1e-3)
+
+
+@pytest.mark.parametrize("acknowledge", ["taken", "reached"])
+def test_a_set_point_that_nothing_follows_fails_when_the_patience_for_the_handshake_ends(
+    bus: FakeFieldbus, acknowledge: str
+) -> None:
+    bus.drives[0].deaf = True
+    motion = moving_on(bus, acknowledge=acknowledge)
+    motion.start({0: LONG})
+    lasted, failed = failure(bus, motion)
+    assert lasted == pytest.approx(PATIENCE, abs=3 * PERIOD)
+    assert "acknowledge it, for too long" in str(failed)
+
+
+def test_an_axis_that_stays_where_it_is_fails_after_half_its_time_again_and_a_grace(
+    bus: FakeFieldbus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fake_fieldbus.STEP", 0)
+    motion = moving_on(bus)
+    motion.start({0: LONG})
+    lasted, failed = failure(bus, motion)
+    duration = 1.5 / 0.5 + 2 * 0.5 / 10.0
+    assert lasted == pytest.approx(1.5 * duration + GRACE, abs=0.1)
+    assert "on the way, for too long" in str(failed)

@@ -1,0 +1,66 @@
+"""Process data that stay away: a gap is filled, ten SYNCs in a row are no control any more."""
+
+from __future__ import annotations
+
+from fake_fieldbus import FakeFieldbus
+
+from drivers.drive_bus import NodeSilent, SampleFlag
+from drivers.safety.missing_telegrams import MissingTelegrams
+
+HERE, GONE = 0, int(SampleFlag.MISSING)
+ALL_HERE, SECOND_GONE = (HERE, HERE, HERE), (HERE, GONE, HERE)
+
+
+class Watched:
+    """The count over three axes, and how often late telegrams were collected."""
+
+    def __init__(self) -> None:
+        self.collected = 0
+        self.telegrams = MissingTelegrams(FakeFieldbus(3).drives, self._collect)
+
+    def _collect(self) -> None:
+        self.collected += 1
+
+    def look(self, *samples: tuple[int, ...]) -> list[NodeSilent]:
+        """Take the flags of samples; return what they made known."""
+        shown = [self.telegrams.look(flags) for flags in samples]
+        return [error for error in shown if error is not None]
+
+
+def test_with_the_tenth_sync_in_a_row_an_axis_is_silent() -> None:
+    watched = Watched()
+    assert watched.look(*[SECOND_GONE] * 9) == []
+    (error,) = watched.look(SECOND_GONE)
+    assert str(error).startswith("axis 2: no TPDO for 10 SYNCs in a row;")
+
+
+def test_one_telegram_in_between_begins_the_count_anew() -> None:
+    watched = Watched()
+    assert watched.look(*[SECOND_GONE] * 9, ALL_HERE, *[SECOND_GONE] * 9) == []
+
+
+def test_gaps_of_different_axes_do_not_add_up() -> None:
+    watched = Watched()
+    assert watched.look(*[SECOND_GONE, (GONE, HERE, HERE)] * 9) == []
+
+
+def test_all_axes_that_are_silent_are_named() -> None:
+    watched = Watched()
+    (error,) = watched.look(*[(GONE, HERE, GONE)] * 10)
+    assert str(error).startswith("axis 1, axis 3: no TPDO")
+
+
+def test_late_telegrams_are_collected_after_a_gap_and_only_then() -> None:
+    watched = Watched()
+    seen = []
+    for flags in (ALL_HERE, SECOND_GONE, ALL_HERE):
+        watched.look(flags)
+        seen.append((watched.telegrams.open, watched.collected))
+    assert seen == [(False, 0), (True, 1), (False, 1)]
+
+
+def test_a_telegram_with_another_flag_is_not_missing() -> None:
+    watched = Watched()
+    other = int(~SampleFlag.MISSING & SampleFlag.DOUBLED)
+    assert watched.look(*[(HERE, other, HERE)] * 20) == []
+    assert watched.collected == 0
