@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from command_line import Hil
 
 from drivers import open_drive_bus
 from drivers.drive_bus import DriveFault, NodeSilent, Sample
@@ -14,22 +15,7 @@ from hil.model.robot import ROBOTS
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
-Hil = Callable[..., tuple[int, str, str]]
 DRIVES = ROBOTS / "manutec-r15.drives.yaml"
-
-
-@pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str], wide_console: None) -> Hil:
-    """Call the command line; return exit status, standard output and standard error."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            cli.main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.out + printed.err
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return call
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from probing_bench import DRIVES
 from rich.console import Console
 from small_run import write_run
 
-from hil import cli
 from hil.cli import check_view
 from hil.results.identification import identify
 from hil.terminal.keys import Keys
@@ -21,26 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from command_line import Hil
+
     from hil.model.robot import Robot
-
-    Hil = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def hil(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, wide_console: None
-) -> Hil:
-    """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setattr("sys.stdin", io.StringIO())
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            cli.main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.out + printed.err
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return call
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import subprocess
 import sys
@@ -24,35 +23,18 @@ from drivers.drives_file import load_drives
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools import put_back
 from drivers.operator_tools.unpowered import UnpoweredDrives
-from hil import cli
 from hil.cli import bus_access, bus_state, drive_settings
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
 
-    Hil = Callable[..., tuple[int, str, str]]
+    from command_line import Hil
+
 
 PLACE = ("local", f"restore-{os.getpid()}")
-
-
-@pytest.fixture
-def hil(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, wide_console: None
-) -> Hil:
-    """Call the command line; return exit status, standard output and standard error."""
-    monkeypatch.setattr("sys.stdin", io.StringIO())
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            cli.main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.out + printed.err
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return call
 
 
 @pytest.fixture

@@ -9,27 +9,11 @@ from data_sheets import MAKERS_CURRENT, sheet
 
 from checked_files.yaml_file import UNSTATED, FileError
 from drivers.drives_file import load_drives
-from hil import cli
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
-    Hil = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str], wide_console: None) -> Hil:
-    """Call the command line; return exit status, standard output and standard error."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            cli.main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        assert "Traceback" not in printed.out + printed.err
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return call
+    from command_line import Hil
 
 
 @pytest.fixture
