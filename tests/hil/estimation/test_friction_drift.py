@@ -72,7 +72,8 @@ def test_friction_that_does_not_drift_has_no_time_constants():
 
 def test_a_few_levels_identify_nothing():
     levels, past = with_stops(0.001)
-    assert drift(0, levels[:8], past) is None
+    assert drift(0, levels[:15], past) is None
+    assert drift(0, levels[:16], past) is not None
 
 
 def asymmetric(share, sigma, seed=0, gravity_error=0.0):
