@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from fake_fieldbus import PERIOD, FakeFieldbus
@@ -10,8 +12,10 @@ from local_bench import drives_file
 from drivers.axis import AxisScale
 from drivers.cia402.cyclic_position import GRACE, CyclicPosition
 from drivers.cia402.states import State
-from drivers.drive_bus import MoveFailed
 from drivers.safety.trips import Trips
+
+if TYPE_CHECKING:
+    from drivers.drive_bus import MoveFailed
 
 AXES = drives_file().axes
 WINDOW = AXES[1].position_window / abs(AxisScale.of(AXES[1]).position)

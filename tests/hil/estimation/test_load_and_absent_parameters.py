@@ -87,6 +87,13 @@ def test_a_known_mass_is_held_and_makes_the_rest_surer(robot, both):
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
 
 
+def test_the_residual_of_an_axis_is_what_its_own_inertias_and_couplings_leave(both):
+    local = [v for v in both[0].local if v.kind in {"inertia", "coupling"}]
+    for axis, residual in enumerate(both[0].residual):
+        left = [v.residual for v in local if v.axis == axis]
+        assert residual == pytest.approx(np.linalg.norm(left) / np.sqrt(len(left)))
+
+
 def test_what_drives_do_to_both_runs_alike_cancels_and_the_rest_widens_a_load(robot, both):
     without, carrying = both
     effect = np.zeros_like(without.drive_effect)
