@@ -36,6 +36,18 @@ def test_an_emergency_is_a_warning_one_sync_after_the_next_and_only_once(
     assert found == [[0, 1, 0], [0, 0, 0]]
 
 
+@pytest.mark.parametrize("syncs", [0, 1])
+def test_an_emergency_of_the_time_before_is_no_warning_any_more(
+    supervision: Supervision, syncs: int
+) -> None:
+    supervision.take_emergency(2, emergency(0x4210))
+    for _ in range(syncs):
+        assert supervision.warnings() == []
+    supervision.forget()
+    assert not supervision.emergency
+    assert [supervision.warnings() for _ in range(3)] == [[]] * 3
+
+
 def test_the_same_emergency_of_another_drive_is_another_warning(supervision: Supervision) -> None:
     for node in (1, 2):
         supervision.take_emergency(node, emergency(0x4210))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING, Any
 
 import local_drives
@@ -106,9 +107,16 @@ def test_an_encoder_that_jumps_within_the_corridor_is_noticed(can_bus: Any) -> N
         drive_bus.move({1: Move(1.0, 1.0, 10.0)})
         until(drive_bus, lambda sample: sample.q[1] > 0.2)
         can_bus.drives[2].position -= 0.3 * PER_RADIAN
-        with pytest.raises(Tripped, match=r"joint 2 .*rad/s, at most 2.6 rad/s may be \(trip.vel"):
+        with pytest.raises(
+            Tripped, match=r"joint 2 .*rad/s, at most 2.6 rad/s may be \(trip.vel"
+        ) as caught:
             until(drive_bus, lambda _: False)
     assert all_off(can_bus)
+    stated = re.search(r"(\S+) rad in (\S+) s is (\S+) rad/s", str(caught.value))
+    assert stated is not None
+    way, elapsed, speed = map(float, stated.groups())
+    assert way == pytest.approx(0.3, abs=0.03)
+    assert speed == pytest.approx(way / elapsed, rel=0.01)
 
 
 def test_full_speed_is_no_overspeed(can_bus: Any) -> None:

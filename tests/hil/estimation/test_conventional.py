@@ -86,6 +86,7 @@ def test_the_residual_of_each_axis_is_that_of_its_noise(
     found = fit_trajectories(robot, recorded(robot, trajectory, noise=0.02), Variant("model 1"))
     assert found.residual / robot.torque_limit == pytest.approx(found.residual[0] / 945, rel=0.3)
     assert (found.degrees_of_freedom == trajectory.cycles - 1).all()
+    assert found.drive_effect.shape == (len(TABLE_3_A), 2 * robot.n_joints)
 
 
 def test_low_speeds_can_be_left_out(robot: Robot, trajectory: Trajectory) -> None:

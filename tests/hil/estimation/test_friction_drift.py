@@ -1,5 +1,7 @@
 """Symmetry of friction, and its time constants, from levels with known ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,7 +72,8 @@ def test_friction_that_does_not_drift_has_no_time_constants():
 
 def test_a_few_levels_identify_nothing():
     levels, past = with_stops(0.001)
-    assert drift(0, levels[:8], past) is None
+    assert drift(0, levels[:15], past) is None
+    assert drift(0, levels[:16], past) is not None
 
 
 def asymmetric(share, sigma, seed=0, gravity_error=0.0):
@@ -102,6 +105,20 @@ def test_an_asymmetry_beyond_the_bound_fails():
     assert not test.passed
     assert test.verdict == "asymmetric by more than 2 %"
     assert of_points(asymmetric(0.03, 0.1), bound=0.05)[0].passed
+
+
+@pytest.mark.parametrize(("share", "passed"), [(0.01, True), (0.03, False)])
+def test_where_nothing_scatters_the_outcome_is_certain(share, passed):
+    alike = [replace(point, common=50.0 * share) for point in asymmetric(0.0, 0.1)]
+    test = of_points(alike)[0]
+    assert test.standard_error == pytest.approx(0.0, abs=1e-12)
+    assert (test.p_zero, test.p_bound) == pytest.approx((0.0, float(passed)))
+
+
+def test_two_measurements_are_too_few_for_a_test_of_symmetry_and_three_are_not():
+    points = asymmetric(0.0, 0.1)
+    assert of_points(points[:2]) == []
+    assert of_points(points[:3])[0].n == 3
 
 
 def test_an_asymmetry_that_gravity_s_uncertainty_explains_is_none():

@@ -68,7 +68,7 @@ def test_the_model_s_own_uncertainty_widens_the_asymmetry(robot):
 def test_standard_errors_within_a_measurement_cover_what_noise_does(robot):
     friction = Friction(coulomb=40.0, viscous=0.0, root=0.0, offset=OFFSET)
     found, _ = points(
-        robot, [m for axis in (0, 3, 4) for m in measured(robot, axis, friction, 0.05)]
+        robot, [m for axis in (0, 3, 4) for m in measured(robot, axis, friction, 0.002)]
     )
     misses = [(p.friction - 40.0) / p.friction_error for p in found]
     misses += [(p.common - OFFSET[p.axis]) / p.common_error for p in found if p.absolute]

@@ -54,6 +54,12 @@ def runs(robot, plan):
     return campaign(robot, plan, TABLE_3_A, 1), campaign(robot, plan, loaded(robot), 2)
 
 
+@pytest.fixture(scope="module")
+def both(robot, runs):
+    """Estimates of both runs, without and with the load."""
+    return [estimate(robot, run) for run in runs]
+
+
 def test_a_load_has_its_share_of_each_base_parameter(robot):
     shares = link_share(robot, 5)
     assert shares[0] == "l1^2 m6"
@@ -61,8 +67,8 @@ def test_a_load_has_its_share_of_each_base_parameter(robot):
     assert shares[10:] == ("Ixx6", "Ixx6", "-sz6", "Izz6")
 
 
-def test_mass_and_centre_of_a_load_are_found(robot, runs):
-    found = estimate_payload(robot, *(estimate(robot, run) for run in runs))
+def test_mass_and_centre_of_a_load_are_found(robot, both):
+    found = estimate_payload(robot, *both)
     quantities = {q.name: q for q in found.quantities()}
     assert quantities["mass"].value == pytest.approx(10.86, rel=2e-3)
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
@@ -70,8 +76,7 @@ def test_mass_and_centre_of_a_load_are_found(robot, runs):
     assert found.p_value > 1e-4
 
 
-def test_a_known_mass_is_held_and_makes_the_rest_surer(robot, runs):
-    both = [estimate(robot, run) for run in runs]
+def test_a_known_mass_is_held_and_makes_the_rest_surer(robot, both):
     free, held = estimate_payload(robot, *both), estimate_payload(robot, *both, mass=10.86)
     quantities = {q.name: q for q in held.quantities()}
     assert (quantities["mass"].value, quantities["mass"].standard_error) == (10.86, 0.0)
@@ -80,6 +85,25 @@ def test_a_known_mass_is_held_and_makes_the_rest_surer(robot, runs):
         found, alone = quantities[name], next(q for q in free.quantities() if q.name == name)
         assert found.standard_error <= alone.standard_error
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
+
+
+def test_the_residual_of_an_axis_is_what_its_own_inertias_and_couplings_leave(both):
+    local = [v for v in both[0].local if v.kind in {"inertia", "coupling"}]
+    for axis, residual in enumerate(both[0].residual):
+        left = [v.residual for v in local if v.axis == axis]
+        assert residual == pytest.approx(np.linalg.norm(left) / np.sqrt(len(left)))
+
+
+def test_what_drives_do_to_both_runs_alike_cancels_and_the_rest_widens_a_load(robot, both):
+    without, carrying = both
+    effect = np.zeros_like(without.drive_effect)
+    effect[:, 1] = 0.01 * np.arange(len(effect))
+    without, alike = (replace(each, drive_effect=effect) for each in (without, carrying))
+    differing = replace(carrying, drive_effect=2.0 * effect)
+    scatter = without.covariance + carrying.covariance
+    assert estimate_payload(robot, without, alike).covariance == pytest.approx(scatter)
+    widened = estimate_payload(robot, without, differing).covariance
+    assert widened == pytest.approx(scatter + effect @ effect.T)
 
 
 def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
@@ -96,7 +120,10 @@ def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
 
 
 def test_nothing_is_found_where_nothing_is_left_out(robot, runs):
-    assert examine(robot, prepared(runs[0])).found == ()
+    found = examine(robot, prepared(runs[0]))
+    assert found.found == ()
+    of_link_1 = {name for name in robot.standard_parameters if name.endswith("1")}
+    assert of_link_1 - set(found.absorbed) == {"Izz1"}  # alone moves, about a vertical axis
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +149,8 @@ def test_what_is_left_out_shifts_the_sinusoid_that_gravity_is_over_an_angle(robo
         torque = gravity_torque(found.complete, p, q)[:, phase.axis]
         assert sinusoid.at(angle) == pytest.approx(torque, abs=1e-9)
     assert abs(phase.shift) > SEEN
+    own = [m for m, _ in run if m.kind == "gravity" and m.index == phase.axis]
+    assert phase.angle == pytest.approx([m.q[phase.over] for m in own], abs=1e-6)
 
 
 def test_signals_behind_an_estimate_are_advanced_by_its_lags(robot, runs):
