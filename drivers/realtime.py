@@ -33,7 +33,7 @@ _AWAKE = Path("/dev/cpu_dma_latency")
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class RealTimeMeasure:
     """One measure of real time, granted or not.
 
     Attributes
@@ -129,7 +129,7 @@ class Linux:
 
 
 @contextmanager
-def real_time(system: System | None = None) -> Iterator[tuple[Measure, ...]]:
+def real_time(system: System | None = None) -> Iterator[tuple[RealTimeMeasure, ...]]:
     """Run the block in real time, as far as it is granted; yields what was.
 
     Parameters
@@ -139,7 +139,7 @@ def real_time(system: System | None = None) -> Iterator[tuple[Measure, ...]]:
 
     Yields
     ------
-    tuple of Measure
+    tuple of RealTimeMeasure
         Scheduling, memory, core, idle states.
     """
     system = Linux() if system is None else system
@@ -168,25 +168,31 @@ _IDLE = "let this user write /dev/cpu_dma_latency, or limit idle states in the f
 
 def _asked(
     undo: ExitStack, ask: Callable[[], Callable[[], None]], name: str, granted: str, remedy: str
-) -> Measure:
+) -> RealTimeMeasure:
     try:
         undo.callback(ask())
     except (OSError, AttributeError) as error:  # the latter on systems without such a call
-        return Measure(name, granted=False, found=f"not granted ({_reason(error)})", remedy=remedy)
-    return Measure(name, granted=True, found=granted)
+        return RealTimeMeasure(
+            name, granted=False, found=f"not granted ({_reason(error)})", remedy=remedy
+        )
+    return RealTimeMeasure(name, granted=True, found=granted)
 
 
-def _pinned(undo: ExitStack, system: System) -> Measure:
+def _pinned(undo: ExitStack, system: System) -> RealTimeMeasure:
     """Keep the thread on an isolated core; on a shared one it could not step aside for others."""
     try:
         isolated = sorted(system.isolated())
         if not isolated:
             shared = f"{len(system.cores())} shared with everything else"
-            return Measure("core", granted=False, found=shared, remedy=_CORE)
+            return RealTimeMeasure("core", granted=False, found=shared, remedy=_CORE)
         undo.callback(system.pin(isolated[-1]))
     except (OSError, ValueError, AttributeError) as error:
-        return Measure("core", granted=False, found=f"not granted ({_reason(error)})", remedy=_CORE)
-    return Measure("core", granted=True, found=f"{isolated[-1]}, isolated, for this thread alone")
+        return RealTimeMeasure(
+            "core", granted=False, found=f"not granted ({_reason(error)})", remedy=_CORE
+        )
+    return RealTimeMeasure(
+        "core", granted=True, found=f"{isolated[-1]}, isolated, for this thread alone"
+    )
 
 
 def _reason(error: Exception) -> str:

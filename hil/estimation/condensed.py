@@ -23,7 +23,7 @@ import numpy as np
 
 from hil.model.motors import motor_torque
 from hil.regression.least_squares import eliminated
-from hil.regression.terms import FEWEST, columns, usable
+from hil.regression.terms import FEWEST, term_columns, usable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,7 +109,7 @@ def products(
         Samples less eliminated coefficients.
     """
     motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-    rows, common, friction = columns(robot, s, axis)
+    rows, common, friction = term_columns(robot, s, axis)
     stacked = s.smoothed(np.column_stack([torques, motor, rows, common, friction]))[used]
     product, rank = eliminated(stacked.T @ stacked, friction.shape[1])
     return product, len(stacked) - rank

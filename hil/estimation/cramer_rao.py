@@ -20,7 +20,7 @@ from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.regression.least_squares import eliminated, inverse
-from hil.regression.terms import columns, n_unknowns, place
+from hil.regression.terms import n_unknowns, place, term_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -78,7 +78,7 @@ def cramer_rao(
 def _share(robot: Robot, s: Signals, axis: int, *, friction_known: bool) -> Array:
     """X'X of one axis in one measurement, friction eliminated."""
     moving = np.abs(s.smoothed(s.qd[:, axis])) > MOVING * robot.velocity_limit[axis]
-    rows, common, friction = columns(robot, s, axis)
+    rows, common, friction = term_columns(robot, s, axis)
     X = np.column_stack([rows, common, friction])[moving & s.valid]
     product = X.T @ X
     if friction_known or not len(X):

@@ -76,7 +76,7 @@ class Motion(Protocol):
         """Samples that nothing connects to the `excluded` ones, shape (n,)."""
 
 
-def columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array, Array]:
+def term_columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array, Array]:
     """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...)."""
     rows = regressor(robot, motion.q, motion.qd, motion.qdd, joints=[axis])[:, 0]
     v = motion.qd[:, axis] / robot.velocity_limit[axis]

@@ -22,7 +22,7 @@ import numpy as np
 
 from hil.planning.prediction.predicted_samples import forecast
 from hil.regression.least_squares import orthonormal
-from hil.regression.terms import FEWEST, columns, usable
+from hil.regression.terms import FEWEST, term_columns, usable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -67,7 +67,7 @@ def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
     used = usable(robot, planned, axis)
     if used.sum() < FEWEST:
         return None
-    rows, common, friction = columns(robot, planned, axis)
+    rows, common, friction = term_columns(robot, planned, axis)
     stacked = planned.smoothed(np.column_stack([rows, common, friction]))[used]
     kept = stacked.shape[1] - friction.shape[1]
     basis, _ = orthonormal(stacked[:, kept:])

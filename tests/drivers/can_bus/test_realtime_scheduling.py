@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers import realtime
-from drivers.realtime import PRIORITY, Linux, Measure, real_time
+from drivers.realtime import PRIORITY, Linux, RealTimeMeasure, real_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -53,7 +53,7 @@ class Machine:
 ALL = ("scheduling", "memory", "core", "idle states")
 
 
-def by_name(measures: tuple[Measure, ...]) -> dict[str, Measure]:
+def by_name(measures: tuple[RealTimeMeasure, ...]) -> dict[str, RealTimeMeasure]:
     return {measure.name: measure for measure in measures}
 
 

@@ -12,7 +12,7 @@ from hil.estimation.cramer_rao import cramer_rao
 from hil.estimation.signals import signals
 from hil.model.robot import load_robot
 from hil.planning.measurement import Inertia
-from hil.regression.terms import columns
+from hil.regression.terms import term_columns
 from hil.runs.recording import Recording
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def test_the_bound_with_friction_known_is_that_of_least_squares(robot: Robot) ->
         moving = np.abs(s.smoothed(s.qd[:, measurement.index])) > (
             0.005 * robot.velocity_limit[measurement.index]
         )
-        rows.append(columns(robot, s, measurement.index)[0][moving & s.valid])
+        rows.append(term_columns(robot, s, measurement.index)[0][moving & s.valid])
     A = np.concatenate(rows)
     bound = cramer_rao(robot, measured, variance(robot), friction_known=True)
     u = np.linalg.svd(A, full_matrices=False)
