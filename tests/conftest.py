@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices, and a worker on every core
@@ -36,6 +37,18 @@ if TYPE_CHECKING:
 settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile("repeatable")  # another by --hypothesis-profile
+
+WHOLE_SESSIONS = ("system", "hil/study", "drivers/found_settings", "sim_plant/faults")
+"""Folders of tests that go through everything: coverage counts what tests of parts reach."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave whole sessions out of coverage, which makes them three times as slow."""
+    folders = [Path(__file__).parent / folder for folder in WHOLE_SESSIONS]
+    for item in items:
+        if item.get_closest_marker("slow") or any(map(item.path.is_relative_to, folders)):
+            item.add_marker("no_cover")
+
 
 SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them
 
