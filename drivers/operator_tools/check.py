@@ -27,7 +27,7 @@ from drivers.operator_tools.check_limits import check_limits
 from drivers.operator_tools.check_powered import REST_TIME, check_powered, shown_way
 from drivers.operator_tools.check_reactions import check_reactions
 from drivers.operator_tools.check_scaling import check_scaling
-from drivers.operator_tools.operator import StoppedByOperator
+from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
@@ -94,8 +94,7 @@ def check(
             remedy="mend what is refused above, or check the other axes alone with --axis",
         )
         return
-    if not operator.agrees(_intent(drives, moves)):
-        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    require_consent(operator, _intent(drives, moves))
     yield from check_powered(bus, drives, moves, operator, pacing, keeper, gravity)
     yield from _brakes(UnpoweredDrives(bus, drives, pacing), drives.axes)
 

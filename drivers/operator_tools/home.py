@@ -19,7 +19,7 @@ from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.operator_tools.jog import SLOW, shown
-from drivers.operator_tools.operator import STOP_KEYS, StoppedByOperator
+from drivers.operator_tools.operator import STOP_KEYS, StoppedByOperator, require_consent
 from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
@@ -89,8 +89,7 @@ def home(
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
         f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."
     )
-    if not operator.agrees(intent):
-        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    require_consent(operator, intent)
     keeper = keeper or SettingsKeeper()
     keeper.later = objects.HOMING
     with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:

@@ -16,7 +16,7 @@ from drivers.cia402 import objects
 from drivers.cia402.set_point_limits import check_move
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import LimitExceeded
-from drivers.operator_tools.operator import StoppedByOperator
+from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.small_move import small_move, travel
 from drivers.operator_tools.unpowered import UnpoweredDrives
 
@@ -86,8 +86,7 @@ def jog(
         f"Power on {axis.name} alone and move it from {shown(axis, start)} to "
         f"{shown(axis, move.target)} at {shown(axis, move.velocity)}/s?"
     )
-    if not operator.agrees(intent):
-        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+    require_consent(operator, intent)
     with CanopenDriveBus(bus, alone, pacing=pacing, keeper=keeper) as axes:
         return travel(axes, 0, held, move, operator)
 

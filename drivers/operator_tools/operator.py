@@ -38,6 +38,18 @@ class Operator(Protocol):
         """Return the keys pressed since the last call, without waiting."""
 
 
+def require_consent(operator: Operator, intent: str) -> None:
+    """Ask the operator before anything is powered.
+
+    Raises
+    ------
+    StoppedByOperator
+        The operator does not agree.
+    """
+    if not operator.agrees(intent):
+        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+
+
 def supervised_sample(bus: DriveBus, operator: Operator) -> Sample:
     """Return the next sample; whoever presses a stop key ends it all.
 

@@ -45,18 +45,6 @@ if TYPE_CHECKING:
 MANUTEC = Path(__file__).parents[2] / "hil" / "robots" / "manutec-r15.drives.yaml"
 
 
-@pytest.fixture
-def can_bus() -> Iterator[Any]:
-    bus = local_drives.LocalBus(NODES, {})
-    yield bus
-    bus.shutdown()
-
-
-@pytest.fixture
-def drive_bus(can_bus: Any) -> CanopenDriveBus:
-    return CanopenDriveBus(can_bus, drives_file())
-
-
 class TestConformanceOnLocalDrives(conformance.DriveBusConformance):
     @pytest.fixture
     def open_bus(self, can_bus: Any) -> Callable[[], DriveBus]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import can
 import numpy as np
 import pytest
+import stated_axis
 from foreign_drive import FRICTION, ForeignDrive
 
 from drivers.canopen_bus import CanopenDriveBus
@@ -40,32 +41,18 @@ RATINGS = {
 
 
 def axis(node: int) -> dict[str, object]:
-    return {
-        "name": f"foreign {node}",
-        "node": node,
-        "identity": {"vendor": 0x0BAD, "product": 0x0D},
-        "gear_ratio": 50,
-        "sign": -1 if node == NODES[1] else 1,
-        "zero": 0,
-        "increments_per_revolution": 2048,
-        "velocity_unit": "inc/s",
-        "acceleration_unit": "inc/s^2",
-        "current": {
-            "index": 0x6078,
-            "type": "i16",
-            "basis": "per mille of rated current",
-            "amplitude": "peak",
-        },
-        "rated_current": 2.0,
-        "rated_torque": 1.0,
-        "torque_constant": 0.5,
-        "torque_constant_amplitude": "peak",
-        "limits": {"q_min": -2, "q_max": 2, "velocity": 2, "acceleration": 20, "torque": 100},
-        "following_error_window": 0.5,
-        "following_error_time": 0.5,
-        "position_window": 0.001,
-        "position_window_time": 0.02,
-    }
+    return stated_axis.axis(
+        name=f"foreign {node}",
+        node=node,
+        identity={"vendor": 0x0BAD, "product": 0x0D},
+        gear_ratio=50,
+        sign=-1 if node == NODES[1] else 1,
+        increments_per_revolution=2048,
+        rated_torque=1.0,
+        limits={"q_min": -2, "q_max": 2, "velocity": 2, "acceleration": 20, "torque": 100},
+        following_error_window=0.5,
+        following_error_time=0.5,
+    )
 
 
 @pytest.fixture

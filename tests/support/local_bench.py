@@ -6,50 +6,33 @@ from typing import TYPE_CHECKING, Any
 
 import local_drives
 import pytest
+import stated_axis
 
 from drivers.canopen_bus import CanopenDriveBus
-from drivers.drives_file import DrivesFile
 
 if TYPE_CHECKING:
     from drivers.drive_bus import DriveError
+    from drivers.drives_file import DrivesFile
 
 NODES = 3
 ENERGISED = {"enabled", "stopping"}
 
 
 def axis(node: int, **changes: Any) -> dict[str, Any]:
-    return {
+    own = {
         "name": f"joint {node}",
         "node": node,
         "identity": {"vendor": 0x4D2, "product": 0x402},
-        "gear_ratio": 100,
         "sign": 1 if node % 2 else -1,
         "zero": 500 * (node - 1),
-        "increments_per_revolution": 4096,
-        "velocity_unit": "inc/s",
-        "acceleration_unit": "inc/s^2",
-        "current": {
-            "index": 0x6078,
-            "type": "i16",
-            "basis": "per mille of rated current",
-            "amplitude": "peak",
-        },
-        "rated_current": 2.0,
         "rated_torque": 1.0,
-        "torque_constant": 0.5,
-        "torque_constant_amplitude": "peak",
         "limits": {"q_min": -2, "q_max": 2, "velocity": 2, "acceleration": 20, "torque": 300},
-        "following_error_window": 0.05,
-        "following_error_time": 0.05,
-        "position_window": 0.001,
-        "position_window_time": 0.02,
-        **changes,
     }
+    return stated_axis.axis(**{**own, **changes})
 
 
 def drives_file(**changes: Any) -> DrivesFile:
-    axes = [axis(node, **changes) for node in range(1, NODES + 1)]
-    return DrivesFile.model_validate({"bitrate": 1_000_000, "axes": axes})
+    return stated_axis.drives(*(axis(node, **changes) for node in range(1, NODES + 1)))
 
 
 def build(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import local_drives
 import pytest
-from local_bench import all_off, drives_file, never_energised
+from local_bench import NODES, all_off, drives_file, never_energised
 
 from drivers import canopen_bus
 from drivers.canopen_bus import CanopenDriveBus
@@ -29,21 +29,8 @@ from drivers.drive_bus import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-NODES = 3
 MOVES = {axis: Move(1.0, 1.0, 10.0) for axis in range(NODES)}
 STOP, OFF = 0x02, 0x00
-
-
-@pytest.fixture
-def can_bus() -> Iterator[Any]:
-    bus = local_drives.LocalBus(NODES, {})
-    yield bus
-    bus.shutdown()
-
-
-@pytest.fixture
-def drive_bus(can_bus: Any) -> CanopenDriveBus:
-    return CanopenDriveBus(can_bus, drives_file())
 
 
 def samples(drive_bus: CanopenDriveBus, count: int) -> None:

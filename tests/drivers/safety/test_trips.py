@@ -8,26 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import local_drives
 import pytest
-from local_bench import all_off, axis, drives_file, refused
+from local_bench import NODES, all_off, axis, drives_file, refused
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused, Move, Tripped
 from drivers.drives_file import DrivesFile
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from drivers.drive_bus import Sample
 
 PER_RADIAN = 4096 * 100 / (2 * math.pi)
-NODES = 3
-
-
-@pytest.fixture
-def can_bus() -> Iterator[Any]:
-    bus = local_drives.LocalBus(NODES, {})
-    yield bus
-    bus.shutdown()
 
 
 def on(can_bus: Any, **changes: Any) -> CanopenDriveBus:

@@ -1,0 +1,26 @@
+"""Three small drives on a bus and the driver in front, as most tests of the driver have them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import local_drives
+import pytest
+from local_bench import NODES, drives_file
+
+from drivers.canopen_bus import CanopenDriveBus
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture
+def can_bus() -> Iterator[Any]:
+    bus = local_drives.LocalBus(NODES, {})
+    yield bus
+    bus.shutdown()
+
+
+@pytest.fixture
+def drive_bus(can_bus: Any) -> CanopenDriveBus:
+    return CanopenDriveBus(can_bus, drives_file())
