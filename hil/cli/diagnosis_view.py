@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.results.tables.diagnosis import candidates, sentences
+from hil.results.tables.drive_train import drive_train
 from hil.results.tables.terminal import show, show_sentence
-from hil.results.tables.torque_lag import torque_lag
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 def render(found: DiagnosisFile, estimate: Estimate, console: Console) -> None:
-    """Print the candidates, the verdict on them, and the lags of the estimate behind them."""
+    """Print the candidates, the verdict on them, and the drive trains behind the estimate."""
     show(candidates(found), console)
     for sentence in sentences(found):
         show_sentence(sentence, console)
-    show(torque_lag(estimate), console)
+    show(drive_train(estimate), console)

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.planning.strokes import Strokes
+    from hil.planning.trajectory import Trajectory
 
     Array = NDArray[np.float64]
 
@@ -143,7 +144,7 @@ def complete(robot: Robot) -> Robot:
     )
 
 
-def examine(robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> ModelErrors:
+def examine(robot: Robot, prepared: Sequence[tuple[Strokes | Trajectory, Signals]]) -> ModelErrors:
     """Test every link parameter that `robot` leaves out, and those that it states."""
     whole = complete(robot)
     K = base_parameters(whole).matrix

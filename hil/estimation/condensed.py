@@ -10,29 +10,40 @@ and friction is again fitted for this measurement alone; the columns, and which 
 are those of `hil.regression.terms`. The coefficients `a` are eliminated at once by orthogonal
 projection (Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next.
 
+It makes no difference what the measurement was made for: strokes of one axis, an axis that creeps
+while another one accelerates, a trajectory of all axes. A trajectory goes on for minutes, in which
+friction changes, so each of its periods counts as a measurement of its own.
+
 What is left of thousands of samples is a small information matrix and vector over p and b, which
 step 2 adds up: least squares over all samples of the campaign, without ever stacking them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.model.motors import motor_torque
 from hil.regression.least_squares import eliminated
-from hil.regression.terms import FEWEST, term_columns, usable
+from hil.regression.terms import FEWEST, LOAD, term_columns, usable
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.strokes import Strokes
+    from hil.planning.trajectory import Trajectory
 
     Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+APART = 0.012
+"""Between samples that are used: the window leaves nothing in between [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,47 +80,121 @@ class Condensed:
         """X' times the motor's part of the torque, shape (n_base + N_COMMON,)."""
         return self.product[2:, 1]
 
+    def without(self, columns: NDArray[np.intp]) -> Condensed:
+        """The same less some rows and columns of `product`."""
+        kept = np.setdiff1d(np.arange(len(self.product)), columns)
+        return Condensed(self.axis, self.product[np.ix_(kept, kept)], self.n)
+
     @property
     def square(self) -> float:
         """Of y by itself."""
         return float(self.product[0, 0])
 
 
-def condense(robot: Robot, measurement: Strokes, s: Signals) -> list[Condensed]:
-    """Condense one measurement, one item for each axis that moved on purpose."""
-    items = [_condense_axis(robot, s, axis) for axis in measurement.moved]
-    return [item for item in items if item is not None]
+@dataclass(frozen=True, slots=True, eq=False)
+class Stacked:
+    """Columns of one axis in one measurement, smoothed, samples `APART`.
+
+    Attributes
+    ----------
+    axis : int
+        Index from 0.
+    n_base : int
+    torques : ndarray, shape (n, k)
+        Left-hand sides, such as y and the motor's part.
+    X : ndarray, shape (n, n_base + N_COMMON)
+    friction : ndarray, shape (n, n_friction)
+    each : int
+        Samples for which each of these stands.
+    index : ndarray, shape (n,)
+        Of the samples in the measurement's signals.
+    """
+
+    axis: int
+    n_base: int
+    torques: Array
+    X: Array
+    friction: Array
+    each: int
+    index: NDArray[np.intp]
+
+    def loaded(self, p: Array) -> Stacked:
+        """The same with the columns of load-dependent friction, as base parameters `p` have it.
+
+        The transmitted torque is smoothed before its absolute value is taken, which would make
+        friction of the noise.
+        """
+        load = np.abs(self.X[:, : self.n_base] @ p)
+        X = self.X.copy()
+        X[:, self.n_base + LOAD] = load * np.sign(self.friction[:, 0])
+        X[:, self.n_base + LOAD + 1] = load
+        return replace(self, X=X)
+
+    def condensed(self) -> Condensed:
+        """Inner products of torques and X, friction eliminated."""
+        columns = np.hstack([self.torques, self.X, self.friction])
+        product, rank = eliminated(columns.T @ columns, self.friction.shape[1])
+        return Condensed(self.axis, self.each * product, self.each * (len(columns) - rank))
 
 
-def _condense_axis(robot: Robot, s: Signals, axis: int) -> Condensed | None:
-    used = s.valid & usable(robot, s, axis)
-    if used.sum() < FEWEST:
-        return None
-    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-    product, n = products(robot, s, axis, (s.tau[:, axis] - motor)[:, np.newaxis], used)
-    return Condensed(axis=axis, product=product, n=n)
+def stack(robot: Robot, measurement: Strokes | Trajectory, s: Signals) -> list[list[Stacked]]:
+    """Stack y, the motor's part and X: of each period or measurement, each axis that moves.
+
+    What holds too few usable samples is left out.
+    """
+    periods = list(periods_of(measurement, s))
+    found: list[list[Stacked]] = [[] for _ in periods]
+    motors = motor_torque(robot, s.q, s.qd, s.qdd)
+    for axis in measurement.moved:
+        used = s.valid & usable(robot, s, axis)
+        torques = np.column_stack([s.tau[:, axis] - motors[:, axis], motors[:, axis]])
+        for place, mine in enumerate(stack_axis(robot, s, axis, torques, used, periods)):
+            if mine is not None:
+                found[place].append(mine)
+    return [axes for axes in found if axes]
 
 
-def products(
-    robot: Robot, s: Signals, axis: int, torques: Array, used: NDArray[np.bool_]
-) -> tuple[Array, int]:
-    """Inner products of all columns of an axis, friction eliminated.
+def stack_axis(
+    robot: Robot,
+    s: Signals,
+    axis: int,
+    torques: Array,
+    used: Mask,
+    periods: list[Mask],
+    passes: int = 1,
+) -> Iterator[Stacked | None]:
+    """Stack one axis: of each of `periods` its `used` samples, or None if they are too few.
 
     Parameters
     ----------
     torques : ndarray, shape (n, k)
-        Columns of their own.
+        Not smoothed yet.
     used : ndarray of bool, shape (n,)
-
-    Returns
-    -------
-    product : ndarray, shape (k + 1 + n_base + N_COMMON, ...)
-        Of `torques`, the motor's part, base parameters and common terms, all smoothed.
-    n : int
-        Samples less eliminated coefficients.
+    periods : list of ndarray of bool, shape (n,)
+    passes : int
+        How often all columns are smoothed.
     """
-    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
+    each = max(1, round(APART / s.period))
+    if used.sum() < FEWEST:
+        yield from (None for _ in periods)
+        return
     rows, common, friction = term_columns(robot, s, axis)
-    stacked = s.smoothed(np.column_stack([torques, motor, rows, common, friction]))[used]
-    product, rank = eliminated(stacked.T @ stacked, friction.shape[1])
-    return product, len(stacked) - rank
+    k, n_base = torques.shape[1], rows.shape[1]
+    X = np.s_[:, k : k + n_base + common.shape[1]]
+    F = np.s_[:, k + n_base + common.shape[1] :]
+    columns = np.column_stack([torques, rows, common, friction])
+    for _ in range(passes):
+        columns = s.smoothed(columns)
+    for period in periods:
+        index = np.flatnonzero(used & period)[::each]
+        own = columns[index]
+        enough = len(own) * each >= FEWEST
+        yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index) if enough else None
+
+
+def periods_of(measurement: Strokes | Trajectory, s: Signals) -> Iterator[Mask]:
+    """Which samples belong together: those of each period, or of all strokes."""
+    if measurement.streamed:
+        yield from (s.stroke == number for number in range(measurement.cycles))
+    else:
+        yield np.ones(len(s.time), dtype=bool)

@@ -13,8 +13,8 @@ from hil.regression.uncertainty import correlation_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_values import LocalValue
-    from hil.estimation.torque_lag import Lags
 
     Array = NDArray[np.float64]
 
@@ -27,6 +27,16 @@ class LeftOut(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.id}: {self.reason}"
+
+
+class LoadFriction(NamedTuple):
+    """Share of the transmitted torque that is friction, axis by axis, and its standard error.
+
+    Both of shape (n_joints,); NaN where no transmitted torque shows it.
+    """
+
+    mu: Array
+    standard_error: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -60,9 +70,11 @@ class Estimate:
     left_out : tuple of LeftOut
     n_measurements : int
         Measurements behind the estimate.
-    lags : Lags, optional
-        By how much each axis's torque was read late, which is compensated; None where the method
-        takes the torque as it was read.
+    drive_train : DriveTrain, optional
+        By how much each axis's torque was read late and its gear gives way, which is compensated;
+        None where the method takes the torque as it was read and gears for rigid.
+    load_friction : LoadFriction, optional
+        Friction that grows with the transmitted torque; None where the method knows of none.
     """
 
     method: str
@@ -76,7 +88,8 @@ class Estimate:
     local: tuple[LocalValue, ...]
     left_out: tuple[LeftOut, ...]
     n_measurements: int
-    lags: Lags | None = None
+    drive_train: DriveTrain | None = None
+    load_friction: LoadFriction | None = None
 
     @property
     def standard_error(self) -> Array:

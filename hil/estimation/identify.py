@@ -6,8 +6,9 @@ printed
 improved
     The condensed measurements of all kinds are added up and solved for all groups at once
     (`hil.estimation.simultaneous`).
-    Before, the torque of each axis is shifted by its lag behind the positions, as the measurements
-    themselves show it (`hil.estimation.torque_lag`); what that leaves uncertain is added.
+    Before, the torque of each axis is shifted by its lag behind the positions, and soft gears are
+    taken into account, as the measurements themselves show it (`hil.estimation.drive_train`); what
+    that leaves uncertain is added. Trajectories count as well as strokes, period by period.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
 `hil.regression.uncertainty`): they hold whatever differs from one measurement to the next, noise,
@@ -20,17 +21,18 @@ the rotor inertias. Where the robot file states their uncertainty it is carried 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
+from hil.estimation.drive_train import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.torque_lag import find_lags
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
@@ -43,15 +45,16 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_values import LocalFit, LocalValue
     from hil.estimation.signals import Signals
-    from hil.estimation.torque_lag import Lags
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementMeasurement, Measurement
+    from hil.planning.trajectory import Trajectory
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[ElementMeasurement, Signals]]
+    Prepared = Sequence[tuple[ElementMeasurement | Trajectory, Signals]]
     Recorded = Iterable[tuple[Measurement, Recording]]
     Identify = Callable[[Robot, Recorded], Estimate]
 
@@ -91,59 +94,99 @@ def estimates(
         Base parameters that the measurements do not excite.
     """
     raw, unusable = prepare(recorded)
-    found = {}
+    found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
-        lags = find_lags(robot, raw) if method == "improved" else None
-        prepared = raw if lags is None else _advanced(raw, lags)
-        fits, useless = _local_fits(robot, prepared)
-        condition = _require_rank(robot, fits)
-        left_out = (*unusable, *useless)
-        found[method] = _estimate(robot, prepared, fits, condition, left_out, lags, method)
+        found[method] = (_improved if method == "improved" else _printed)(robot, raw, unusable)
     return found
+
+
+def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
+    streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
+    fits, useless = _local_fits(robot, raw)
+    condition = _conditions(robot, fits)
+    _require_all_groups(robot, fits, condition)
+    solver = TwoStep(robot, fits)
+    p, changes = _left_out_in_turn(solver)
+    return _estimate(
+        robot, "printed", fits, condition, (*unusable, *streamed, *useless), solver, p,
+        jackknife(changes), effective_degrees(changes**2, _FEWEST_DEGREES),
+    )  # fmt: skip
+
+
+def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
+    drive_train = find_drive_train(robot, raw)
+    prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
+    if drive_train.soft.any():
+        # what gears transmit is now known better than from measurements of inertia alone
+        drive_train = replace(drive_train, p=SimultaneousFit(robot, prepared).solve())
+        prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
+    fits, useless = _local_fits(robot, prepared)
+    solver = SimultaneousFit(robot, prepared)
+    condition = _conditions(robot, fits)
+    _require_rank(robot, prepared, fits, condition, solver)
+    p, changes = _left_out_in_turn(solver)
+    covariance = jackknife(changes) + drive_train.covariance
+    covariance += _of_gears(robot, raw, drive_train, p)
+    found = _estimate(
+        robot, "improved", fits, condition, (*unusable, *useless), solver, p,
+        covariance, effective_degrees(changes**2, _FEWEST_DEGREES),
+    )  # fmt: skip
+    return replace(found, drive_train=drive_train, load_friction=solver.load_friction())
+
+
+def _left_out_in_turn(solver: ParameterSolver) -> tuple[Array, Array]:
+    """Base parameters, and how they change without each of the measurements."""
+    p = solver.solve()
+    return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
+
+
+def _of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:
+    """Covariance of the base parameters from what is uncertain of the soft gears' compliances."""
+    effects = [np.zeros(len(p))]
+    for axis in np.flatnonzero(drive_train.soft):
+        c = np.where(drive_train.soft, drive_train.compliance, 0.0)
+        c[axis] += drive_train.compliance_error[axis]
+        other = [(m, drive_train.applied(robot, s, c)) for m, s in raw]
+        effects.append(SimultaneousFit(robot, other).solve() - p)
+    return np.transpose(effects) @ effects
 
 
 def _estimate(
     robot: Robot,
-    prepared: Prepared,
+    method: TwoStepMethod,
     fits: Sequence[LocalFit],
     condition: dict[str, float],
     left_out: tuple[LeftOut, ...],
-    lags: Lags | None,
-    method: TwoStepMethod,
+    solver: ParameterSolver,
+    p: Array,
+    covariance: Array,
+    degrees: Array,
 ) -> Estimate:
-    solver: ParameterSolver = (
-        TwoStep(robot, fits) if method == "printed" else SimultaneousFit(robot, prepared)
-    )
-    p = solver.solve()
-    changes = np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
     local = tuple(each.at(p) for each in fits)
     relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
     carried = solver.sensitivity() * relative
     return Estimate(
         method=method,
         p=p,
-        covariance=jackknife(changes) + (0.0 if lags is None else lags.covariance),
-        degrees_of_freedom=effective_degrees(changes**2, _FEWEST_DEGREES),
+        covariance=covariance,
+        degrees_of_freedom=degrees,
         drive_covariance=carried @ carried.T,
         drive_effect=carried,
         residual=_residual(robot, local),
         condition=condition,
         local=local,
         left_out=left_out,
-        n_measurements=len(local),
-        lags=lags,
+        n_measurements=solver.n_measurements,
     )
 
 
 def prepare(
     recorded: Recorded,
-) -> tuple[list[tuple[ElementMeasurement, Signals]], list[LeftOut]]:
+) -> tuple[list[tuple[ElementMeasurement | Trajectory, Signals]], list[LeftOut]]:
     """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
-        if not shows_element(measurement):
-            remark = ELSEWHERE[measurement.kind]
-            left_out += [LeftOut(measurement.id, remark)] if remark else []
+        if measurement.kind == "friction":
             continue
         try:
             found.append((measurement, signals(recording)))
@@ -152,21 +195,23 @@ def prepare(
     return found, left_out
 
 
-def prepared_for(found: Estimate, recorded: Recorded) -> list[tuple[ElementMeasurement, Signals]]:
-    """Signals of the measurements behind an estimate, their torques advanced by its lags."""
-    used = {value.id for value in found.local}
-    own = [each for each in prepare(recorded)[0] if each[0].id in used]
-    return own if found.lags is None else _advanced(own, found.lags)
-
-
-def _advanced(prepared: Prepared, lags: Lags) -> list[tuple[ElementMeasurement, Signals]]:
-    return [(measurement, s.torque_advanced(lags.lag)) for measurement, s in prepared]
+def prepared_for(
+    robot: Robot, found: Estimate, recorded: Recorded
+) -> list[tuple[ElementMeasurement | Trajectory, Signals]]:
+    """Signals of the measurements behind an estimate, its drive train taken into account."""
+    unused = {left.id for left in found.left_out}
+    own = [each for each in prepare(recorded)[0] if each[0].id not in unused]
+    if found.drive_train is None:
+        return own
+    return [(m, found.drive_train.applied(robot, s)) for m, s in own]
 
 
 def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
     """Step 1 for all measurements, and the reasons for those that are of no use."""
     found, left_out = [], []
     for measurement, s in prepared:
+        if not shows_element(measurement):
+            continue
         try:
             found.append(local_fit(robot, measurement, s))
         except NotEnoughData as error:
@@ -184,32 +229,76 @@ def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
     return found
 
 
-def _require_rank(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
-    """Condition number of each group's observation matrix.
-
-    Raises
-    ------
-    NotIdentifiable
-        One that lacks rank.
-    """
+def _conditions(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
+    """Condition number of the observation matrix of each group that was measured; inf: no rank."""
     base = base_parameters(robot)
     condition: dict[str, float] = {}
     for group in GROUPS:
         columns = list(base.groups[group])
-        if not columns:
-            continue
-        kinds = [name for name, kind in ELEMENT_KINDS.items() if kind.group == group]
-        rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
-        W = np.array(rows).reshape(len(rows), len(columns))
-        if undetermined(W.T @ W).any():
+        rows = _rows(robot, fits, group)
+        if columns and len(rows):
+            lost = undetermined(rows.T @ rows).any()
+            condition[group] = np.inf if lost else float(np.linalg.cond(rows))
+    return condition
+
+
+def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:
+    """Observation matrix of a group, rows weighted by eq. (16)."""
+    columns = list(base_parameters(robot).groups[group])
+    kinds = _kinds(group)
+    rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
+    return np.array(rows).reshape(len(rows), len(columns))
+
+
+def _kinds(group: str) -> list[str]:
+    return [name for name, kind in ELEMENT_KINDS.items() if kind.group == group]
+
+
+def _require_all_groups(
+    robot: Robot, fits: Sequence[LocalFit], condition: dict[str, float]
+) -> None:
+    """Refuse groups that their own kind of measurement does not identify.
+
+    Raises
+    ------
+    NotIdentifiable
+    """
+    base = base_parameters(robot)
+    for group in GROUPS:
+        columns = base.groups[group]
+        if columns and not np.isfinite(condition.get(group, np.inf)):
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
-                f"{len(rows)} usable {' and '.join(kinds)} measurements do not identify {names};"
-                " measure more configurations of that kind (see: hil dry-run), or finish the run"
-                " with --resume"
+                f"{len(_rows(robot, fits, group))} usable {' and '.join(_kinds(group))}"
+                f" measurements do not identify {names}; measure more configurations of that kind"
+                " (see: hil dry-run), or finish the run with --resume"
             )
-        condition[group] = float(np.linalg.cond(W))
-    return condition
+
+
+def _require_rank(
+    robot: Robot,
+    prepared: Prepared,
+    fits: Sequence[LocalFit],
+    condition: dict[str, float],
+    solver: SimultaneousFit,
+) -> None:
+    """Refuse measurements that together leave base parameters open.
+
+    Raises
+    ------
+    NotIdentifiable
+    """
+    base = base_parameters(robot)
+    if not any(m.streamed for m, _ in prepared):
+        # what is not excited on purpose is excited by noise, which identifies nothing
+        _require_all_groups(robot, fits, condition)
+    lost = solver.undetermined()
+    if lost.any():
+        names = ", ".join(name for name, each in zip(base.names, lost, strict=True) if each)
+        raise NotIdentifiable(
+            f"{solver.n_measurements} usable measurements do not identify {names}; measure more"
+            " configurations (see: hil dry-run), or finish the run with --resume"
+        )
 
 
 def _two_step(method: TwoStepMethod) -> Identify:

@@ -61,6 +61,8 @@ class Signals:
         As in the recording.
     valid : ndarray of bool, shape (n,)
         Samples that neither an end of the recording nor a missing sample can have touched.
+    twist : ndarray, shape (n, n_joints), optional
+        Angle by which each gear gives way [rad]; None where all are rigid.
     """
 
     period: float
@@ -72,6 +74,15 @@ class Signals:
     stroke: NDArray[np.int16]
     partner_stroke: NDArray[np.int16]
     valid: Mask
+    twist: Array | None = None
+
+    @property
+    def link(self) -> tuple[Array, Array, Array]:
+        """q, qd and qdd on the links' side of the gears, each of shape (n, n_joints)."""
+        if self.twist is None:
+            return self.q, self.qd, self.qdd
+        qd, qdd = derivatives(self.twist, self.period)
+        return self.q - self.twist, self.qd - qd, self.qdd - qdd
 
     def filtered(self, x: Array) -> Array:
         """Butterworth low-pass along the first axis."""
@@ -133,12 +144,13 @@ def signals(recording: Recording) -> Signals:
     ends = np.zeros(n, dtype=bool)
     ends[[0, -1]] = True
     spoilt = ndimage.binary_dilation(missing | ends, iterations=_reach(period))
+    qd, qdd = derivatives(q, period)
     return Signals(
         period=period,
         time=time,
         q=q,
-        qd=ndimage.correlate1d(q, _FIRST / period, axis=0, mode="nearest"),
-        qdd=ndimage.correlate1d(q, _SECOND / period**2, axis=0, mode="nearest"),
+        qd=qd,
+        qdd=qdd,
         tau=tau,
         stroke=recording.stroke[nearest],
         partner_stroke=recording.partner_stroke[nearest],
@@ -156,6 +168,14 @@ def interpolation(shift: float) -> tuple[int, Array]:
     np.fill_diagonal(factors, 1.0)
     weights: Array = (factors / apart).prod(axis=1)
     return first, weights
+
+
+def derivatives(x: Array, period: float) -> tuple[Array, Array]:
+    """First and second derivative along the first axis."""
+    return (
+        ndimage.correlate1d(x, _FIRST / period, axis=0, mode="nearest"),
+        ndimage.correlate1d(x, _SECOND / period**2, axis=0, mode="nearest"),
+    )
 
 
 @lru_cache(maxsize=8)

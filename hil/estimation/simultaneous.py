@@ -2,8 +2,9 @@
 
 The information of all measurements is added up, each axis weighted with the reciprocal of its
 residual variance, which is found by solving a few times over. Unknown are the base parameters and,
-for each axis, the terms common to its measurements (`condensed`); the latter are nuisance. A
-common term that nothing excites stays zero.
+for each axis, the terms common to its measurements (`condensed`); the latter are nuisance, but for
+one: mu, the share of the transmitted torque that is friction. What the gears transmit is taken from
+a first solution without it. A common term that nothing excites stays zero.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.condensed import condense
+from hil.estimation.condensed import stack
+from hil.estimation.estimate import LoadFriction
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import solved
-from hil.regression.terms import n_unknowns, place
+from hil.regression.least_squares import inverse, solved, undetermined, without_nuisance
+from hil.regression.terms import LOAD, n_unknowns, place
+from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,9 +29,13 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.strokes import Strokes
+    from hil.planning.trajectory import Trajectory
 
     Array = NDArray[np.float64]
 
+LOST = 1e-9
+"""Share of the information about a combination of parameters, if nothing else were unknown, below
+which it is not identifiable."""
 _ROUNDS = 3
 """Times that weights and solution are found from each other."""
 
@@ -36,21 +43,22 @@ _ROUNDS = 3
 class SimultaneousFit:
     """Joint least squares over condensed measurements."""
 
-    def __init__(self, robot: Robot, prepared: Sequence[tuple[Strokes, Signals]]) -> None:
-        condensed = [condense(robot, measurement, s) for measurement, s in prepared]
-        self._items = [items for items in condensed if items]
+    def __init__(
+        self, robot: Robot, prepared: Sequence[tuple[Strokes | Trajectory, Signals]]
+    ) -> None:
         self._robot, self._n_joints = robot, robot.n_joints
         self._n_base = len(base_parameters(robot))
         self._weight = np.ones(robot.n_joints)
-        for _ in range(_ROUNDS):
-            self._add_up()
-            variance = self._residual_variance(solved(*self._sum))
-            self._weight = 1.0 / np.where(variance > 0, variance, 1.0)
-        self._add_up()
+        stacks = [axes for measurement, s in prepared for axes in stack(robot, measurement, s)]
+        self._items = [[each.condensed() for each in axes] for axes in stacks]
+        self._weigh()
+        p = self.solve()
+        self._items = [[each.loaded(p).condensed() for each in axes] for axes in stacks]
+        self._weigh()
 
     @property
     def n_measurements(self) -> int:
-        """How many measurements there are to leave out."""
+        """How many measurements, or periods of trajectories, there are to leave out."""
         return len(self._items)
 
     @property
@@ -79,6 +87,23 @@ class SimultaneousFit:
             vector = vector - self._shares[without][1]
         return solved(information, vector)[: self._n_base]
 
+    def undetermined(self) -> NDArray[np.bool_]:
+        """Base parameters that all measurements together leave open, shape (n_base,)."""
+        N, n = self._sum[0], self._n_base
+        left = without_nuisance(N, n) @ N[:, :n]
+        return undetermined(left, LOST, np.diag(N)[:n])
+
+    def load_friction(self) -> LoadFriction:
+        """Mu of every axis, with its standard error from the measurements' scores."""
+        information, vector = self._sum
+        root = inverse(information)
+        places = [place(self._robot, axis)[self._n_base + LOAD] for axis in range(self._n_joints)]
+        x = root @ vector
+        scores = np.array([v - N @ x for N, v in self._shares])
+        error = np.sqrt(np.diag(sandwich(root[places], scatter(scores))))
+        shown = error > 0
+        return LoadFriction(np.where(shown, x[places], np.nan), np.where(shown, error, np.nan))
+
     def sensitivity(self) -> Array:
         """Change of p per relative change of torque constants and rotor inertias."""
         n = len(self._sum[1])
@@ -88,6 +113,14 @@ class SimultaneousFit:
             sides[at, item.axis] += weight * (item.vector + item.motor)
             sides[at, self._n_joints + item.axis] -= weight * item.motor
         return solved(self._sum[0], sides)[: self._n_base]
+
+    def _weigh(self) -> None:
+        """Weights and solution from each other."""
+        for _ in range(_ROUNDS):
+            self._add_up()
+            variance = self._residual_variance(solved(*self._sum))
+            self._weight = 1.0 / np.where(variance > 0, variance, 1.0)
+        self._add_up()
 
     def _add_up(self) -> None:
         """Weighted information and vector of each measurement, and their sums."""

@@ -4,9 +4,19 @@ Every usable sample of an axis i says
 
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e
 
-with base parameters p; friction of this measurement alone, F: sign(v), v, cbrt(v) and the drift of
-the level, sign(v) t; and what is common to all measurements of the axis, G: a constant and |v|
-(asymmetric friction, sensor offset) and torque ripple at multiples of the motor's angle.
+with base parameters p, their rows taken on the links' side of the gears; friction of this
+measurement alone, F; and what is common to all measurements of the axis, G.
+
+F holds five functions of speed and the drift of the level, sign(v) s. Friction falls as
+motion stirs the lubricant and as its own power heats the gear, both in step with the way s that
+the axis has gone, not with time: between strokes time passes and friction stays. An inertia takes
+up what is left of such a drift, since over every stroke, forth or back, the integral of
+t sign(v) qdd is minus the way.
+
+G holds a constant and |v| (asymmetric friction, sensor offset), torque ripple at multiples of the
+motor's angle, and friction that grows with the transmitted torque, |Q_t| sign(v) and, where that
+differs by direction, |Q_t|. What is transmitted is not known before there is a first estimate, so
+these two are zero here, and the estimator fills them in.
 
 Left out are samples near a reversal, where friction is no function of velocity, and those where the
 acceleration changes fast, at the corners of the trapezoid: there, differences of positions and
@@ -36,8 +46,12 @@ if TYPE_CHECKING:
 
 RIPPLE_ORDERS = (1, 2, 3, 4, 5, 6)
 """Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
-N_COMMON = 2 + 2 * len(RIPPLE_ORDERS)
+LOAD = 2 + 2 * len(RIPPLE_ORDERS)
+"""Place of the column of G that grows with the transmitted torque; its coefficient is mu."""
+N_COMMON = LOAD + 2
 """Columns of G of one axis."""
+BEND = 0.08
+"""Share of the speed limit at which the arc tangent of friction bends."""
 SLOW = 0.05
 """Share of the speed limit below which samples are left out."""
 JERK = 5.0
@@ -69,6 +83,10 @@ class Motion(Protocol):
     def qdd(self) -> Array:
         """Shape (n, n_joints) [rad/s^2]."""
 
+    @property
+    def link(self) -> tuple[Array, Array, Array]:
+        """q, qd and qdd on the links' side of the gears, which is `q` as long as they are rigid."""
+
     def smoothed(self, x: Array) -> Array:
         """Low-pass along the first axis (`hil.regression.window`)."""
 
@@ -78,10 +96,25 @@ class Motion(Protocol):
 
 def term_columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array, Array]:
     """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...)."""
-    rows = regressor(robot, motion.q, motion.qd, motion.qdd, joints=[axis])[:, 0]
+    rows = regressor(robot, *motion.link, joints=[axis])[:, 0]
     v = motion.qd[:, axis] / robot.velocity_limit[axis]
     angle = robot.gear_ratio[axis] * motion.q[:, axis]
-    return rows, _common(angle, v), _friction(motion, v)
+    return rows, _common(angle, v), friction_columns(motion, v)
+
+
+def friction_columns(motion: Motion, v: Array) -> Array:
+    """F: what friction of one measurement can be, shape (n, 6).
+
+    Parameters
+    ----------
+    v : ndarray, shape (n,)
+        Velocity of the axis as share of its limit.
+    """
+    free_of_noise = motion.smoothed(v)
+    direction, way = np.sign(free_of_noise), np.cumsum(np.abs(free_of_noise))
+    gone = (way - way.mean()) / max(float(np.ptp(way)), motion.period)
+    shapes = (direction, v, np.cbrt(v), np.arctan(v / BEND), v * np.abs(v))
+    return np.column_stack([*shapes, direction * gone])
 
 
 def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
@@ -109,13 +142,7 @@ def n_unknowns(robot: Robot) -> int:
     return len(base_parameters(robot)) + robot.n_joints * N_COMMON
 
 
-def _friction(motion: Motion, v: Array) -> Array:
-    direction = np.sign(motion.smoothed(v))
-    duration = max(float(np.ptp(motion.time)), motion.period)
-    elapsed = (motion.time - motion.time.mean()) / duration
-    return np.column_stack([direction, v, np.cbrt(v), direction * elapsed])
-
-
 def _common(angle: Array, v: Array) -> Array:
     angles = angle[:, np.newaxis] * np.array(RIPPLE_ORDERS)
-    return np.column_stack([np.ones(len(v)), np.abs(v), np.cos(angles), np.sin(angles)])
+    load = np.zeros((len(v), N_COMMON - LOAD))
+    return np.column_stack([np.ones(len(v)), np.abs(v), np.cos(angles), np.sin(angles), load])

@@ -66,7 +66,7 @@ def diagnose(run: Run) -> Diagnosis:
     robot = run.robot
     with named(run):
         best = estimate(robot, recordings)
-    errors = examine(robot, prepared_for(best, recordings))
+    errors = examine(robot, prepared_for(robot, best, recordings))
     shifted = shifted_most(best, errors, robot.torque_limit) if errors.found else None
     return Diagnosis(robot, best, errors, shifted)
 

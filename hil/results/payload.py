@@ -79,4 +79,4 @@ def _estimate(run: Run) -> Estimate:
 
 
 def _joint(run: Run, found: Estimate) -> SimultaneousFit:
-    return SimultaneousFit(run.robot, prepared_for(found, recorded(run)))
+    return SimultaneousFit(run.robot, prepared_for(run.robot, found, recorded(run)))

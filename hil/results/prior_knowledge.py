@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.errors import NotEnoughData
+from hil.estimation.drive_train import find_drive_train
 from hil.estimation.identify import prepare
 from hil.estimation.noise_levels import noise_levels
-from hil.estimation.torque_lag import find_lags
+from hil.planning.measurement import shows_element
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:
@@ -34,5 +35,7 @@ def experience(folders: Sequence[Run]) -> Levels:
             f"{folders[0].path}: no measurement of gravity, inertia or coupling is there; measure"
             " some with --resume"
         )
-    lag = find_lags(robot, raw).lag
-    return noise_levels(robot, [(measurement, s.torque_advanced(lag)) for measurement, s in raw])
+    drive_train = find_drive_train(robot, raw)
+    return noise_levels(
+        robot, [(m, drive_train.applied(robot, s)) for m, s in raw if shows_element(m)]
+    )

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
 
     Array = NDArray[np.float64]
-    Chosen = tuple[Element, list[float]]
-    """What to measure, and where."""
+    Chosen = tuple[Element, list[float], int]
+    """What to measure, where, and the measurement's number."""
 
 COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
 """Measurements of each kind unless asked for: those of section 8."""
@@ -87,8 +87,8 @@ def design(
             elements = ELEMENTS[name](guarded, list(columns))
             chosen = _choose(guarded, elements, counts[name], workspace)
             measurements += [
-                element.measure(f"{kind.letter}{k:02d}", q)
-                for k, (element, q) in enumerate(_tour(guarded, chosen), start=1)
+                element.measure(f"{kind.letter}{k:02d}", q, number)
+                for k, (element, q, number) in enumerate(_tour(guarded, chosen), start=1)
             ]
     if workspace:
         measurements = guarded_tour(guarded, workspace, measurements, TRAVEL)
@@ -156,7 +156,8 @@ def _choose(
     ):
         picked = greedy(rows / scale, places(robot, q), covariance, share)
         chosen += [
-            (element, element.turned(robot, q[index], k)) for k, index in enumerate(picked, start=1)
+            (element, element.turned(robot, q[index], k), k)
+            for k, index in enumerate(picked, start=1)
         ]
     return chosen
 

@@ -85,7 +85,7 @@ def pool(
             rows = element.row(q) / robot.torque_limit[element.axis]
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
                 turned = element.turned(robot, configuration, number)
-                measurement = element.measure(f"{kind.letter}{number}", turned)
+                measurement = element.measure(f"{kind.letter}{number}", turned, number)
                 judged = shares(robot, measurement, THINNED * period)
                 found.append(Option(kind.group, measurement, row, worth(robot, judged, mean)))
     return found

@@ -6,8 +6,10 @@ the coupling inertia with its partner. The rows depend on few joints, found by m
 time. Candidates spread these joints over their ranges by a low-discrepancy sequence and leave the
 others in the middle. In a guarded workspace only those count whose strokes keep clear of the boxes.
 
-Every measurement of an axis begins at another angle of its motor, spread by the golden ratio:
-torque ripple then averages out over the configurations instead of biasing all of them alike.
+Every measurement of an axis has a number. By it it begins at another angle of its motor, spread by
+the golden ratio: torque ripple then averages out over the configurations instead of biasing all of
+them alike. Its corners fall at other instants between two samples for the same reason
+(`hil.planning.design.standard_motions`).
 """
 
 from __future__ import annotations
@@ -63,14 +65,14 @@ class Element:
     row : callable
         Rows of configurations over the group's parameters.
     measure : callable
-        Measurement of this element from its id and configuration.
+        Measurement of this element from its id, configuration and number, from 1.
     """
 
     axis: int
     accelerated: int
     strokes: dict[int, float]
     row: Row
-    measure: Callable[[str, Sequence[float]], ElementMeasurement]
+    measure: Callable[[str, Sequence[float], int], ElementMeasurement]
 
     @property
     def axes(self) -> tuple[int, int]:
@@ -96,7 +98,7 @@ def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:
         motion = gravity_motion(robot, i)
         return Element(
             i, i, {i: motion["stroke"]}, _gravity_row(robot, i, axes, columns),
-            lambda name, q: Gravity(id=name, axis=i + 1, q=tuple(q), **motion),
+            lambda name, q, _: Gravity(id=name, axis=i + 1, q=tuple(q), **motion),
         )  # fmt: skip
 
     return [element(i) for i in axes]
@@ -110,7 +112,9 @@ def inertia_elements(robot: Robot, columns: list[int]) -> list[Element]:
         motion = inertia_motion(robot, i)
         return Element(
             i, i, {i: motion["stroke"]}, _inertia_row(robot, i, i, columns),
-            lambda name, q: Inertia(id=name, axis=i + 1, q=tuple(q), **motion),
+            lambda name, q, number: Inertia(
+                id=name, axis=i + 1, q=tuple(q), **inertia_motion(robot, i, number)
+            ),
         )  # fmt: skip
 
     return [element(i) for i in range(robot.n_joints) if mass[i, i, columns].any()]
@@ -124,7 +128,9 @@ def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
         strokes = {j: creep["stroke"], i: partner.stroke}
         return Element(
             j, i, strokes, _inertia_row(robot, j, i, columns),
-            lambda name, q: Coupling(id=name, axis=j + 1, q=tuple(q), partner=partner, **creep),
+            lambda name, q, number: Coupling(
+                id=name, axis=j + 1, q=tuple(q), partner=partner_motion(robot, i, number), **creep
+            ),
         )  # fmt: skip
 
     return [element(j, i) for j, i in _pairs(robot, columns)]

@@ -51,6 +51,11 @@ class Forecast:
     qd: Array
     qdd: Array
 
+    @property
+    def link(self) -> tuple[Array, Array, Array]:
+        """q, qd and qdd of the links: gears count as rigid."""
+        return self.q, self.qd, self.qdd
+
     def smoothed(self, x: Array) -> Array:
         """Weighted mean over the estimator's window along the first axis."""
         return smooth(x, self.period)

@@ -13,6 +13,7 @@ from hil.report.sections import (
     correlations,
     derivation,
     diagnosis,
+    drive_train,
     friction,
     friction_over_campaign,
     measured_and_modelled,
@@ -20,7 +21,6 @@ from hil.report.sections import (
     parameters,
     payload,
     sessions,
-    torque_lag,
     torques,
 )
 
@@ -39,7 +39,7 @@ OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
     friction_over_campaign.section,
     friction.section,
     torques.section,
-    torque_lag.section,
+    drive_train.section,
     correlations.section,
     methods.section,
     derivation.section,
