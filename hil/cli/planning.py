@@ -111,6 +111,14 @@ def plan(
             " chosen \\[min].",
         ),
     ] = None,
+    with_trajectories: Annotated[
+        bool,
+        typer.Option(
+            "--with-trajectories",
+            help="With --minutes: choose among trajectories too, for drives that follow streams of"
+            " set-points.",
+        ),
+    ] = False,
     run: Annotated[
         list[Path] | None,
         typer.Option(
@@ -128,7 +136,10 @@ def plan(
     """Choose configurations and motions from g(q) and M(q)."""
     asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
     counts = {kind: number for kind, number in asked.items() if number is not None}
-    _refuse_contradictions(name, run, minutes, counts, warm_up, workspace, noise_from)
+    _refuse_contradictions(
+        name, run, minutes, counts, warm_up, workspace, noise_from,
+        with_trajectories=with_trajectories,
+    )  # fmt: skip
     refuse_existing(output)
     if run:
         _refine(run, minutes or REFINEMENT, output)
@@ -143,7 +154,13 @@ def plan(
         if minutes is None:
             designed = _by_counts(the_robot, counts, warm_up, guard)
         else:
-            designed = _by_minutes(the_robot, minutes, noise_from, warm_up, guard)
+            from hil.cli.assumed_noise import noise_of
+            from hil.planning.design.by_minutes import design_within
+
+            noise = noise_of(the_robot, noise_from)
+            designed = design_within(
+                the_robot, minutes, noise, warm_up, guard, with_trajectories=with_trajectories
+            )
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
     write_plan(output, designed)
@@ -155,15 +172,6 @@ def _by_counts(
     from hil.planning.design.by_counts import COUNTS, design
 
     return design(robot, COUNTS | dict(counts), warm_up, guard)
-
-
-def _by_minutes(
-    robot: Robot, minutes: float, noise_from: Path | None, warm_up: float, guard: Workspace | None
-) -> Plan:
-    from hil.cli.assumed_noise import noise_of
-    from hil.planning.design.by_minutes import design_within
-
-    return design_within(robot, minutes, noise_of(robot, noise_from), warm_up, guard)
 
 
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
@@ -195,6 +203,8 @@ def _refuse_contradictions(
     warm_up: float,
     workspace: Path | None,
     noise_from: Path | None,
+    *,
+    with_trajectories: bool,
 ) -> None:
     """Refuse options that do not go together."""
     if (name is None) == (not run):
@@ -208,6 +218,11 @@ def _refuse_contradictions(
         raise typer.BadParameter(
             "--refine takes workspace and noise from the run; leave --warm-up, --workspace and"
             " --noise-from out"
+        )
+    if with_trajectories and minutes is None:
+        raise typer.BadParameter(
+            "--with-trajectories needs --minutes, within which all kinds are weighed against each"
+            " other; for trajectories alone there is hil trajectory plan"
         )
     if noise_from is not None and minutes is None:
         raise typer.BadParameter("--noise-from is for --minutes; a plan by counts uses no noise")

@@ -6,19 +6,24 @@ the group can be identified by its own kind, as the two-step method wants it, an
 can be left out. The rest of the time goes to whatever adds most to log det of the information about
 all base parameters in its time (`hil.planning.design.selection`).
 
+With trajectories the core is half as large, and most time goes to them as a rule: in a minute all
+axes show more than strokes of one do. What they cannot do remains to strokes: friction alike forth
+and back, which cancels.
+
 A refinement begins with the information of an earlier run. It goes for the imprecise parameters:
 for what most lowers the variance of torques.
 """
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.planning.design.by_counts import TRAVEL, as_plan, greedy, places
-from hil.planning.design.candidates import pool, weighed
+from hil.planning.design.candidates import pool, trajectories, weighed
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour
 from hil.planning.measurement import ELEMENT_KINDS
@@ -26,7 +31,7 @@ from hil.planning.timetable import timetable, travel_times
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -36,14 +41,20 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
     from hil.planning.prediction.precision import Information
+    from hil.planning.trajectory import Trajectory
     from hil.planning.workspace import Workspace
 
     Array = NDArray[np.float64]
+    AnyMeasurement = ElementMeasurement | Trajectory
 
 CORE = 2
 """Measurements of its own kind for each parameter of a group."""
+OF_TRAJECTORIES = "t"
+"""First letter of their ids."""
 SAMPLE_PERIOD = 0.004
 """[s]"""
+CORE_BESIDE_TRAJECTORIES = 1
+"""The same where trajectories are measured too."""
 _AHEAD = 1.15
 """Share of the budget up to which measurements are chosen before they are put in order."""
 
@@ -54,6 +65,8 @@ def design_within(
     noise: Noise,
     warm_up: float = 0.0,
     workspace: Workspace | None = None,
+    *,
+    with_trajectories: bool = False,
 ) -> Plan:
     """Plan a campaign that takes at most `minutes`.
 
@@ -68,6 +81,8 @@ def design_within(
         Motion before the first measurement; 0 for none [s].
     workspace : Workspace, optional
         What the arm must keep clear of; the plan carries it.
+    with_trajectories : bool
+        Choose among trajectories too, which need drives that follow streams of set-points.
 
     Raises
     ------
@@ -76,8 +91,11 @@ def design_within(
     """
     guarded = narrowed(robot, workspace)
     options = pool(guarded, workspace, SAMPLE_PERIOD, noise)
+    core = _core(guarded, options, CORE_BESIDE_TRAJECTORIES if with_trajectories else CORE)
+    if with_trajectories:
+        options += trajectories(guarded, workspace, SAMPLE_PERIOD, noise, minutes)
     selection = Selection(guarded, options, TRAVEL)
-    for number in _core(guarded, options):
+    for number in core:
         selection.take(number)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
     order = _filled(robot, options, selection, budget, least, workspace)
@@ -123,8 +141,14 @@ def refine(
     return plan.model_copy(update={"sample_period": run.sample_period})
 
 
-def _core(robot: Robot, options: Sequence[Option]) -> list[int]:
-    """Numbers of the options that make every group identifiable by its own kind."""
+def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
+    """Numbers of the options that make every group identifiable by its own kind.
+
+    Parameters
+    ----------
+    each : int
+        Measurements for each parameter.
+    """
     found: list[int] = []
     for group in dict.fromkeys(option.group for option in options):
         numbers = [k for k, option in enumerate(options) if option.group == group]
@@ -132,7 +156,7 @@ def _core(robot: Robot, options: Sequence[Option]) -> list[int]:
         scale = np.sqrt(np.mean(rows**2, axis=0))
         q = np.array([options[k].measurement.q for k in numbers])
         covariance = 1e3 * np.eye(len(scale))
-        wanted = CORE * rows.shape[1]
+        wanted = each * rows.shape[1]
         picked = greedy(rows / scale, places(robot, q), covariance, wanted)
         found += [numbers[k] for k in dict.fromkeys(picked)]
     return found
@@ -145,7 +169,7 @@ def _filled(
     budget: float,
     least: int,
     workspace: Workspace | None,
-) -> list[ElementMeasurement]:
+) -> list[AnyMeasurement]:
     """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
     while selection.duration < _AHEAD * budget or len(selection.chosen) < least:
         selection.take_best()
@@ -153,10 +177,25 @@ def _filled(
     fitting = chosen[: _how_many(robot, chosen, least, budget)]
     if workspace:
         return _guarded(robot, workspace, fitting, least, budget)
-    return _tour(robot, fitting)
+    return _tour(robot, _merged(fitting))
 
 
-def _how_many(robot: Robot, chosen: Sequence[ElementMeasurement], least: int, budget: float) -> int:
+def _merged(chosen: Sequence[AnyMeasurement]) -> list[AnyMeasurement]:
+    """Blocks of a trajectory as one measurement without a stop, at the place of the first."""
+    periods = Counter[str]()
+    for each in chosen:
+        periods[each.id] += each.cycles
+    streamed = {each.id: each for each in reversed(chosen) if each.streamed}
+    found: list[AnyMeasurement] = []
+    for each in chosen:
+        if not each.streamed:
+            found.append(each)
+        elif first := streamed.pop(each.id, None):
+            found.append(first.model_copy(update={"cycles": periods[each.id]}))
+    return found
+
+
+def _how_many(robot: Robot, chosen: Sequence[AnyMeasurement], least: int, budget: float) -> int:
     """How many of `chosen`, from the first, fit into `budget` [s].
 
     Raises
@@ -164,7 +203,7 @@ def _how_many(robot: Robot, chosen: Sequence[ElementMeasurement], least: int, bu
     ValueError
         Not even `least` of them.
     """
-    needed = _duration(robot, _tour(robot, chosen[:least]))
+    needed = _duration(robot, _tour(robot, _merged(chosen[:least])))
     if needed > budget:
         raise ValueError(
             f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
@@ -173,7 +212,7 @@ def _how_many(robot: Robot, chosen: Sequence[ElementMeasurement], least: int, bu
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:
         middle = (fits + exceeds) // 2
-        if _duration(robot, _tour(robot, chosen[:middle])) > budget:
+        if _duration(robot, _tour(robot, _merged(chosen[:middle]))) > budget:
             exceeds = middle
         else:
             fits = middle
@@ -183,21 +222,21 @@ def _how_many(robot: Robot, chosen: Sequence[ElementMeasurement], least: int, bu
 def _guarded(
     robot: Robot,
     workspace: Workspace,
-    chosen: Sequence[ElementMeasurement],
+    chosen: Sequence[AnyMeasurement],
     least: int,
     budget: float,
-) -> list[ElementMeasurement]:
+) -> list[AnyMeasurement]:
     """Order those measurements, from the first, whose clear tour is within `budget` [s]."""
     guarded, fits = narrowed(robot, workspace), len(chosen)
     while True:
-        order = guarded_tour(guarded, workspace, chosen[:fits], TRAVEL)
+        order = guarded_tour(guarded, workspace, _merged(chosen[:fits]), TRAVEL)
         excess = _duration(robot, order) - budget
         if excess <= 0 or fits <= least:
             return order
         fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
-def _tour(robot: Robot, measurements: Sequence[ElementMeasurement]) -> list[ElementMeasurement]:
+def _tour(robot: Robot, measurements: Sequence[AnyMeasurement]) -> list[AnyMeasurement]:
     """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
     starts = np.array([measurement.start for measurement in measurements])
     left = np.ones(len(starts), dtype=bool)
@@ -211,20 +250,20 @@ def _tour(robot: Robot, measurements: Sequence[ElementMeasurement]) -> list[Elem
     return tour
 
 
-def _duration(robot: Robot, measurements: Sequence[ElementMeasurement]) -> float:
+def _duration(robot: Robot, measurements: Sequence[AnyMeasurement]) -> float:
     """Time of measurements in this order and of the ways between them [s]."""
     plan = as_plan(robot, measurements[:1], 0.0, None)
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
 
-def _numbered(
-    measurements: Sequence[ElementMeasurement], taken: set[str]
-) -> list[ElementMeasurement]:
+def _numbered(measurements: Sequence[AnyMeasurement], taken: set[str]) -> list[AnyMeasurement]:
     """Give ids in this order, kind by kind, that are not `taken`."""
-    numbers = {kind: count(1) for kind in ELEMENT_KINDS}
+    letters = {kind: row.letter for kind, row in ELEMENT_KINDS.items()}
+    numbers: dict[str, Iterator[int]] = defaultdict(lambda: count(1))
     named = []
     for measurement in measurements:
-        letter, number = ELEMENT_KINDS[measurement.kind].letter, numbers[measurement.kind]
+        letter = letters.get(measurement.kind, OF_TRAJECTORIES)
+        number = numbers[letter]
         name = next(name for k in number if (name := f"{letter}{k:02d}") not in taken)
         named.append(measurement.model_copy(update={"id": name}))
     return named

@@ -1,5 +1,8 @@
 """All measurements that could be made, each with its information and how long it would take.
 
+Trajectories are among them where drives take streams of set-points: a few different ones, each in
+blocks of some periods, of which as many may be chosen as there is time for.
+
 For every element of g(q) and M(q) the first configurations of its sequence are taken
 (`hil.planning.design.measurable_elements`). Each is planned as a measurement and judged by the
 simultaneous estimator's own information (`hil.planning.prediction.information`), so that kinds can
@@ -16,9 +19,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.model.base_parameters import base_parameters
+from hil.planning.clearance import are_clear
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
+from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.measurement import ELEMENT_KINDS
+from hil.planning.path_clearance import JointBoxes
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.precision import scatter_of
 from hil.regression.least_squares import inverse_root
@@ -27,19 +35,24 @@ from hil.regression.terms import place
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementMeasurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.noise import Noise
+    from hil.planning.trajectory import Trajectory
     from hil.planning.workspace import Workspace
 
     Array = NDArray[np.float64]
 
 EACH = 64
 """Configurations of every element."""
+DIFFERENT, PERIOD, BLOCK = 4, 10.0, 3
+"""Trajectories, period [s] and periods of a block."""
+SEARCH = Search(random=100, refined=2)
+INSTANTS = 1000
+"""Of a period at which boxes are looked at."""
 THINNED = 2
 """Every so many samples are judged, as means of so many: that is quicker and as informative."""
 
@@ -51,8 +64,8 @@ class Option:
     Attributes
     ----------
     group : str
-        Group of base parameters that its kind serves.
-    measurement : ElementMeasurement
+        Group of base parameters that its kind serves; empty where it serves all.
+    measurement : ElementMeasurement or Trajectory
         Its id is provisional.
     row : ndarray, shape (n_row,)
         What it shows of the group, over the torque limit.
@@ -61,7 +74,7 @@ class Option:
     """
 
     group: str
-    measurement: ElementMeasurement
+    measurement: ElementMeasurement | Trajectory
     row: Array
     worth: tuple[tuple[NDArray[np.intp], Array], ...]
 
@@ -89,6 +102,40 @@ def pool(
                 judged = shares(robot, measurement, THINNED * period)
                 found.append(Option(kind.group, measurement, row, worth(robot, judged, mean)))
     return found
+
+
+def trajectories(
+    robot: Robot, workspace: Workspace | None, period: float, noise: Noise, minutes: float
+) -> list[Option]:
+    """Design and judge trajectories, in blocks that together last `minutes` each.
+
+    Raises
+    ------
+    ValueError
+        None of them keeps clear of the workspace's boxes.
+    """
+    mean = replace(noise, torque=noise.torque / math.sqrt(THINNED))
+    found: list[Option] = []
+    for seed in range(DIFFERENT):
+        wave = design_trajectory(
+            robot, PERIOD, BLOCK, seed=seed, search=SEARCH, name=f"t{seed + 1:02d}"
+        )
+        if workspace and not _keeps_clear(robot, workspace, wave):
+            continue
+        of_block = worth(robot, shares(robot, wave, THINNED * period), mean)
+        blocks = max(1, math.ceil(60 * minutes / wave.duration))
+        found += [Option("", wave, np.zeros(0), of_block)] * blocks
+    if not found:
+        raise ValueError(
+            "no trajectory keeps clear of the workspace's boxes; plan without trajectories, or"
+            " narrow the joint ranges of the workspace to where the arm may move freely"
+        )
+    return found
+
+
+def _keeps_clear(robot: Robot, workspace: Workspace, wave: Trajectory) -> bool:
+    q = wave.motion(np.linspace(0.0, wave.period, INSTANTS))[0]
+    return bool(are_clear(robot, workspace, JointBoxes(q[:-1], q[1:])).all())
 
 
 def worth(

@@ -31,7 +31,7 @@ CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
 RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity [s]."""
 SPREAD = 0.012
-"""Range of instants over which corners of profiles are spread [s]: the longest usual SYNC period."""
+"""Instants over which corners of profiles are spread [s]: the longest usual SYNC period."""
 _PLASTIC = 1.324717957244746
 SEQUENCE = (1 / _PLASTIC, 1 / _PLASTIC**2)
 """Steps of the two-dimensional low-discrepancy sequence of Roberts: acceleration, stroke."""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.prediction.predicted_samples import Forecast
     from hil.planning.strokes import Strokes
+    from hil.planning.trajectory import Trajectory
 
     Array = NDArray[np.float64]
 
@@ -55,12 +56,20 @@ class Share:
     white: Array
     wander: Array
 
+    def times(self, n: int) -> Share:
+        """Of `n` measurements alike, each with friction of its own."""
+        return Share(self.axis, n * self.n, n * self.information, n * self.white, n * self.wander)
 
-def shares(robot: Robot, measurement: Strokes, period: float) -> list[Share]:
-    """Information of `measurement`, sampled every `period` [s]: an item for each axis it moves."""
+
+def shares(robot: Robot, measurement: Strokes | Trajectory, period: float) -> list[Share]:
+    """Information of `measurement`, sampled every `period` [s]: an item for each axis it moves.
+
+    Every period of a trajectory counts as a measurement, as it does for the estimator.
+    """
     planned = forecast(measurement, period)
     found = (_share(robot, planned, axis) for axis in measurement.moved)
-    return [share for share in found if share is not None]
+    alike = measurement.cycles if measurement.streamed else 1
+    return [share.times(alike) for share in found if share is not None]
 
 
 def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:

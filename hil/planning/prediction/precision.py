@@ -25,7 +25,6 @@ from scipy.stats import qmc
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
-from hil.planning.measurement import element_measurements
 from hil.planning.prediction.information import shares
 from hil.regression.least_squares import inverse, undetermined, without_nuisance
 from hil.regression.terms import n_unknowns, place
@@ -136,7 +135,7 @@ def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
     """Information of those `measurements` that the simultaneous estimator uses."""
-    useful = element_measurements(measurements)
+    useful = [m for m in measurements if m.kind != "friction"]
     found = (share for m in useful for share in shares(robot, m, period))
     return added_up(robot, found, noise)
 

@@ -1,4 +1,4 @@
-"""What a measurement will sample, from its profiles alone.
+"""What a measurement will sample, from its profiles alone; of a trajectory one period.
 
 Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
 partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.planning.strokes import Partner, Strokes
+    from hil.planning.trajectory import Trajectory
     from hil.planning.trapezoid import Trapezoid
 
     Array = NDArray[np.float64]
@@ -65,8 +66,11 @@ class Forecast:
         return ~ndimage.binary_dilation(excluded, iterations=max(2, round(REACH / self.period)))
 
 
-def forecast(measurement: Strokes, period: float) -> Forecast:
+def forecast(measurement: Strokes | Trajectory, period: float) -> Forecast:
     """Plan the samples of `measurement`, one every `period` [s]."""
+    if measurement.streamed:
+        instants = np.arange(0.0, measurement.period, period)
+        return Forecast(period, instants, *measurement.motion(instants))
     stroke = measurement.profile(0).duration + TURN
     n = round((2 * REST + measurement.n_strokes * stroke) / period)
     time = period * np.arange(n, dtype=np.float64)
