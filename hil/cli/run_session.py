@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 NOT_REHEARSED = (
     "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
 )
+COLD = 60.0
+"""Time of motion before the first recording up to which a run begins cold [s]."""
 
 
 def with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
@@ -178,9 +180,14 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
     return (
         f"{last.recorded} measurements in {folder.path}"
-        f" ({clock(last.time)} of robot time){kept if last.gave_up else ''};"
-        f" {folder.journal.sessions[-1].sync}"
+        f" ({clock(last.time)} of robot time, begun {_warmth(last.before_first)})"
+        f"{kept if last.gave_up else ''}; {folder.journal.sessions[-1].sync}"
     )
+
+
+def _warmth(before: float) -> str:
+    """What the gears had done before the first recording that was kept."""
+    return "cold" if before < COLD else f"after {before / 60:.1f} min of motion"
 
 
 def _what_remains(folder: RunFolder) -> str:

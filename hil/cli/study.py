@@ -46,11 +46,21 @@ def drift(
         ),
     ] = None,
     share: Annotated[
-        float,
+        float | None,
         typer.Option(
-            min=0.05, max=4, help="Number of measurements as a share of the designed plan's."
+            min=0.05,
+            max=4,
+            help="Number of measurements as a share of the designed plan's; 1 by default.",
         ),
-    ] = 1.0,
+    ] = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(
+            min=1,
+            max=600,
+            help="Duration of every campaign in place of the designed plan's \\[min].",
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(min=1, help="Number of campaigns at once; by default one a processor."),
@@ -67,6 +77,10 @@ def drift(
     from hil.study.campaigns import KINDS
     from hil.study.scenarios import SCENARIOS
 
+    if share is not None and minutes is not None:
+        raise typer.BadParameter(
+            "--share and --minutes both set the duration; give one of them", param_hint="--minutes"
+        )
     scenarios = _known(scenario, tuple(SCENARIOS), "--scenario") or tuple(SCENARIOS)
     kinds = _known(kind, KINDS, "--kind") or KINDS[:3]
     numbers = range(first_seed, first_seed + seeds)
@@ -76,7 +90,15 @@ def drift(
     with interruptible(lambda: left):
         try:
             cells = campaigns.prepare(
-                output, robot, plant or robot, numbers, scenarios, kinds, share, drives_file
+                output,
+                robot,
+                plant or robot,
+                numbers,
+                scenarios,
+                kinds,
+                1.0 if share is None else share,
+                drives_file,
+                minutes,
             )
         except ValueError as error:
             raise FileError(f"{output}: {error}") from error

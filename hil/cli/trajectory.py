@@ -40,9 +40,13 @@ def plan(
     criterion: Annotated[
         Criterion,
         typer.Option(
-            help="Criterion of the optimum: condition number, smallest singular value or log det."
+            help="Criterion of the optimum: condition number, smallest singular value or log det,"
+            " of the observation matrix with scaled rows and columns."
         ),
-    ] = Criterion.CONDITION,
+    ] = Criterion.DET,
+    harmonics: Annotated[
+        int, typer.Option(min=2, max=50, help="Number of harmonics of each joint's motion.")
+    ] = 5,
     seed: Annotated[
         int, typer.Option(help="Seed of the search; the same seed gives the same trajectory.")
     ] = 0,
@@ -59,7 +63,7 @@ def plan(
     robot = load_robot(name)
     refuse_existing(output)
     cycles = max(1, round(60 * minutes / period))
-    found = design_trajectory(robot, period, cycles, criterion.value, seed)
+    found = design_trajectory(robot, period, cycles, criterion.value, seed, harmonics=harmonics)
     designed = Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         warm_up=WarmUp(duration=warm_up) if warm_up else None,

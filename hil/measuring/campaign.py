@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from hil.measuring.background import Background
 from hil.measuring.checks.axis_limits import limited, refuse_beyond
-from hil.measuring.events import Recorded
+from hil.measuring.events import Recorded, Repeated
 from hil.measuring.rehearsal import rehearse
 from hil.measuring.sequencer import measure, never
 from hil.runs.journal import BusName
@@ -82,6 +82,9 @@ def run_campaign(
                 background.do(partial(folder.write, measured))
                 timing = timing.with_recording(event.recording)
                 folder.keep_timing(timing)
+            elif isinstance(event, Repeated):
+                messages = [finding.message for finding in event.findings]
+                folder.keep_repeated(event.measurement.id, event.attempt, messages)
             background.check()
             yield event
 

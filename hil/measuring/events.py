@@ -7,6 +7,7 @@ lock-step robot time runs faster than the clock on the wall.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import nan
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -97,7 +98,12 @@ class Recorded(Event):
 
 @dataclass(frozen=True, slots=True)
 class Finished(Event):
-    """All measurements of the plan are done."""
+    """All measurements of the plan are done.
+
+    `before_first` is the time of motion before the first recording that was kept, warm-up and
+    attempts that were repeated included [s]; NaN where nothing was recorded.
+    """
 
     recorded: int
     gave_up: tuple[str, ...]
+    before_first: float = nan

@@ -9,6 +9,7 @@ kept together with what is wrong with it.
 from __future__ import annotations
 
 from itertools import cycle
+from math import isnan, nan
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
@@ -88,7 +89,7 @@ def measure(
     if warm_up:
         yield from _warm_up(plan, warm_up, robot, bus, clock)
         clock.restart(locate(bus).time)
-    gave_up = []
+    gave_up, before_first = [], nan
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
         yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
@@ -98,12 +99,14 @@ def measure(
         for event in _attempts(plan, bus, measurement, clock):
             if isinstance(event, GaveUp):
                 gave_up.append(measurement.id)
+            elif isinstance(event, Recorded) and isnan(before_first):
+                before_first = float(event.recording.time[0]) - here.time - measurement.preparation
             yield event
         if pause():
             began = locate(bus).time
             yield Paused(began, clock.remaining(began))
             clock.shift(hold(bus, pause) - began)
-    yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up))
+    yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
 
 
 class _Clock:

@@ -58,6 +58,24 @@ class Axis(FileModel):
     position_resolution: float
 
 
+class RepeatedAttempt(FileModel):
+    """An attempt at a measurement that failed its checks and was followed by another one.
+
+    Attributes
+    ----------
+    measurement : str
+        Its id.
+    attempt : int
+        Which one it was, from 1.
+    findings : tuple of str
+        What was wrong with it.
+    """
+
+    measurement: str
+    attempt: int
+    findings: tuple[str, ...]
+
+
 class Session(FileModel):
     """One stretch of measuring, from entering the bus to leaving it."""
 
@@ -72,6 +90,8 @@ class Session(FileModel):
     real_time: tuple[str, ...] = ()
     """What the system granted of real time; empty where it was not asked."""
     notes: tuple[str, ...] = ()
+    repeated: tuple[RepeatedAttempt, ...] = ()
+    """Attempts that another one followed, in the order in which they were made."""
     host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
     versions: dict[str, str] = Field(default_factory=versions)
 

@@ -32,6 +32,7 @@ from hil.runs.atomic_file import (
 )
 from hil.runs.journal import (
     Journal,
+    RepeatedAttempt,
     Session,
     axis_records,
     now,
@@ -240,6 +241,12 @@ class RunFolder(Run):
     def keep_timing(self, timing: SyncTiming) -> None:
         """Note how SYNC kept its period; goes to the disk with the session's end."""
         self.journal = self.journal.with_last(sync=timing)
+
+    def keep_repeated(self, measurement: str, attempt: int, findings: Sequence[str]) -> None:
+        """Note why an attempt is repeated; goes to the disk with the session's end."""
+        failed = RepeatedAttempt(measurement=measurement, attempt=attempt, findings=tuple(findings))
+        before = self.journal.sessions[-1].repeated
+        self.journal = self.journal.with_last(repeated=(*before, failed))
 
     def _note(self, journal: Journal) -> None:
         self.journal = journal

@@ -5,7 +5,9 @@ two-step
 trajectory
     exciting trajectories, friction being estimated jointly;
 compensated
-    a friction sweep first and the trajectories in what is left of the time;
+    a friction sweep first and the trajectories in what is left of the time; where that is less than
+    half of a duration that was asked for, the sweep counts as a session of its own, and the
+    trajectories take the whole duration after it;
 warmed
     the same after half an hour of motion, which does not count as measuring time.
 
@@ -19,10 +21,12 @@ from typing import TYPE_CHECKING
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.by_counts import design
+from hil.planning.design.by_minutes import design_within
 from hil.planning.design.friction import sweep
 from hil.planning.design.trajectories import design_trajectory
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
+from hil.planning.prediction.noise import stated_noise
 from hil.planning.timetable import timetable
 from hil.runs.atomic_file import write_file
 
@@ -44,25 +48,32 @@ TRAVEL_AND_REST = 3.5
 """Of each trajectory, about [s]."""
 
 
-def campaigns(robot: Robot, share: float, folder: Path) -> dict[str, Plan]:
+def campaigns(
+    robot: Robot, share: float, folder: Path, minutes: float | None = None
+) -> dict[str, Plan]:
     """Return the plans of a study; those in `folder` are taken as they are, others written there.
 
     Parameters
     ----------
     share : float
         Of the number of measurements that `hil plan` chooses.
+    folder : Path
+    minutes : float, optional
+        Duration of every campaign; by default that of the two-step plan, and `share` does not
+        matter where it is given [min].
 
     Raises
     ------
     FileError
         Plans of another robot, or a full disk.
     ValueError
-        So small a share that trajectories do not fit in beside the sweep.
+        So small a share, or so few minutes, that trajectories do not fit in or the two-step plan
+        does not identify all parameters.
     """
     paths = {kind: folder / f"{kind}.yaml" for kind in KINDS}
     found = {kind: load_plan(path, robot) for kind, path in paths.items() if path.exists()}
     if len(found) < len(KINDS):
-        for kind, plan in _designed(robot, share, found.get("two-step")).items():
+        for kind, plan in _designed(robot, share, minutes, found.get("two-step")).items():
             if kind not in found:
                 write_file(paths[kind], dump_plan(plan).encode())
                 found[kind] = plan
@@ -74,16 +85,20 @@ def duration(robot: Robot, plan: Plan) -> float:
     return sum(e.travel + e.duration for e in timetable(plan, robot, plan.measurements))
 
 
-def _designed(robot: Robot, share: float, given: Plan | None) -> dict[str, Plan]:
-    """All plans; those with trajectories take as long as the two-step plan, given or not."""
-    two_step = given or _two_step(robot, share)
+def _designed(
+    robot: Robot, share: float, minutes: float | None, given: Plan | None
+) -> dict[str, Plan]:
+    """All plans; without `minutes` all take as long as the two-step plan, given or not."""
+    two_step = given or _two_step(robot, share, minutes)
     beforehand = sweep(robot, speeds=SPEEDS, slowest=SLOWEST)
     waves = [
-        design_trajectory(robot, PERIOD, 1, "condition", k, name=f"t{k + 1}")
+        design_trajectory(robot, PERIOD, criterion="det", seed=k, name=f"t{k + 1}")
         for k in range(TRAJECTORIES)
     ]
-    time = duration(robot, two_step)
+    time = duration(robot, two_step) if minutes is None else 60 * minutes
     left = time - duration(robot, beforehand)
+    if minutes is not None and left < time / 2:
+        left = time
     compensated = [*beforehand.measurements, *_filling(waves, left)]
     return {
         "two-step": two_step,
@@ -93,7 +108,9 @@ def _designed(robot: Robot, share: float, given: Plan | None) -> dict[str, Plan]
     }
 
 
-def _two_step(robot: Robot, share: float) -> Plan:
+def _two_step(robot: Robot, share: float, minutes: float | None) -> Plan:
+    if minutes is not None:
+        return design_within(robot, minutes, stated_noise(robot))
     groups = base_parameters(robot).groups
     counts = {
         name: max(round(share * kind.count), len(groups[kind.group]))
@@ -108,7 +125,7 @@ def _filling(waves: Sequence[Measurement], time: float) -> list[Measurement]:
     if periods < len(waves):
         raise ValueError(
             f"{max(time, 0.0) / 60:.1f} min left for trajectories must be at least"
-            f" {len(waves) * (PERIOD + TRAVEL_AND_REST) / 60:.1f}; raise --share"
+            f" {len(waves) * (PERIOD + TRAVEL_AND_REST) / 60:.1f}; raise --share or --minutes"
         )
     each, more = divmod(periods, len(waves))
     return [wave.model_copy(update={"cycles": each + (k < more)}) for k, wave in enumerate(waves)]

@@ -68,6 +68,7 @@ def prepare(
     kinds: Sequence[str] = KINDS[:3],
     share: float = 1.0,
     drives: Path | None = None,
+    minutes: float | None = None,
 ) -> list[Cell]:
     """Make or open the folder of a study, and return its campaigns.
 
@@ -81,6 +82,8 @@ def prepare(
         Of the designed plan's measurements.
     drives : path, optional
         Drives file of that plant; by default the one that comes along with the robot.
+    minutes : float, optional
+        Duration of every campaign, see `hil.study.campaigns`; then `share` does not matter [min].
 
     Raises
     ------
@@ -93,7 +96,8 @@ def prepare(
         raise FileError(f"{drives}: is no drives file; give one for {robot} with --drives")
     true_parameters(the_robot, plant)  # refuses now what no estimate could be set against later
     folder.mkdir(parents=True, exist_ok=True)
-    _keep(folder / SETTINGS, {"robot": the_robot.digest, "plant": plant, "share": share})
+    settings = {"robot": the_robot.digest, "plant": plant, "share": share, "minutes": minutes}
+    _keep(folder / SETTINGS, settings)
     write_file(folder / "robot.yaml", the_robot.text.encode())
     with file_errors(drives, "read"):
         text = drives.read_bytes()
@@ -101,7 +105,7 @@ def prepare(
     for name in scenarios:
         own_folder(folder / name)
         write_plant(SCENARIOS[name], plant, folder / name / "plant.yaml")
-    campaigns(the_robot, share, folder)
+    campaigns(the_robot, share, folder, minutes)
     return [
         Cell(folder.resolve(), scenario, kind, seed, seeds[k - 1 if k else 1])
         for k, seed in enumerate(seeds)
@@ -133,8 +137,14 @@ def _keep(path: Path, settings: dict[str, Any]) -> None:
     if not path.exists():
         write_file(path, json.dumps(settings, indent=1).encode())
         return
-    for key, before in json.loads(path.read_text()).items():
-        if before != (now := settings.get(key)):
+    then = json.loads(path.read_text())
+    for key, now in settings.items():  # a folder of an earlier version lacks minutes
+        if (before := then.get(key)) != now:
             raise FileError(
-                f"{path}: {key} was {before} and is {now} now; give the study a folder of its own"
+                f"{path}: {key} was {_shown(before)} and is {_shown(now)} now; give the study a"
+                " folder of its own"
             )
+
+
+def _shown(value: object) -> str:
+    return "not given" if value is None else str(value)

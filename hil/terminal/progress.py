@@ -103,8 +103,8 @@ class _PlainLines:
 def _notice(event: Event) -> str:
     """What must be shown to the operator even when it scrolls by."""
     if isinstance(event, Repeated):
-        reason = event.findings[0].message
-        return f"{event.measurement.id}: attempt {event.attempt} is repeated: {reason}"
+        reasons = "; ".join(finding.message for finding in event.findings)
+        return f"{event.measurement.id}: attempt {event.attempt} is repeated: {reasons}"
     if isinstance(event, GaveUp):
         reasons = "\n  ".join(finding.message for finding in event.findings)
         return (

@@ -1,5 +1,6 @@
 """The command line: what it prints, and what it refuses without a traceback."""
 
+import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +9,7 @@ import pytest
 from command_line import Hil
 
 from drivers import open_drive_bus
-from drivers.drive_bus import DriveFault, NodeSilent, Sample
+from drivers.drive_bus import DriveFault, NodeSilent, Sample, SampleFlag
 from hil import cli
 from hil.cli.arguments import bus_options
 from hil.model.robot import ROBOTS
@@ -74,10 +75,30 @@ def test_a_run_measures_everything_into_its_folder(
     status, out, err = hil("run", plan_file, "-o", tmp_path / "first")
     assert (status, err) == (0, "")
     assert "3 measurements in" in out
+    assert "of robot time, begun cold)" in out
     folder = RunFolder.open(tmp_path / "first")
     assert len(list(folder)) == 3
     assert folder.journal.sessions[0].bus == "sim_plant manutec-r15"
     assert (folder.path / "drives.yaml").read_text() == DRIVES.read_text()
+
+
+def test_a_run_states_why_it_repeated_and_that_what_it_kept_began_warm(
+    hil: Hil, bus, plan_file: Path, tmp_path: Path
+) -> None:
+    def saturated(sample: Sample) -> Sample:
+        if sample.time > 63:
+            return sample
+        limit, late = int(SampleFlag.LIMIT), int(SampleFlag.LATE)
+        return sample._replace(flags=(limit | late,) * 6)
+
+    bus.tamper = saturated
+    changed(plan_file, "measurements:", "warm_up: {duration: 60}\nmeasurements:")
+    status, out, _ = hil("run", plan_file, "-o", tmp_path / "first")
+    assert status == 0
+    assert re.search(
+        r"g1: attempt 1 is repeated: .* late telegrams .*; axis .* is at its internal limit", out
+    )
+    assert re.search(r"of robot time, begun after 1\.\d min of motion\)", out)
 
 
 def test_a_second_run_into_the_same_folder_is_refused(

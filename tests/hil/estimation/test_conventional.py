@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from hil.errors import NotEnoughData
 from hil.estimation.conventional.products import products
 from hil.estimation.conventional.variants import (
     COMPENSATED,
+    SLOW,
     VARIANTS,
     Variant,
     fit_trajectories,
@@ -87,6 +89,15 @@ def test_the_residual_of_each_axis_is_that_of_its_noise(
     assert found.residual / robot.torque_limit == pytest.approx(found.residual[0] / 945, rel=0.3)
     assert (found.degrees_of_freedom == trajectory.cycles - 1).all()
     assert found.drive_effect.shape == (len(TABLE_3_A), 2 * robot.n_joints)
+
+
+def test_one_variant_alone_keeps_low_speeds_and_stands_beside_its_fellow() -> None:
+    names = list(VARIANTS)
+    assert [name for name in names if not VARIANTS[name].slowest] == ["all speeds, model 2"]
+    fellow = VARIANTS["residual weights, model 2"]
+    assert fellow == replace(VARIANTS["all speeds, model 2"], slowest=SLOW)
+    place = names.index("residual weights, model 2")
+    assert names[place + 1] == "all speeds, model 2"
 
 
 def test_low_speeds_can_be_left_out(robot: Robot, trajectory: Trajectory) -> None:

@@ -170,6 +170,16 @@ def test_a_gap_leads_to_one_repetition(small_plan, manutec, ideal_bus) -> None:
     assert recorded(events)["g1"].findings == ()
 
 
+def test_the_end_states_how_long_the_robot_moved_before_the_recording_that_is_kept(
+    small_plan, manutec, ideal_bus
+) -> None:
+    ideal_bus.tamper = tampering(lambda s: 2.5 < s.time < 2.7, missing)
+    events = run(only(small_plan, "g1"), manutec, ideal_bus)
+    begun = recorded(events)["g1"].recording.time[0]
+    assert events[-1].before_first == pytest.approx(begun - events[0].time)
+    assert events[-1].before_first > small_plan.measurements[0].duration
+
+
 def test_few_gaps_that_are_flagged_do_no_harm(small_plan, manutec, ideal_bus) -> None:
     def change(sample: Sample) -> Sample:
         number = round(sample.time / 0.004)

@@ -1,16 +1,19 @@
-"""Exciting trajectories: rest, limits, gradient, reproducibility."""
+"""Exciting trajectories: rest, limits, scales, gradient, reproducibility."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy.optimize import approx_fprime
+from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import parse_yaml
+from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.robot import load_robot
+from hil.planning.design import trajectories
 from hil.planning.design.trajectories import (
     CRITERIA,
     Basis,
@@ -21,8 +24,10 @@ from hil.planning.design.trajectories import (
 )
 from hil.planning.dry_run import dry_run
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
+from hil.planning.prediction import precision
 from hil.planning.strokes import REST
 from hil.planning.trajectory import Trajectory
+from hil.planning.trajectory_check import ACCELERATION_SHARE
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -74,7 +79,7 @@ def test_a_designed_trajectory_passes_the_dry_run(robot: Robot, designed: Trajec
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(3.0, "position of joint"), (3.0, "velocity of joint")],
+    [(3.0, "position of joint"), (3.0, "velocity of joint"), (3.0, "acceleration of joint")],
 )
 def test_the_dry_run_finds_limits_exceeded_between_the_ends(
     robot: Robot, designed: Trajectory, factor: float, words: str
@@ -86,6 +91,22 @@ def test_the_dry_run_finds_limits_exceeded_between_the_ends(
     result = dry_run(planned(robot, designed.model_copy(update=larger)), robot)
     assert any(words in problem.message for problem in result.problems)
     assert result.problems[0].location[:2] == ("measurements", 0)
+
+
+def test_the_dry_run_refuses_more_than_half_of_the_acceleration_limit(
+    robot: Robot, designed: Trajectory
+) -> None:
+    bounded = robot.acceleration_limit * ACCELERATION_SHARE
+    _, _, qdd = designed.motion(np.linspace(0, designed.period, 2501))
+    used = np.abs(qdd).max(axis=0) / bounded
+    worst = int(used.argmax())
+    for factor, refused in ((0.99 / used[worst], False), (1.02 / used[worst], True)):
+        faster = designed.model_copy(update={"period": designed.period / np.sqrt(factor)})
+        messages = [p.message for p in dry_run(planned(robot, faster), robot).problems]
+        about = [text for text in messages if f"acceleration of joint {worst + 1}" in text]
+        assert bool(about) is refused
+    assert f"{-bounded[worst]:.5g} ... {bounded[worst]:.5g} rad/s^2, 50% of its limit" in about[0]
+    assert "make the amplitudes smaller or the period longer" in about[0]
 
 
 def test_the_dry_run_finds_a_trajectory_that_begins_in_motion(robot: Robot) -> None:
@@ -121,10 +142,54 @@ def test_the_gradient_is_that_of_the_cost(robot: Robot, criterion: ExcitationCri
     assert float(gradient.ravel() @ some) == pytest.approx(float(slope[0]), rel=1e-3, abs=1e-4)
 
 
-def test_optimising_beats_the_random_starts(robot: Robot, designed: Trajectory) -> None:
+def test_optimising_beats_the_random_starts(robot: Robot) -> None:
     basis, rng = Basis(robot, 10.0), np.random.default_rng(0)
     random = [np.exp(basis.judge(basis.random(rng), "condition")) for _ in range(QUICK.random)]
-    assert condition(robot, designed) < 0.7 * min(random)
+    found = design_trajectory(robot, criterion="condition", search=QUICK)
+    assert condition(robot, found) < 0.7 * min(random)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_no_criterion_leaves_the_wrist_at_rest(
+    robot: Robot, criterion: ExcitationCriterion
+) -> None:
+    found = design_trajectory(robot, criterion=criterion, search=QUICK)
+    motion = found.motion(np.linspace(0, found.period, 200))
+    rms = np.sqrt(np.mean(inverse_dynamics(robot, TABLE_3_A, *motion) ** 2, axis=0))
+    assert (rms[3:] > 1.5).all()
+
+
+def test_log_det_is_what_is_taken_where_nobody_chooses(robot: Robot, designed: Trajectory) -> None:
+    assert design_trajectory(robot, cycles=2, criterion="det", search=QUICK) == designed
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_no_criterion_minds_the_units_of_parameters(
+    robot: Robot, criterion: ExcitationCriterion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x = Basis(robot, 10.0).random(np.random.default_rng(2))
+    value = Basis(robot, 10.0).judge(x, criterion)
+    finer = np.geomspace(1.0, 1e4, len(TABLE_3_A))
+
+    def in_other_units(*motion: Any) -> Any:
+        return regressor(*motion) / finer
+
+    monkeypatch.setattr(trajectories, "regressor", in_other_units)
+    monkeypatch.setattr(precision, "regressor", in_other_units)
+    assert Basis(robot, 10.0).judge(x, criterion) == pytest.approx(value, abs=1e-6)
+
+
+@pytest.mark.parametrize("harmonics", [2, 15])
+def test_as_many_harmonics_as_are_asked_for_keep_the_limits(robot: Robot, harmonics: int) -> None:
+    least = Search(random=3, refined=1, steps=2)
+    found = design_trajectory(robot, search=least, harmonics=harmonics)
+    assert {len(row) for row in (*found.sine, *found.cosine)} == {harmonics}
+    assert not dry_run(planned(robot, found), robot).problems
+
+
+def test_a_single_harmonic_is_refused(robot: Robot) -> None:
+    with pytest.raises(ValueError, match="1 harmonics must be at least 2"):
+        design_trajectory(robot, harmonics=1)
 
 
 def test_the_same_seed_gives_the_same_trajectory(robot: Robot, designed: Trajectory) -> None:

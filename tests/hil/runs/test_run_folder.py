@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from checked_files.yaml_file import FileError
-from drivers.drive_bus import DriveFault, Sample
+from drivers.drive_bus import DriveFault, Sample, SampleFlag
 from hil.measuring.campaign import run_campaign
-from hil.measuring.events import Recorded
+from hil.measuring.events import Recorded, Repeated
 from hil.model.robot import Robot, load_robot
 from hil.planning.plan import Plan
 from hil.runs.finding import Finding
@@ -222,6 +222,22 @@ def test_a_campaign_ends_in_a_folder_with_all_recordings(folder: RunFolder, idea
     assert (session.bus, session.reason) == ("ideal test", "finished")
     assert [axis.identity for axis in session.axes] == ["ideal"] * 6
     assert session.ended is not None
+
+
+def test_the_journal_keeps_why_an_attempt_was_repeated(folder: RunFolder, ideal_bus) -> None:
+    def lost(sample: Sample) -> Sample:
+        if not 2.5 < sample.time < 2.7:
+            return sample
+        nothing = (np.nan,) * len(sample.q)
+        flags = (int(SampleFlag.MISSING),) * len(sample.q)
+        return sample._replace(q=nothing, tau=nothing, flags=flags)
+
+    ideal_bus.tamper = lost
+    (repeated,) = (e for e in run_campaign(folder, ideal_bus) if isinstance(e, Repeated))
+    (kept,) = RunFolder.open(folder.path).journal.sessions[0].repeated
+    assert (kept.measurement, kept.attempt) == ("g1", 1)
+    assert kept.findings == tuple(finding.message for finding in repeated.findings)
+    assert "samples lack a telegram of axis 1, 2, 3, 4, 5, 6" in kept.findings[0]
 
 
 def test_a_campaign_that_broke_off_is_finished_by_resuming(folder: RunFolder, ideal_bus) -> None:

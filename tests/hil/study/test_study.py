@@ -88,7 +88,7 @@ class TestStudy:
         self, finished: tuple[Path, list[Done]]
     ) -> None:
         rows = {row.method: row for row in summary.summarise(judged(opened(finished[0])))}
-        assert len(rows) == 13
+        assert len(rows) == 14
         assert {row.n for row in rows.values()} == {2}
         best = min(rows, key=lambda method: rows[method].torque_error)
         assert best == OUR_DEFAULT
@@ -154,6 +154,7 @@ class TestStudy:
         ("change", "reason"),
         [
             ({"share": 0.5}, r"share was 1\.0 and is 0\.5 now; give the study a folder of its own"),
+            ({"minutes": 10.0}, r"minutes was not given and is 10\.0 now"),
             ({"plant": "PLANT"}, f"plant was {PLANT} and is .*plant.yaml now"),
         ],
     )
@@ -165,8 +166,26 @@ class TestStudy:
         with pytest.raises(FileError, match=reason):
             opened(study, **others)
 
+    def test_the_same_minutes_go_on_and_others_are_refused(
+        self, tmp_path: Path, manutec: Robot
+    ) -> None:
+        folder = put(small_plans(manutec), tmp_path / "study")
+        opened(folder, minutes=8.0)
+        opened(folder, minutes=8.0)
+        with pytest.raises(FileError, match=r"minutes was 8\.0 and is 9\.0 now"):
+            opened(folder, minutes=9.0)
+        with pytest.raises(FileError, match=r"minutes was 8\.0 and is not given now"):
+            opened(folder)
+
 
 class TestFailure:
+    def test_share_and_minutes_exclude_each_other(
+        self, tmp_path: Path, hil: Callable[..., tuple[int, str, str]]
+    ) -> None:
+        status, _, err = hil("-o", tmp_path / "study", "--share", 1, "--minutes", 10)
+        assert (status, "give one of them" in err) == (2, True)
+        assert not (tmp_path / "study").exists()
+
     def test_a_campaign_that_fails_is_reported_and_the_others_go_on(
         self, study: Path, hil: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -10,9 +10,19 @@ from small_study import PLANT, put, small_plans, some_trajectory
 
 from checked_files.yaml_file import FileError
 from hil.planning.design.by_counts import design
+from hil.planning.design.friction import sweep
 from hil.planning.plan import PlannedRobot, load_plan
+from hil.planning.prediction.noise import stated_noise
 from hil.study import campaigns as study_campaigns
-from hil.study.campaigns import KINDS, PERIOD, WARM_UP, campaigns, duration
+from hil.study.campaigns import (
+    KINDS,
+    PERIOD,
+    SLOWEST,
+    SPEEDS,
+    WARM_UP,
+    campaigns,
+    duration,
+)
 from hil.study.scenarios import SCENARIOS, write_plant
 from sim_plant.plant_file import load_plant_file
 
@@ -20,6 +30,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.planning.prediction.noise import Noise
     from hil.planning.trajectory import Trajectory
 
 
@@ -69,8 +81,11 @@ class TestScenarios:
 class TestCampaigns:
     @pytest.fixture(autouse=True)
     def _quickly_designed(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def cheap(robot: Robot, *search: object, name: str) -> Trajectory:
-            return some_trajectory(robot, int(str(search[-1])))
+        def cheap(
+            robot: Robot, period: float, *, criterion: str, seed: int, name: str
+        ) -> Trajectory:
+            assert (criterion, name) == ("det", f"t{seed + 1}")
+            return some_trajectory(robot, seed, period)
 
         monkeypatch.setattr(study_campaigns, "design_trajectory", cheap)
 
@@ -79,6 +94,35 @@ class TestCampaigns:
         times = {kind: duration(manutec, plan) for kind, plan in found.items()}
         for kind in KINDS:
             assert times[kind] == pytest.approx(times["two-step"], abs=1.5 * PERIOD)
+
+    @pytest.mark.parametrize(
+        ("minutes", "of_sweep"),
+        [pytest.param(10.0, True, id="short"), pytest.param(40.0, False, id="long")],
+    )
+    def test_minutes_are_those_of_every_campaign_and_too_few_leave_the_sweep_out_of_account(
+        self,
+        manutec: Robot,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        minutes: float,
+        of_sweep: bool,
+    ) -> None:
+        asked: list[tuple[float, str]] = []
+
+        def within(robot: Robot, wanted: float, noise: Noise) -> Plan:
+            asked.append((wanted, noise.source))
+            return small_plans(robot)["two-step"]
+
+        monkeypatch.setattr(study_campaigns, "design_within", within)
+        found = campaigns(manutec, 1.0, tmp_path, minutes)
+        assert asked == [(minutes, stated_noise(manutec).source)]
+        assert found["two-step"] == small_plans(manutec)["two-step"]
+        times = {kind: duration(manutec, plan) for kind, plan in found.items()}
+        beforehand = duration(manutec, sweep(manutec, speeds=SPEEDS, slowest=SLOWEST))
+        beside = beforehand if of_sweep else 0.0
+        assert times["trajectory"] == pytest.approx(60 * minutes, abs=1.5 * PERIOD)
+        for kind in ("compensated", "warmed"):
+            assert times[kind] == pytest.approx(60 * minutes + beside, abs=1.5 * PERIOD)
 
     def test_only_the_warmed_one_has_a_warm_up(self, manutec: Robot, tmp_path: Path) -> None:
         found = campaigns(manutec, 1.0, tmp_path)
@@ -99,7 +143,9 @@ class TestCampaigns:
         assert campaigns(manutec, 1.0, tmp_path) == found
 
     def test_too_small_a_share_is_refused(self, manutec: Robot, tmp_path: Path) -> None:
-        with pytest.raises(ValueError, match=r"left for trajectories .* raise --share"):
+        with pytest.raises(
+            ValueError, match=r"left for trajectories .* raise --share or --minutes"
+        ):
             campaigns(manutec, 0.1, tmp_path)
 
     def test_plans_of_another_robot_are_refused(self, manutec: Robot, tmp_path: Path) -> None:
