@@ -1,0 +1,160 @@
+"""What the commands of a campaign cost, against an earlier commit of this repository.
+
+Processor time (user and system) of whole processes, interpreter included. The earlier commit is
+checked out into a temporary folder and takes turns with this one, so that both see the same
+machine; each measures, identifies and reports a campaign of its own, since run folders have changed
+meanwhile. Stated are medians, their ratio and what is promised of it. `hil run` is stated too, with
+robot time over wall time.
+
+    python benchmarks/commands.py [--times 5] [--commit 59a8631]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+COMMIT = "59a8631"
+ROBOT = "manutec-r15"
+PROMISED = {"robot": 1 / 5, "plan": 1 / 3, "dry-run": 1 / 5, "identify": 1 / 3, "report": 1 / 4}
+"""Largest ratio of a command's processor time to that of the earlier commit."""
+HERE = Path(__file__).resolve().parent.parent
+ROBOT_TIME = re.compile(r"\((?:(\d+):)?(\d+):(\d+) of robot time\)")
+
+
+class Version:
+    """A checked-out commit, and the folder in which its commands leave their files."""
+
+    def __init__(self, source: Path, place: Path) -> None:
+        self._source = source
+        self._plan = place / "plan.yaml"
+        self._run = place / "run"
+        place.mkdir()
+
+    def command(self, name: str) -> list[str]:
+        """Arguments of a command as a user gives them, on this version's own plan and run."""
+        arguments: dict[str, list[str | Path]] = {
+            "robot": [ROBOT],
+            "plan": [ROBOT, "-o", self._plan],
+            "dry-run": [self._plan],
+            "run": [self._plan, "-o", self._run],
+            "identify": [self._run],
+            "report": [self._run],
+        }
+        return [name, *map(str, arguments[name])]
+
+    def spent(self, name: str) -> tuple[float, str]:
+        """Call a command; return its processor time [s] and what it prints."""
+        if name == "plan":
+            self._plan.unlink(missing_ok=True)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "hil", *self.command(name)],
+            cwd=self._source,
+            env={**os.environ, "PYTHONPATH": str(self._source)},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            sys.exit(f"hil {name} of {self._source}: {done.stderr}")
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, done.stdout
+
+
+@contextmanager
+def checked_out(commit: str, place: Path) -> Iterator[Path]:
+    """Check a commit out into `place`; python-can finds its buses and no others."""
+    git = ("git", "-C", str(HERE), "worktree")
+    subprocess.run([*git, "add", "--quiet", "--detach", str(place), commit], check=True)
+    try:
+        _install(place)
+        yield place
+    finally:
+        subprocess.run([*git, "remove", "--force", str(place)], check=True)
+
+
+def _install(source: Path) -> None:
+    """Write the metadata by which entry points are found, first on the path of modules."""
+    project = tomllib.loads((source / "pyproject.toml").read_text())["project"]
+    folder = source / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n")
+    lines = [
+        line
+        for group, entries in project["entry-points"].items()
+        for line in (f"[{group}]", *(f"{name} = {target}" for name, target in entries.items()))
+    ]
+    (folder / "entry_points.txt").write_text("\n".join(lines))
+
+
+def main() -> None:
+    """Measure in turns, print the table; exit status 1 where a promise is not kept."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--times", type=int, default=5)
+    parser.add_argument("--commit", default=COMMIT, help="what is compared with")
+    asked = parser.parse_args()
+    with (
+        tempfile.TemporaryDirectory() as place,
+        checked_out(asked.commit, Path(place) / "earlier") as earlier,
+    ):
+        versions = Version(earlier, Path(place) / "old"), Version(HERE, Path(place) / "new")
+        middle = {name: in_turns(name, versions, asked.times) for name in ("robot", "plan")}
+        middle["dry-run"] = in_turns("dry-run", versions, asked.times)
+        middle["run"] = [campaign(version) for version in versions]
+        middle |= {name: in_turns(name, versions, asked.times) for name in ("identify", "report")}
+    show(middle, asked.commit)
+    sys.exit(any(middle[name][1] > most * middle[name][0] for name, most in PROMISED.items()))
+
+
+def in_turns(name: str, versions: tuple[Version, ...], times: int) -> list[float]:
+    """Median processor time of a command by each version [s]."""
+    spent: list[list[float]] = [[] for _ in versions]
+    for turn in range(times + 1):  # the first writes byte code and fills the disk's cache
+        for version, each in zip(versions, spent, strict=True):
+            seconds, _ = version.spent(name)
+            if turn:
+                each.append(seconds)
+    return [median(each) for each in spent]
+
+
+def campaign(version: Version) -> float:
+    """Measure the plan once, for identification and report; return its processor time [s]."""
+    begun = time.perf_counter()
+    seconds, printed = version.spent("run")
+    wall = time.perf_counter() - begun
+    hours, minutes, rest = (int(part or 0) for part in ROBOT_TIME.search(printed).groups())
+    robot_time = 3600 * hours + 60 * minutes + rest
+    print(f"hil run: {robot_time} s of robot time in {wall:.1f} s, {robot_time / wall:.0f} times")
+    return seconds
+
+
+def show(middle: dict[str, list[float]], commit: str) -> None:
+    """Print medians and ratios beside what is promised."""
+    table = Table("hil", f"{commit} [s]", "now [s]", "ratio", "promised at most")
+    for name, (before, now) in middle.items():
+        most = f"{PROMISED[name]:.3f}" if name in PROMISED else ""
+        table.add_row(name, f"{before:.2f}", f"{now:.2f}", f"{now / before:.3f}", most)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
