@@ -19,8 +19,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
+from yaml.constructor import SafeConstructor
+from yaml.resolver import Resolver
 
 from checked_files.errors import HilError
+from checked_files.yaml_events import Events
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,11 +52,14 @@ _TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it 
 _NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML's loader, with a bound on nesting and a place in all its errors."""
+class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
+    """YAML's safe loader, with a bound on nesting and a place in all its errors."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(text)
+        Events.__init__(self, text)
+        yaml.composer.Composer.__init__(self)
+        SafeConstructor.__init__(self)
+        Resolver.__init__(self)
         self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:

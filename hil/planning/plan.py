@@ -134,7 +134,7 @@ def dump_plan(plan: Plan) -> str:
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=200)
 
 
-class _Dumper(yaml.SafeDumper):
+class _Dumper(yaml.CSafeDumper if yaml.__with_libyaml__ else yaml.SafeDumper):  # type: ignore[misc]
     """Lists of numbers in one line, everything else in blocks."""
 
     def represent_sequence(
@@ -142,4 +142,7 @@ class _Dumper(yaml.SafeDumper):
     ) -> yaml.SequenceNode:
         assert isinstance(sequence, list)  # noqa: S101 - JSON data
         numbers = all(isinstance(item, float | int) for item in sequence)
-        return super().represent_sequence(tag, sequence, flow_style=numbers or flow_style)
+        node: yaml.SequenceNode = super().represent_sequence(
+            tag, sequence, flow_style=numbers or flow_style
+        )
+        return node
