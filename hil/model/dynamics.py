@@ -1,9 +1,11 @@
 """Inverse dynamics, linear in the base parameters: A(q, qd, qdd) p of eq. (6).
 
-Everything comes from one compiled recursion (`model.recursion`), so that A p, M qdd + c + g and the
-inverse dynamics agree to rounding. Base parameters enter in the standard parameters that head
-their groups, all others being zero (`base_parameters`), so that a robot costs no more than the
-parameters that it has. Rigid bodies only: motor inertias are `hil.model.motors`.
+Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c + g and the inverse
+dynamics agree to rounding. What is compiled of it is loaded when there is enough to do; the first
+regressors come from the same equations in NumPy (`model.recursion_by_arrays`). Base parameters
+enter in the standard parameters that head their groups, all others being zero (`base_parameters`),
+so that a robot costs no more than the parameters that it has. Rigid bodies only: motor inertias are
+`hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.
@@ -11,18 +13,19 @@ have the same leading axes: none for a single sample. Torques in N m (forces in 
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model import recursion
+from hil.model import recursion_by_arrays
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import cos_sin
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
 
 _CHUNK = 2048
 """Samples at a time, so that intermediate values stay in the cache."""
+_UNCOMPILED = 100_000
+"""Rows that a process computes before it loads the compiled recursion, which takes as long."""
 
 
 def regressor(
@@ -67,10 +72,9 @@ def regressor(
     q, qd, qdd = _samples(robot, q, qd, qdd)
     lead = q.shape[:-1]
     flat = np.empty((q.size // robot.n_joints, rows.size, model.kinds.size))
+    columns = _columns(len(flat) * rows.size)
     for part, state in _chunks(model, q, qd, qdd):
-        recursion.columns(
-            state, model.chain, robot.gravity, model.kinds, model.links, rows, flat[part]
-        )
+        columns(state, model.chain, robot.gravity, model.kinds, model.links, rows, flat[part])
     if model.mixing is not None:
         flat = flat @ model.mixing
     if not np.array_equal(rows, wanted):
@@ -142,11 +146,29 @@ def _torques(
         n_base = model.placement.shape[1]
         raise ValueError(f"p has shape {p.shape}; {robot.name} has {n_base} base parameters")
     q, qd, qdd = _samples(robot, q, qd, qdd)
+    from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
+
     values = model.placement @ p
     flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
     for part, state in _chunks(model, q, qd, qdd):
         recursion.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
     return flat.reshape(q.shape)
+
+
+class _Uncompiled:
+    """Rows that this process has computed without compiled code."""
+
+    rows = 0
+
+
+def _columns(rows: int) -> Callable[..., None]:
+    """`columns` of the recursion that takes less time for `rows` more of them."""
+    if _Uncompiled.rows + rows > _UNCOMPILED or "hil.model.recursion" in sys.modules:
+        from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
+
+        return recursion.columns
+    _Uncompiled.rows += rows
+    return recursion_by_arrays.columns
 
 
 def _rows(robot: Robot, joints: Sequence[int] | None) -> NDArray[np.int64]:

@@ -6,6 +6,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from hil.estimation.identify import estimate
+from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.model import Model
 from hil.results.model_file import Provenance
 from hil.results.naming import named

@@ -21,7 +21,7 @@ from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.design.tour import guarded_tour
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import Plan, PlannedRobot, WarmUp
-from hil.planning.timetable import travel_time
+from hil.planning.timetable import travel_times
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
@@ -177,11 +177,11 @@ def _shares(rows: Sequence[Array], count: int) -> list[int]:
 
 def _tour(robot: Robot, chosen: Sequence[Chosen]) -> list[Chosen]:
     """Order by nearest neighbour in travel time, beginning nearest to the middle of the ranges."""
-    here: list[float] = ((robot.q_min + robot.q_max) / 2).tolist()
-    left, tour = list(chosen), []
+    places = np.array([q for _, q in chosen])
+    here, left, tour = (robot.q_min + robot.q_max) / 2, list(range(len(chosen))), []
     while left:
-        nearest = min(left, key=lambda item: travel_time(robot, here, item[1], TRAVEL))
-        left.remove(nearest)
-        tour.append(nearest)
-        here = nearest[1]
+        times = travel_times(robot, here, places[left], TRAVEL)
+        nearest = left.pop(int(np.argmin(times)))
+        tour.append(chosen[nearest])
+        here = places[nearest]
     return tour

@@ -22,9 +22,9 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from hil.planning.clearance import are_clear
+from hil.planning.halton import halton
 from hil.planning.measurement import Friction
 from hil.planning.path_clearance import JointBoxes
 from hil.planning.plan import Plan, PlannedRobot
@@ -244,9 +244,9 @@ class _Bench:
         others = [i for i in range(len(middle)) if i != axis]
         q = np.tile(middle, (CANDIDATES, 1))
         if others:
-            points = qmc.Halton(len(others), scramble=False).random(CANDIDATES)
             spread = RANGE * (high - low)[others]
-            q[1:, others] = middle[others] + (points[1:] - 0.5) * spread
+            points = halton(CANDIDATES - 1, len(others)) - 0.5
+            q[1:, others] = middle[others] + points * spread
         reach = np.zeros(len(middle))
         reach[axis] = self.room(axis) / 2
         clear = are_clear(self._robot, self._workspace, JointBoxes(q - reach, q + reach))

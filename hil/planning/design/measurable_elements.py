@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
@@ -30,6 +29,7 @@ from hil.planning.design.standard_motions import (
     inertia_motion,
     partner_motion,
 )
+from hil.planning.halton import halton
 from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.path_clearance import JointBoxes
 
@@ -177,7 +177,7 @@ def _gravity_row(robot: Robot, axis: int, axes: list[int], columns: list[int]) -
 
     def row(q: Array) -> Array:
         still = np.zeros_like(q)
-        gravity = regressor(robot, q, still, still)[:, axis, columns]
+        gravity = regressor(robot, q, still, still, joints=[axis])[:, 0, columns]
         offsets = np.zeros((len(q), len(axes)))
         offsets[:, axes.index(axis)] = robot.torque_limit[axis]
         return np.column_stack([gravity, offsets])
@@ -189,8 +189,8 @@ def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) 
     def row(q: Array) -> Array:
         still, unit = np.zeros_like(q), np.zeros_like(q)
         unit[:, accelerated] = 1.0
-        moving = regressor(robot, q, still, unit) - regressor(robot, q, still, still)
-        return moving[:, axis, columns]
+        moving, at_rest = (regressor(robot, q, still, qdd, joints=[axis]) for qdd in (unit, still))
+        return (moving - at_rest)[:, 0, columns]
 
     return row
 
@@ -204,7 +204,7 @@ def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
     joints = _influencing(row, middle, half)
     q = np.tile(middle, (CANDIDATES, 1))
     if joints:
-        points = qmc.Halton(len(joints), scramble=False).random(CANDIDATES + 1)[1:]
+        points = halton(CANDIDATES, len(joints))
         q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
     return q
 
@@ -227,13 +227,11 @@ def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Arr
 def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
     """Joints whose angle changes the row."""
     n = len(middle)
-    base = middle + half * qmc.Halton(n, scramble=False).random(17)[1:]
-    before = row(base)
-    scale = np.abs(before).max()
-    found = []
+    base = middle + half * halton(16, n)
+    moved = np.tile(base, (n + 1, 1, 1))
     for joint in range(n):
-        moved = base.copy()
-        moved[:, joint] -= 0.7 * half[joint]
-        if np.abs(row(moved) - before).max() > 1e-9 * scale:
-            found.append(joint)
+        moved[joint, :, joint] -= 0.7 * half[joint]
+    rows = row(moved.reshape(-1, n)).reshape(n + 1, len(base), -1)
+    change = np.abs(rows[:n] - rows[n]).max(axis=(1, 2))
+    found: list[int] = np.flatnonzero(change > 1e-9 * np.abs(rows[n]).max()).tolist()
     return found

@@ -1,0 +1,40 @@
+"""Halton's low-discrepancy sequence: points that fill a unit cube evenly, however many are taken.
+
+Coordinate k of point i is i written in the k-th prime, its digits mirrored at the point (Halton,
+Numer. Math. 2 (1960) 84-90). These are the points of scipy.stats.qmc, of which the import alone
+takes longer than the design of a plan.
+"""
+
+from __future__ import annotations
+
+from itertools import count, islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+def halton(n: int, dimensions: int) -> Array:
+    """Points 1 to n of the sequence, shape (n, dimensions), each coordinate within 0 ... 1."""
+    points = np.zeros((n, dimensions))
+    for k, base in enumerate(islice(_primes(), dimensions)):
+        share, left = 1.0 / base, np.arange(1, n + 1)
+        while left.any():
+            points[:, k] += left % base * share
+            share /= base
+            left //= base
+    return points
+
+
+def _primes() -> Iterator[int]:
+    found: list[int] = []
+    for number in count(2):
+        if all(number % prime for prime in found):
+            found.append(number)
+            yield number
