@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.canopen.bus_load import StopwatchBus, achievable_rate
+from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
 from drivers.drive_bus import DriveError, SampleFlag

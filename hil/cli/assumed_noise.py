@@ -8,8 +8,6 @@ from checked_files.yaml_file import FileError
 from drivers.axis import AxisScale
 from hil.cli.robot_drives import known_drives
 from hil.planning.prediction.noise import stated_noise
-from hil.results.prior_knowledge import experience
-from hil.runs.pooling import open_runs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,6 +40,9 @@ def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) ->
 
 def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
     """Open runs of one robot; return them, with the noise and the information in them."""
+    from hil.results.prior_knowledge import experience
+    from hil.runs.pooling import open_runs
+
     folders = open_runs(runs)
     return folders, experience(folders)
 

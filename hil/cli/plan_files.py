@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from hil.cli import dry_run_view
-from hil.cli.run_session import show_remarks, with_workspace
 from hil.model.robot import load_robot
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace import load_workspace
+from hil.planning.workspace_check import remarks
 from hil.runs.atomic_file import write_file
 from hil.terminal.console import out
 
@@ -33,8 +33,8 @@ def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tup
     the_plan = load_plan(plan_file)
     the_robot = load_robot(robot_file or the_plan.robot.name)
     refuse_other_robot(the_plan, the_robot, str(plan_file))
-    the_plan = with_workspace(the_plan, the_robot, workspace)
-    show_remarks(the_plan.workspace, the_robot, out)
+    the_plan = _with_workspace(the_plan, the_robot, workspace)
+    _show_remarks(the_plan.workspace, the_robot)
     return the_plan, the_robot
 
 
@@ -47,8 +47,21 @@ def load_guard(path: Path | None, robot: Robot) -> Workspace | None:
         It cannot be used.
     """
     guard = None if path is None else load_workspace(path, robot)
-    show_remarks(guard, robot, out)
+    _show_remarks(guard, robot)
     return guard
+
+
+def _with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
+    """Return the plan with a workspace file's content in place of its own, if one is given."""
+    if path is None:
+        return the_plan
+    return the_plan.model_copy(update={"workspace": load_workspace(path, the_robot)})
+
+
+def _show_remarks(workspace: Workspace | None, robot: Robot) -> None:
+    """Print what is strange about a workspace, though it is accepted."""
+    for line in remarks(workspace, robot):
+        out.print(line, style="yellow", highlight=False, markup=False, soft_wrap=True)
 
 
 def refuse_problems(result: DryRun, plan_file: Path) -> None:

@@ -11,8 +11,6 @@ from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveError
 from hil.measuring.campaign import rehearse_campaign, run_campaign
 from hil.measuring.events import Finished
-from hil.planning.workspace import load_workspace
-from hil.planning.workspace_check import remarks
 from hil.results.rounding import clock
 from hil.runs import SIMULATED
 from hil.runs.lock import locked
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
-    from hil.planning.workspace import Workspace
     from hil.runs.journal import BusName
 
     RealTime = Callable[[], AbstractContextManager[Sequence[str]]]
@@ -42,19 +39,6 @@ NOT_REHEARSED = (
 )
 COLD = 60.0
 """Time of motion before the first recording up to which a run begins cold [s]."""
-
-
-def with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan:
-    """Return the plan with a workspace file's content in place of its own, if one is given."""
-    if path is None:
-        return the_plan
-    return the_plan.model_copy(update={"workspace": load_workspace(path, the_robot)})
-
-
-def show_remarks(workspace: Workspace | None, robot: Robot, out: Console) -> None:
-    """Print what is strange about a workspace, though it is accepted."""
-    for line in remarks(workspace, robot):
-        out.print(line, style="yellow", highlight=False, markup=False, soft_wrap=True)
 
 
 def prepare_folder(

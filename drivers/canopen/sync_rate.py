@@ -1,0 +1,118 @@
+"""How often the drives can be asked.
+
+The rate of SYNC is bounded by the load of the bus (`bus_load`) and, on the wall clock, by how long
+the slowest answer takes, which a bus with a stopwatch finds out.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import can
+
+from drivers.can_bus.capabilities import Capabilities, capabilities_of
+from drivers.canopen.bus_load import MAX_LOAD, cycle_time
+from drivers.canopen.pdo_mapping import answers
+from drivers.canopen.sync_clock import WINDOW
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from can.broadcastmanager import CyclicSendTaskABC
+
+    from drivers.canopen.pdo_mapping import Pdo
+    from drivers.drives_file import DrivesFile
+
+_SYNC = 0x80
+
+
+def achievable_rate(
+    drives: DrivesFile, answer: float = 0.0, sent: Sequence[Sequence[Pdo]] | None = None
+) -> float:
+    """Return the highest rate of SYNC [1/s].
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        Axes and bit rate.
+    answer : float
+        How long the slowest answer to a SYNC takes [s].
+    sent : sequence, optional
+        See `cycle_time`.
+    """
+    return 1 / max(cycle_time(drives, sent) / MAX_LOAD, answer / WINDOW)
+
+
+class StopwatchBus(can.BusABC):
+    """A bus that notes how long the answers to each SYNC take, whoever sends it.
+
+    Where the kernel does, SYNC is heard like any frame, and time stamps are compared.
+
+    Parameters
+    ----------
+    inner : can.BusABC
+        The bus that it stands for; shutting this one down leaves that one open.
+    drives : DrivesFile
+        Whose TPDOs are answers.
+    clock : callable
+        [s].
+
+    Attributes
+    ----------
+    answers : list of float
+        From each SYNC to the last TPDO that followed it [s].
+    """
+
+    def __init__(
+        self,
+        inner: can.BusABC,
+        drives: DrivesFile,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.answers: list[float] = []
+        self.channel_info = inner.channel_info
+        self._inner = inner
+        self._clock = clock
+        self._expected = {cob_id for axis in drives.axes for cob_id in answers(axis)}
+        self._sent: float | None = None
+        self._by_kernel = False
+        super().__init__("stopwatch")
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """All of the inner bus's but blocks: frames are looked at one by one."""
+        return replace(capabilities_of(self._inner), blocks=None)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame."""
+        if msg.arbitration_id == _SYNC:
+            self._begin(self._clock())
+        self._inner.send(msg, timeout)
+
+    def send_periodic(
+        self, msgs: can.Message | Sequence[can.Message], period: float, *args: Any, **kwargs: Any
+    ) -> CyclicSendTaskABC:
+        """Let the inner bus send frames periodically; SYNC is the kernel's from now on."""
+        self._by_kernel = self.capabilities.kernel_sync
+        return self._inner.send_periodic(msgs, period, *args, **kwargs)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Receive a frame; an answer to SYNC is noted."""
+        frame = self._inner.recv(timeout)
+        if frame is None:
+            return None
+        if self._by_kernel and frame.arbitration_id == _SYNC and not frame.is_rx:
+            self._begin(frame.timestamp)
+        elif self._sent is not None and frame.arbitration_id in self._expected:
+            now = frame.timestamp if self._by_kernel else self._clock()
+            self.answers[-1] = now - self._sent
+        return frame
+
+    def _begin(self, instant: float) -> None:
+        self._sent = instant
+        self.answers.append(0.0)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
+        return self._inner.recv(timeout), True
