@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, MultipleLocator
 from scipy import stats
 
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.plots.style import MEASURED, MODEL, MUTED, WIDTH, fixed_grid, legend
+from hil.report.plots.columns import Column, draw_columns, label_columns
+from hil.report.plots.style import MEASURED, MUTED, WIDTH, align_label, fixed_grid, legend
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
 
 _ROW = 1.35
 """Height of a row of panels [inch]."""
-_NARROW = 4.0
-"""Angles that are shown at least [deg]."""
 
 
 def residuals(
@@ -84,27 +81,25 @@ def residuals_over_angles(values: Sequence[LocalValue], n_joints: int, kind: Ele
     rows = max(len(axes), 1)
     height = 0.95 + _ROW * rows
     figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(
-        rows, n_joints, squeeze=False, sharey="row", sharex="col",
-        gridspec_kw={
-            "left": 0.075, "right": 0.99, "bottom": 0.5 / height, "top": 1 - 0.5 / height,
-            "wspace": 0.1, "hspace": 0.32,
-        },
-    )  # fmt: skip
-    for axis, row in zip(axes, panels, strict=False):
+    margins = {"left": 0.075, "right": 0.99, "bottom": 0.5 / height, "top": 1 - 0.5 / height}
+    panels = figure.subplots(rows, squeeze=False, gridspec_kw={**margins, "hspace": 0.32})[:, 0]
+    columns = [Column.of(k, [v.q[k] for v in values]) for k in range(n_joints)]
+    for axis, panel in zip(axes, panels, strict=False):
         own = [value for value in values if value.axis == axis]
         left = np.array([value.value - value.model for value in own])
         mean = float(left.mean())
-        for joint, panel in enumerate(row):
-            _over_angle(panel, own, left - mean, joint)
-        row[0].set_ylabel(f"Δ${kind.element(axis, axis)}$ [{kind.unit}]")
-        row[0].set_title(f"mean {signed(f'{mean:.2g}')} {kind.unit} taken off",
-                         fontweight="normal", fontsize=8, color=MUTED)  # fmt: skip
-    for joint, panel in enumerate(panels[-1]):
-        panel.set_xlabel(f"$q_{{{joint + 1}}}$ [deg]")
-        _scale(panel)
-    figure.align_ylabels(panels[:, 0])
-    legend(figure, panels[0][0])
+        error = 2.0 * np.nan_to_num([value.standard_error for value in own])
+        angles = np.concatenate([c.place([v.q[c.joint] for v in own]) for c in columns])
+        panel.errorbar(angles, np.tile(left - mean, n_joints), np.tile(error, n_joints), fmt="x",
+                       color=MEASURED, markersize=3.5, elinewidth=0.7,
+                       label="measured − modelled, ± 2 standard errors")  # fmt: skip
+        draw_columns(panel, columns)
+        panel.set_ylabel(f"Δ${kind.element(axis, axis)}$ [{kind.unit}]")
+        panel.set_title(f"mean {signed(f'{mean:.2g}')} {kind.unit} taken off",
+                        fontweight="normal", fontsize=8, color=MUTED)  # fmt: skip
+        align_label(figure, panel, 0.66)
+    label_columns(panels[-1], columns)
+    legend(figure, panels[0])
     return figure
 
 
@@ -123,23 +118,3 @@ def _quantiles(residual: Array, axes: Sequence[int]) -> tuple[Array, Array]:
         left[axis == a] = (own - own.mean()) / (scatter or 1.0)
     normal = stats.norm.ppf((np.arange(len(left)) + 0.5) / max(len(left), 1))
     return np.asarray(normal, dtype=np.float64), np.sort(left)
-
-
-def _over_angle(panel: Axes, values: Sequence[LocalValue], left: Array, joint: int) -> None:
-    angle = np.degrees([value.q[joint] for value in values])
-    error = 2.0 * np.nan_to_num([value.standard_error for value in values])
-    panel.axhline(0.0, color=MODEL, linewidth=0.9)
-    panel.errorbar(angle, left, error, fmt="x", color=MEASURED, markersize=3.5, elinewidth=0.7,
-                   label="measured − modelled, ± 2 standard errors")  # fmt: skip
-    panel.margins(x=0.08, y=0.12)
-    panel.yaxis.set_major_locator(MaxNLocator(4))
-
-
-def _scale(panel: Axes) -> None:
-    """Ticks at right angles; a joint that hardly moved is not blown up."""
-    low, high = panel.get_xlim()
-    if high - low < _NARROW:
-        panel.set_xlim((low + high - _NARROW) / 2, (low + high + _NARROW) / 2)
-        panel.xaxis.set_major_locator(MaxNLocator(3))
-    else:
-        panel.xaxis.set_major_locator(MultipleLocator(180 if high - low > 340 else 90))

@@ -28,6 +28,7 @@ WIDTH = 10.0
 DPI = 160
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # else every draw looks for a place above all that stands there
     "axes.labelsize": 9, "axes.edgecolor": MUTED, "axes.labelcolor": INK, "text.color": INK,
     "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.7, "axes.axisbelow": True,
@@ -88,10 +89,10 @@ def fixed_grid(
     return figure, grid
 
 
-def align_label(figure: Figure, panel: Axes) -> None:
-    """Put the label of the vertical axis where those of other panels stand."""
+def align_label(figure: Figure, panel: Axes, away: float = 0.5) -> None:
+    """Put the label of the vertical axis `away` from it [inch], in line with those of others."""
     width = panel.get_position().width * figure.get_figwidth()
-    panel.yaxis.set_label_coords(-0.5 / width, 0.5)
+    panel.yaxis.set_label_coords(-away / width, 0.5)
 
 
 def legend(figure: Figure, panel: Axes) -> None:
