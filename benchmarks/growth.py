@@ -1,0 +1,136 @@
+"""How the cost of commands grows: with the axes of a robot, and with the campaigns of one.
+
+Robots of 2 to 7 axes are the manutec-r15 without its last axes, or with one more hand joint; robot
+file, drives file and plant file alike. Each gets a small plan of as many measurements, which is
+designed and measured. Then campaigns of the whole robot, one with another noise each, are
+identified together. Stated is processor time (user and system) of whole processes, and for what
+grows also per measurement, which shows whether it grows in proportion.
+
+    python benchmarks/growth.py [--times 3]
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+from copy import deepcopy
+from importlib import resources
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import yaml
+from rich.console import Console
+from rich.table import Table
+
+from hil.model.robot import ROBOTS
+
+NAME = "manutec-r15"
+AXES = range(2, 8)
+COUNTS = ("--gravity", "8", "--inertia", "14", "--coupling", "4")
+"""Measurements of a plan whose robot has axes left out or added."""
+CAMPAIGNS = (1, 2, 4)
+
+
+def files(n: int, place: Path) -> dict[str, Path]:
+    """Write robot, drives and plant of the first `n` axes; the seventh is another hand joint."""
+    sources = {
+        "robot": ROBOTS / f"{NAME}.yaml",
+        "drives": ROBOTS / f"{NAME}.drives.yaml",
+        "plant": Path(str(resources.files("sim_plant") / "plants" / f"{NAME}.yaml")),
+    }
+    found = {}
+    for what, source in sources.items():
+        data = yaml.safe_load(source.read_text())
+        axes = data["joints" if what == "robot" else "axes"]
+        if n > len(axes):
+            axes.append(_hand_joint(axes[-1], n))
+        del axes[n:]
+        if n < 6:
+            data.pop("ties", None)
+        data["name"] = f"{NAME}-{n}"
+        if what == "drives":
+            del data["name"]
+        found[what] = place / f"{what}-{n}.yaml"
+        found[what].write_text(yaml.safe_dump(data, sort_keys=False))
+    return found
+
+
+def _hand_joint(last: dict[str, Any], number: int) -> dict[str, Any]:
+    """Return a further axis behind the `last` one, at right angles to it."""
+    added = deepcopy(last)
+    if "capsule" in added:  # of a robot file
+        return {**added, "frame": {"alpha": "-pi/2"}}
+    added["name"] = f"joint {number}"
+    if "drive" in added:  # of a plant file
+        added["frame"] = {"alpha_deg": -90}
+        added["link"] = {"Izz": 0.1}
+        added["drive"]["node"] = number
+    else:
+        added["node"] = number
+    return added
+
+
+def spent(*arguments: str | Path) -> float:
+    """Processor time of a command [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, "-m", "hil", *map(str, arguments)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        sys.exit(f"hil {' '.join(map(str, arguments))}: {done.stderr}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def over_axes(place: Path, times: int, out: Console) -> None:
+    """Print what a plan and its campaign cost for robots of more and more axes."""
+    table = Table("axes", "plan [s]", "run [s]", "measurements", "run, a measurement [ms]")
+    for n in AXES:
+        made, plan = files(n, place), place / f"plan-{n}.yaml"
+        designed = []
+        for _ in range(times):
+            plan.unlink(missing_ok=True)
+            designed.append(spent("plan", made["robot"], "-o", plan, *COUNTS))
+        measurements = len(yaml.safe_load(plan.read_text())["measurements"])
+        drives = "--drives", made["drives"], "--channel", made["plant"], "--robot", made["robot"]
+        ran = spent("run", plan, "-o", place / f"run-{n}", *drives)
+        each = 1e3 * ran / measurements
+        row = f"{median(designed):.2f}", f"{ran:.1f}", f"{measurements}", f"{each:.0f}"
+        table.add_row(str(n), *row)
+    out.print(table)
+
+
+def over_campaigns(place: Path, times: int, out: Console) -> None:
+    """Print what identification of several campaigns together costs."""
+    plan, runs = place / "plan.yaml", [place / f"run {k}" for k in range(max(CAMPAIGNS))]
+    spent("plan", NAME, "-o", plan)
+    for seed, run in enumerate(runs):
+        spent("run", plan, "-o", run, "--bus-option", f"seed={seed + 1}")
+    table = Table("campaigns", "identify [s]", "a campaign [s]")
+    for n in CAMPAIGNS:
+        others = [argument for run in runs[1:n] for argument in ("--with", run)]
+        middle = median(spent("identify", runs[0], *others) for _ in range(times))
+        table.add_row(str(n), f"{middle:.2f}", f"{middle / n:.2f}")
+    out.print(table)
+
+
+def main() -> None:
+    """Measure and print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--times", type=int, default=3)
+    times = parser.parse_args().times
+    with tempfile.TemporaryDirectory() as place:
+        over_axes(Path(place), times, Console())
+        over_campaigns(Path(place), times, Console())
+
+
+if __name__ == "__main__":
+    main()
