@@ -41,8 +41,8 @@ def drift(
     kind: Annotated[
         list[str] | None,
         typer.Option(
-            help="Campaign two-step, trajectory, compensated or warmed; the first three by default,"
-            " may be repeated."
+            help="Campaign two-step, mixed, trajectory, compensated or warmed; all but the last by"
+            " default, may be repeated."
         ),
     ] = None,
     share: Annotated[
@@ -82,7 +82,7 @@ def drift(
             "--share and --minutes both set the duration; give one of them", param_hint="--minutes"
         )
     scenarios = _known(scenario, tuple(SCENARIOS), "--scenario") or tuple(SCENARIOS)
-    kinds = _known(kind, KINDS, "--kind") or KINDS[:3]
+    kinds = _known(kind, KINDS, "--kind") or KINDS[:-1]
     numbers = range(first_seed, first_seed + seeds)
     workers = workers or os.cpu_count() or 1
     failed = 0

@@ -46,7 +46,7 @@ def plan(
     ] = Criterion.DET,
     harmonics: Annotated[
         int, typer.Option(min=2, max=50, help="Number of harmonics of each joint's motion.")
-    ] = 5,
+    ] = 15,
     seed: Annotated[
         int, typer.Option(help="Seed of the search; the same seed gives the same trajectory.")
     ] = 0,

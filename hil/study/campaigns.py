@@ -3,16 +3,19 @@
 two-step
     the designed plan of gravity, inertia and coupling measurements;
 trajectory
-    exciting trajectories, friction being estimated jointly;
+    an exciting trajectory, friction being estimated jointly;
+mixed
+    the most informative strokes and trajectories together;
 compensated
-    a friction sweep first and the trajectories in what is left of the time; where that is less than
+    a friction sweep first and the trajectory in what is left of the time; where that is less than
     half of a duration that was asked for, the sweep counts as a session of its own, and the
-    trajectories take the whole duration after it;
+    trajectory takes the whole duration after it;
 warmed
     the same after half an hour of motion, which does not count as measuring time.
 
-Several different trajectories, each optimised from starts of its own, carry more information than
-one repeated.
+All but the warmed ones begin cold. The trajectory is one throughout: with several of them, measured
+one after the other, what friction does meanwhile shows as a difference between them, which harms
+the methods that know one friction for all.
 """
 
 from __future__ import annotations
@@ -36,16 +39,17 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
+    from hil.planning.trajectory import Trajectory
 
-KINDS = ("two-step", "trajectory", "compensated", "warmed")
-TRAJECTORIES, PERIOD = 4, 10.0
-"""Different ones, and the period of each [s]."""
+KINDS = ("two-step", "mixed", "trajectory", "compensated", "warmed")
+PERIOD = 10.0
+"""Of the trajectory [s]."""
 SPEEDS, SLOWEST = 12, 0.01
 """Of the sweep beforehand: creep shows the peak at standstill, which no compensation uses."""
 WARM_UP = 1800.0
 """[s]."""
 TRAVEL_AND_REST = 3.5
-"""Of each trajectory, about [s]."""
+"""Of the trajectory, about [s]."""
 
 
 def campaigns(
@@ -91,18 +95,17 @@ def _designed(
     """All plans; without `minutes` all take as long as the two-step plan, given or not."""
     two_step = given or _two_step(robot, share, minutes)
     beforehand = sweep(robot, speeds=SPEEDS, slowest=SLOWEST)
-    waves = [
-        design_trajectory(robot, PERIOD, criterion="det", seed=k, name=f"t{k + 1}")
-        for k in range(TRAJECTORIES)
-    ]
+    wave = design_trajectory(robot, PERIOD, name="t1")
     time = duration(robot, two_step) if minutes is None else 60 * minutes
     left = time - duration(robot, beforehand)
     if minutes is not None and left < time / 2:
         left = time
-    compensated = [*beforehand.measurements, *_filling(waves, left)]
+    compensated = [*beforehand.measurements, _filling(wave, left)]
+    noise = stated_noise(robot)
     return {
         "two-step": two_step,
-        "trajectory": _plan(robot, _filling(waves, time)),
+        "mixed": design_within(robot, time / 60, noise, with_trajectories=True),
+        "trajectory": _plan(robot, [_filling(wave, time)]),
         "compensated": _plan(robot, compensated),
         "warmed": _plan(robot, compensated, WarmUp(duration=WARM_UP)),
     }
@@ -119,16 +122,15 @@ def _two_step(robot: Robot, share: float, minutes: float | None) -> Plan:
     return design(robot, counts)
 
 
-def _filling(waves: Sequence[Measurement], time: float) -> list[Measurement]:
-    """Trajectories with as many periods as there is time for, the first ones with one more."""
-    periods = int((time - len(waves) * TRAVEL_AND_REST) / PERIOD)
-    if periods < len(waves):
+def _filling(wave: Trajectory, time: float) -> Trajectory:
+    """The trajectory with as many periods as there is time for."""
+    periods = int((time - TRAVEL_AND_REST) / PERIOD)
+    if periods < 1:
         raise ValueError(
-            f"{max(time, 0.0) / 60:.1f} min left for trajectories must be at least"
-            f" {len(waves) * (PERIOD + TRAVEL_AND_REST) / 60:.1f}; raise --share or --minutes"
+            f"{max(time, 0.0) / 60:.1f} min left for the trajectory must be at least"
+            f" {(PERIOD + TRAVEL_AND_REST) / 60:.1f}; raise --share or --minutes"
         )
-    each, more = divmod(periods, len(waves))
-    return [wave.model_copy(update={"cycles": each + (k < more)}) for k, wave in enumerate(waves)]
+    return wave.model_copy(update={"cycles": periods})
 
 
 def _plan(robot: Robot, measurements: Sequence[Measurement], warm_up: WarmUp | None = None) -> Plan:

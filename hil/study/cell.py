@@ -22,7 +22,7 @@ from hil.estimation.conventional.variants import (
     fit_trajectories,
     trajectories,
 )
-from hil.estimation.identify import estimates
+from hil.estimation.identify import estimate, estimates
 from hil.results.friction import evaluate
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.pooling import recorded
@@ -184,8 +184,16 @@ def _two_step(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
         yield f"two-step, {method}", found
 
 
+def _mixed(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
+    yield "mixed, improved", estimate(folder.robot, list(recorded(folder)))
+
+
 def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
-    """Conventional methods with friction in the regression; variants share what they can."""
+    """Conventional methods with friction in the regression; variants share what they can.
+
+    Our own estimator takes trajectories as well.
+    """
+    yield "trajectory, improved", estimate(folder.robot, list(recorded(folder)))
     measured = trajectories(recorded(folder))
     condensed: dict[float, Products] = {}
     for name, variant in VARIANTS.items():
@@ -224,6 +232,7 @@ def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
 
 _METHODS: dict[str, Callable[[Cell, Run], Iterator[tuple[str, Estimate]]]] = {
     "two-step": _two_step,
+    "mixed": _mixed,
     "trajectory": _jointly,
     "compensated": _beforehand,
     "warmed": _beforehand,

@@ -177,7 +177,7 @@ def _shares(rows: Sequence[Array], count: int) -> list[int]:
 
 def _tour(robot: Robot, chosen: Sequence[Chosen]) -> list[Chosen]:
     """Order by nearest neighbour in travel time, beginning nearest to the middle of the ranges."""
-    places = np.array([q for _, q in chosen])
+    places = np.array([q for _, q, _ in chosen])
     here, left, tour = (robot.q_min + robot.q_max) / 2, list(range(len(chosen))), []
     while left:
         times = travel_times(robot, here, places[left], TRAVEL)

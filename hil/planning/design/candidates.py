@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 EACH = 64
 """Configurations of every element."""
-DIFFERENT, PERIOD, BLOCK = 4, 10.0, 3
+DIFFERENT, PERIOD, BLOCK = 2, 10.0, 3
 """Trajectories, period [s] and periods of a block."""
 SEARCH = Search(random=100, refined=2)
 INSTANTS = 1000

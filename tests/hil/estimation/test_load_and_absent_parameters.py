@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hil.estimation.torque_lag import find_lags, no_lags
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.estimation.absent_parameters import examine
@@ -14,7 +15,6 @@ from hil.estimation.payload import estimate_payload
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
-from hil.estimation.torque_lag import find_lags, no_lags
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.dynamics import gravity_torque
 from hil.model.robot import load_robot
