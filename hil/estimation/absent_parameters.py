@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.signals import Signals
-    from hil.planning.strokes import Strokes
-    from hil.planning.trajectory import Trajectory
+    from hil.planning.measurement import ParameterMeasurement
 
     Array = NDArray[np.float64]
 
@@ -144,7 +143,7 @@ def complete(robot: Robot) -> Robot:
     )
 
 
-def examine(robot: Robot, prepared: Sequence[tuple[Strokes | Trajectory, Signals]]) -> ModelErrors:
+def examine(robot: Robot, prepared: Sequence[tuple[ParameterMeasurement, Signals]]) -> ModelErrors:
     """Test every link parameter that `robot` leaves out, and those that it states."""
     whole = complete(robot)
     K = base_parameters(whole).matrix

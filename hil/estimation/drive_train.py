@@ -58,11 +58,10 @@ if TYPE_CHECKING:
     from hil.estimation.condensed import Condensed, Stacked
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import ElementMeasurement
-    from hil.planning.trajectory import Trajectory
+    from hil.planning.measurement import ParameterMeasurement
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[ElementMeasurement | Trajectory, Signals]]
+    Prepared = Sequence[tuple[ParameterMeasurement, Signals]]
 
 EARLIEST, LATEST = -0.002, 0.012
 """Range that is searched [s]."""
@@ -165,7 +164,7 @@ def find_drive_train(robot: Robot, prepared: Prepared) -> DriveTrain:
     )
 
 
-def _shows_lag(measurement: ElementMeasurement | Trajectory) -> bool:
+def _shows_lag(measurement: ParameterMeasurement) -> bool:
     """Whether the axis whose torque is read accelerates."""
     if shows_element(measurement):
         return bool(measurement.unit_acceleration[measurement.index])
@@ -173,7 +172,7 @@ def _shows_lag(measurement: ElementMeasurement | Trajectory) -> bool:
 
 
 def _stacked(
-    robot: Robot, m: ElementMeasurement | Trajectory, s: Signals, shifts: NDArray[np.intp]
+    robot: Robot, m: ParameterMeasurement, s: Signals, shifts: NDArray[np.intp]
 ) -> Iterator[Stacked]:
     """Torques at whole shifts and the motor's part, beside all columns: of every axis read."""
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)

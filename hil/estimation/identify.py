@@ -36,7 +36,7 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
-from hil.planning.measurement import ELEMENT_KINDS, shows_element
+from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
 from hil.regression.least_squares import undetermined
 from hil.regression.uncertainty import effective_degrees, jackknife
 
@@ -49,12 +49,11 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalFit, LocalValue
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import ElementMeasurement, Measurement
-    from hil.planning.trajectory import Trajectory
+    from hil.planning.measurement import Measurement, ParameterMeasurement
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[ElementMeasurement | Trajectory, Signals]]
+    Prepared = Sequence[tuple[ParameterMeasurement, Signals]]
     Recorded = Iterable[tuple[Measurement, Recording]]
     Identify = Callable[[Robot, Recorded], Estimate]
 
@@ -182,11 +181,11 @@ def _estimate(
 
 def prepare(
     recorded: Recorded,
-) -> tuple[list[tuple[ElementMeasurement | Trajectory, Signals]], list[LeftOut]]:
+) -> tuple[list[tuple[ParameterMeasurement, Signals]], list[LeftOut]]:
     """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
-        if measurement.kind == "friction":
+        if not shows_parameters(measurement):
             continue
         try:
             found.append((measurement, signals(recording)))
@@ -197,7 +196,7 @@ def prepare(
 
 def prepared_for(
     robot: Robot, found: Estimate, recorded: Recorded
-) -> list[tuple[ElementMeasurement | Trajectory, Signals]]:
+) -> list[tuple[ParameterMeasurement, Signals]]:
     """Signals of the measurements behind an estimate, its drive train taken into account."""
     unused = {left.id for left in found.left_out}
     own = [each for each in prepare(recorded)[0] if each[0].id not in unused]

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.strokes import Strokes
-    from hil.planning.trajectory import Trajectory
+    from hil.planning.measurement import ParameterMeasurement
 
     Array = NDArray[np.float64]
 
@@ -44,7 +43,7 @@ class SimultaneousFit:
     """Joint least squares over condensed measurements."""
 
     def __init__(
-        self, robot: Robot, prepared: Sequence[tuple[Strokes | Trajectory, Signals]]
+        self, robot: Robot, prepared: Sequence[tuple[ParameterMeasurement, Signals]]
     ) -> None:
         self._robot, self._n_joints = robot, robot.n_joints
         self._n_base = len(base_parameters(robot))

@@ -135,6 +135,8 @@ ElementMeasurement = Gravity | Inertia | Coupling
 Measurement = Annotated[
     Gravity | Inertia | Coupling | Friction | Trajectory, Field(discriminator="kind")
 ]
+ParameterMeasurement = ElementMeasurement | Trajectory
+"""Measurements from which base parameters are estimated: all but those of friction."""
 M = TypeVar("M", bound=Strokes | Trajectory)
 T = TypeVar("T")
 
@@ -242,6 +244,11 @@ ELEMENT_KINDS: dict[str, ElementKind] = {
 def shows_element(measurement: Measurement) -> TypeGuard[ElementMeasurement]:
     """Whether a measurement shows one element of g(q) or M(q)."""
     return measurement.kind in ELEMENT_KINDS
+
+
+def shows_parameters(measurement: Measurement) -> TypeGuard[ParameterMeasurement]:
+    """Whether base parameters are estimated from a measurement."""
+    return not isinstance(measurement, Friction)
 
 
 def element_measurements(measurements: Iterable[Measurement]) -> list[ElementMeasurement]:

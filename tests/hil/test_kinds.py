@@ -70,6 +70,7 @@ OTHERWISE = {
     ("friction", "study/scenarios.py"): "a key of a plant's file",
     ("trajectory", "study/campaigns.py"): "a campaign of a study",
     ("trajectory", "study/cell.py"): "the same",
+    ("trajectory", "planning/design/candidates.py"): "what a plan by minutes may choose besides",
     ("gravity", "cli/planning.py"): "the option for its count",
     ("inertia", "cli/planning.py"): "the option for its count",
     ("coupling", "cli/planning.py"): "the option for its count",

@@ -43,8 +43,10 @@ def small_plans(robot: Robot) -> dict[str, Plan]:
     wave = some_trajectory(robot, period=5.0)
     speeds = sweep(robot, speeds=3, slowest=0.2).measurements
     cold = [measurement.model_copy(update={"exercise": None}) for measurement in speeds]
+    strokes = design(robot, COUNTS)
     return {
-        "two-step": design(robot, COUNTS),
+        "two-step": strokes,
+        "mixed": planned(robot, *strokes.measurements[:4], wave),
         "trajectory": planned(robot, wave),
         "compensated": planned(robot, *cold, wave),
         "warmed": planned(robot, wave),

@@ -37,15 +37,13 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
-    from hil.planning.measurement import ElementMeasurement
+    from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
     from hil.planning.prediction.precision import Information
-    from hil.planning.trajectory import Trajectory
     from hil.planning.workspace import Workspace
 
     Array = NDArray[np.float64]
-    AnyMeasurement = ElementMeasurement | Trajectory
 
 CORE = 2
 """Measurements of its own kind for each parameter of a group."""
@@ -169,7 +167,7 @@ def _filled(
     budget: float,
     least: int,
     workspace: Workspace | None,
-) -> list[AnyMeasurement]:
+) -> list[ParameterMeasurement]:
     """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
     while selection.duration < _AHEAD * budget or len(selection.chosen) < least:
         selection.take_best()
@@ -180,13 +178,13 @@ def _filled(
     return _tour(robot, _merged(fitting))
 
 
-def _merged(chosen: Sequence[AnyMeasurement]) -> list[AnyMeasurement]:
+def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
     """Blocks of a trajectory as one measurement without a stop, at the place of the first."""
     periods = Counter[str]()
     for each in chosen:
         periods[each.id] += each.cycles
     streamed = {each.id: each for each in reversed(chosen) if each.streamed}
-    found: list[AnyMeasurement] = []
+    found: list[ParameterMeasurement] = []
     for each in chosen:
         if not each.streamed:
             found.append(each)
@@ -195,7 +193,9 @@ def _merged(chosen: Sequence[AnyMeasurement]) -> list[AnyMeasurement]:
     return found
 
 
-def _how_many(robot: Robot, chosen: Sequence[AnyMeasurement], least: int, budget: float) -> int:
+def _how_many(
+    robot: Robot, chosen: Sequence[ParameterMeasurement], least: int, budget: float
+) -> int:
     """How many of `chosen`, from the first, fit into `budget` [s].
 
     Raises
@@ -222,10 +222,10 @@ def _how_many(robot: Robot, chosen: Sequence[AnyMeasurement], least: int, budget
 def _guarded(
     robot: Robot,
     workspace: Workspace,
-    chosen: Sequence[AnyMeasurement],
+    chosen: Sequence[ParameterMeasurement],
     least: int,
     budget: float,
-) -> list[AnyMeasurement]:
+) -> list[ParameterMeasurement]:
     """Order those measurements, from the first, whose clear tour is within `budget` [s]."""
     guarded, fits = narrowed(robot, workspace), len(chosen)
     while True:
@@ -236,7 +236,7 @@ def _guarded(
         fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
-def _tour(robot: Robot, measurements: Sequence[AnyMeasurement]) -> list[AnyMeasurement]:
+def _tour(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
     """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
     starts = np.array([measurement.start for measurement in measurements])
     left = np.ones(len(starts), dtype=bool)
@@ -250,13 +250,15 @@ def _tour(robot: Robot, measurements: Sequence[AnyMeasurement]) -> list[AnyMeasu
     return tour
 
 
-def _duration(robot: Robot, measurements: Sequence[AnyMeasurement]) -> float:
+def _duration(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> float:
     """Time of measurements in this order and of the ways between them [s]."""
     plan = as_plan(robot, measurements[:1], 0.0, None)
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
 
-def _numbered(measurements: Sequence[AnyMeasurement], taken: set[str]) -> list[AnyMeasurement]:
+def _numbered(
+    measurements: Sequence[ParameterMeasurement], taken: set[str]
+) -> list[ParameterMeasurement]:
     """Give ids in this order, kind by kind, that are not `taken`."""
     letters = {kind: row.letter for kind, row in ELEMENT_KINDS.items()}
     numbers: dict[str, Iterator[int]] = defaultdict(lambda: count(1))

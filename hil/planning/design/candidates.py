@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import ElementMeasurement
+    from hil.planning.measurement import ParameterMeasurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.noise import Noise
     from hil.planning.trajectory import Trajectory
@@ -65,7 +65,7 @@ class Option:
     ----------
     group : str
         Group of base parameters that its kind serves; empty where it serves all.
-    measurement : ElementMeasurement or Trajectory
+    measurement : ParameterMeasurement
         Its id is provisional.
     row : ndarray, shape (n_row,)
         What it shows of the group, over the torque limit.
@@ -74,7 +74,7 @@ class Option:
     """
 
     group: str
-    measurement: ElementMeasurement | Trajectory
+    measurement: ParameterMeasurement
     row: Array
     worth: tuple[tuple[NDArray[np.intp], Array], ...]
 

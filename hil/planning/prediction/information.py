@@ -28,9 +28,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMeasurement
     from hil.planning.prediction.predicted_samples import Forecast
-    from hil.planning.strokes import Strokes
-    from hil.planning.trajectory import Trajectory
 
     Array = NDArray[np.float64]
 
@@ -61,7 +60,7 @@ class Share:
         return Share(self.axis, n * self.n, n * self.information, n * self.white, n * self.wander)
 
 
-def shares(robot: Robot, measurement: Strokes | Trajectory, period: float) -> list[Share]:
+def shares(robot: Robot, measurement: ParameterMeasurement, period: float) -> list[Share]:
     """Information of `measurement`, sampled every `period` [s]: an item for each axis it moves.
 
     Every period of a trajectory counts as a measurement, as it does for the estimator.

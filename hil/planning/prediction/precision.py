@@ -25,6 +25,7 @@ from scipy.stats import qmc
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
+from hil.planning.measurement import shows_parameters
 from hil.planning.prediction.information import shares
 from hil.regression.least_squares import inverse, undetermined, without_nuisance
 from hil.regression.terms import n_unknowns, place
@@ -135,7 +136,7 @@ def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
     """Information of those `measurements` that the simultaneous estimator uses."""
-    useful = [m for m in measurements if m.kind != "friction"]
+    useful = [m for m in measurements if shows_parameters(m)]
     found = (share for m in useful for share in shares(robot, m, period))
     return added_up(robot, found, noise)
 

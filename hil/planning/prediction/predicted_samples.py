@@ -21,8 +21,8 @@ from hil.regression.window import smooth
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.planning.measurement import ParameterMeasurement
     from hil.planning.strokes import Partner, Strokes
-    from hil.planning.trajectory import Trajectory
     from hil.planning.trapezoid import Trapezoid
 
     Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Forecast:
         return ~ndimage.binary_dilation(excluded, iterations=max(2, round(REACH / self.period)))
 
 
-def forecast(measurement: Strokes | Trajectory, period: float) -> Forecast:
+def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
     """Plan the samples of `measurement`, one every `period` [s]."""
     if measurement.streamed:
         instants = np.arange(0.0, measurement.period, period)

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hil.estimation.torque_lag import find_lags, no_lags
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.estimation.absent_parameters import examine
+from hil.estimation.drive_train import directly_driven, find_drive_train
 from hil.estimation.gravity_phase import SEEN, models, shifted_most
 from hil.estimation.identify import estimate, prepared_for
 from hil.estimation.noise_levels import noise_levels
@@ -110,7 +110,9 @@ def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
     off = np.array([1.0, 1.02, 1.0, 1.0, 1.0, 1.0])
     wrong = [[(m, replace(r, tau=r.tau * off)) for m, r in run] for run in runs]
     gains = drive_gains(robot, *(SimultaneousFit(robot, prepared(run)) for run in wrong), 10.86)
-    assert gains.error == pytest.approx(off - 1.0, abs=1e-2)
+    # of the load the last axis feels the unknown inertia alone, so its gain is uncertain
+    assert gains.error[:5] == pytest.approx(off[:5] - 1.0, abs=5e-3)
+    assert gains.error[5] == pytest.approx(0.0, abs=4 * gains.standard_error[5])
     assert gains.error[1] == pytest.approx(0.02, abs=2e-3)
     assert gains.constant[1] == pytest.approx(robot.torque_constant[1] / 1.02, rel=2e-3)
     low, high = (
@@ -153,12 +155,12 @@ def test_what_is_left_out_shifts_the_sinusoid_that_gravity_is_over_an_angle(robo
     assert phase.angle == pytest.approx([m.q[phase.over] for m in own], abs=1e-6)
 
 
-def test_signals_behind_an_estimate_are_advanced_by_its_lags(robot, runs):
+def test_signals_behind_an_estimate_have_its_drive_train_taken_into_account(robot, runs):
     lag = np.array([0.004, 0.0, 0.0, 0.0, 0.0, 0.0])
     found = estimate(robot, runs[0], "printed")
-    (_, plain), *_ = prepared_for(found, runs[0])
-    late = replace(found, lags=replace(no_lags(robot), lag=lag))
-    (_, advanced), *_ = prepared_for(late, runs[0])
+    (_, plain), *_ = prepared_for(robot, found, runs[0])
+    late = replace(found, drive_train=replace(directly_driven(robot), lag=lag))
+    (_, advanced), *_ = prepared_for(robot, late, runs[0])
     assert np.array_equal(advanced.tau, plain.torque_advanced(lag).tau)
     assert not np.array_equal(advanced.tau, plain.tau)
 
@@ -178,4 +180,4 @@ def test_an_axis_that_was_not_measured_keeps_the_noise_that_is_stated(robot, run
 def test_a_lag_of_the_torque_is_found_and_taken_back(robot, runs):
     late = np.array([0.004, 0.0, 0.006, 0.0, 0.002, 0.008])
     delayed = [(m, s.torque_advanced(-late)) for m, s in prepared(runs[0])]
-    assert find_lags(robot, delayed).lag == pytest.approx(late, abs=3e-4)
+    assert find_drive_train(robot, delayed).lag == pytest.approx(late, abs=3e-4)

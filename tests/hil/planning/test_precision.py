@@ -51,7 +51,8 @@ def test_the_information_foreseen_is_what_the_estimator_takes_from_an_ideal_moti
     manutec, one_of_each, kind
 ):
     measurement = one_of_each[kind]
-    taken = condensed.condense(manutec, measurement, ideal(measurement))
+    (stacked,) = condensed.stack(manutec, measurement, ideal(measurement))
+    taken = [each.condensed() for each in stacked]
     planned = shares(manutec, measurement, PERIOD)
     assert [item.axis for item in planned] == [item.axis for item in taken]
     for before, after in zip(planned, taken, strict=True):
@@ -75,9 +76,10 @@ def test_noise_scatters_the_normal_equations_as_foreseen(manutec, one_of_each, k
         walk = np.cumsum(np.sqrt(PERIOD) * drawn, axis=0)
         drawn = np.sign(s.qd[:, axis])[:, np.newaxis] * walk
     used = s.valid & usable(manutec, s, axis)
-    product, _ = condensed.products(manutec, s, axis, drawn, used)
+    everything = [np.ones(len(s.time), dtype=bool)]
+    (stacked,) = condensed.stack_axis(manutec, s, axis, drawn, used, everything)
     n_base = len(base_parameters(manutec))
-    scores = product[DRAWS + 1 :, :DRAWS][:n_base]
+    scores = stacked.condensed().product[DRAWS:, :DRAWS][:n_base]
     expected = getattr(shares(manutec, measurement, PERIOD)[0], what)[:n_base, :n_base]
     size = np.sqrt(np.diag(expected))
     scaled = expected / np.outer(size, size).clip(min=1e-300)

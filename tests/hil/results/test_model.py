@@ -210,6 +210,11 @@ class TestConventional:
         assert self.hil("identify", driven.path, "--method", "best") == 2
         assert "friction by period" in capsys.readouterr().err
 
-    def test_the_two_step_methods_refuse_it_with_the_reason(self, driven):
+    def test_the_printed_method_refuses_it_with_the_reason(self, driven):
         with pytest.raises(NotIdentifiable, match="0 usable gravity measurements"):
-            identify(driven)
+            identify(driven, "printed")
+
+    def test_the_improved_method_takes_it_period_by_period(self, driven):
+        found = identify(driven)
+        assert found.provenance.measurements == driven.plan.measurements[0].cycles
+        assert np.isfinite(found.standard_errors).all()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 import yaml
-from small_study import PLANT, put, small_plans, some_trajectory
+from small_study import PLANT, planned, put, small_plans, some_trajectory
 
 from checked_files.yaml_file import FileError
 from hil.planning.design.by_counts import design
@@ -81,13 +81,16 @@ class TestScenarios:
 class TestCampaigns:
     @pytest.fixture(autouse=True)
     def _quickly_designed(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def cheap(
-            robot: Robot, period: float, *, criterion: str, seed: int, name: str
-        ) -> Trajectory:
-            assert (criterion, name) == ("det", f"t{seed + 1}")
-            return some_trajectory(robot, seed, period)
+        def cheap(robot: Robot, period: float, *, name: str) -> Trajectory:
+            return some_trajectory(robot, 0, period).model_copy(update={"id": name})
+
+        def mixed(robot: Robot, minutes: float, _: Noise, **how: bool) -> Plan:
+            assert how == {"with_trajectories": True}
+            wave = some_trajectory(robot, 0, PERIOD)
+            return planned(robot, wave.model_copy(update={"cycles": round(6 * minutes)}))
 
         monkeypatch.setattr(study_campaigns, "design_trajectory", cheap)
+        monkeypatch.setattr(study_campaigns, "design_within", mixed)
 
     def test_all_take_the_same_time_but_for_a_period(self, manutec: Robot, tmp_path: Path) -> None:
         found = campaigns(manutec, 1.0, tmp_path)
@@ -107,15 +110,18 @@ class TestCampaigns:
         minutes: float,
         of_sweep: bool,
     ) -> None:
-        asked: list[tuple[float, str]] = []
+        asked: list[tuple[float, bool, str]] = []
 
-        def within(robot: Robot, wanted: float, noise: Noise) -> Plan:
-            asked.append((wanted, noise.source))
-            return small_plans(robot)["two-step"]
+        def within(
+            robot: Robot, wanted: float, noise: Noise, *, with_trajectories: bool = False
+        ) -> Plan:
+            asked.append((wanted, with_trajectories, noise.source))
+            return small_plans(robot)["mixed" if with_trajectories else "two-step"]
 
         monkeypatch.setattr(study_campaigns, "design_within", within)
         found = campaigns(manutec, 1.0, tmp_path, minutes)
-        assert asked == [(minutes, stated_noise(manutec).source)]
+        source = stated_noise(manutec).source
+        assert asked == [(minutes, False, source), (minutes, True, source)]
         assert found["two-step"] == small_plans(manutec)["two-step"]
         times = {kind: duration(manutec, plan) for kind, plan in found.items()}
         beforehand = duration(manutec, sweep(manutec, speeds=SPEEDS, slowest=SLOWEST))
@@ -127,7 +133,7 @@ class TestCampaigns:
     def test_only_the_warmed_one_has_a_warm_up(self, manutec: Robot, tmp_path: Path) -> None:
         found = campaigns(manutec, 1.0, tmp_path)
         warm_up = {kind: plan.warm_up and plan.warm_up.duration for kind, plan in found.items()}
-        assert warm_up == {**dict.fromkeys(KINDS[:3]), "warmed": WARM_UP}
+        assert warm_up == {**dict.fromkeys(KINDS[:-1]), "warmed": WARM_UP}
         assert found["warmed"].measurements == found["compensated"].measurements
 
     def test_they_are_kept_and_those_there_are_taken_as_they_are(
@@ -144,7 +150,7 @@ class TestCampaigns:
 
     def test_too_small_a_share_is_refused(self, manutec: Robot, tmp_path: Path) -> None:
         with pytest.raises(
-            ValueError, match=r"left for trajectories .* raise --share or --minutes"
+            ValueError, match=r"left for the trajectory .* raise --share or --minutes"
         ):
             campaigns(manutec, 0.1, tmp_path)
 
