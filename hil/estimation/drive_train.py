@@ -139,8 +139,17 @@ def directly_driven(robot: Robot) -> DriveTrain:
     )
 
 
-def find_drive_train(robot: Robot, prepared: Prepared) -> DriveTrain:
-    """Estimate the lag and the compliance of every axis."""
+def find_drive_train(
+    robot: Robot, prepared: Prepared, loaded: NDArray[np.bool_] | None = None
+) -> DriveTrain:
+    """Estimate the lag and the compliance of every axis.
+
+    Parameters
+    ----------
+    loaded : ndarray of bool, shape (n_joints,), optional
+        Axes whose friction grows with the transmitted torque; none by default.
+    """
+    loaded = np.zeros(robot.n_joints, dtype=bool) if loaded is None else loaded
     accelerated = [(m, s) for m, s in prepared if _shows_lag(m)]
     if not accelerated:
         return directly_driven(robot)
@@ -151,7 +160,7 @@ def find_drive_train(robot: Robot, prepared: Prepared) -> DriveTrain:
         return directly_driven(robot)
     items = [each.condensed() for _, own in stacks for each in own]
     p = _Likelihood(robot, items, shifts, period).drive_train().p
-    items = [item for s, own in stacks if own for item in _with_springs(robot, s, own, p)]
+    items = [item for s, own in stacks if own for item in _with_springs(robot, s, own, p, loaded)]
     joints = np.arange(robot.n_joints)
     found = _Likelihood(robot, items, shifts, period, joints).drive_train()
     found = _judged(robot, found, accelerated, period)
@@ -188,9 +197,9 @@ def _stacked(
 
 
 def _with_springs(
-    robot: Robot, s: Signals, stacked: Sequence[Stacked], p: Array
+    robot: Robot, s: Signals, stacked: Sequence[Stacked], p: Array, loaded: NDArray[np.bool_]
 ) -> list[Condensed]:
-    """The same condensed, with the columns of load friction, and K behind those of p."""
+    """The same condensed, with columns of load friction where it is, and K behind those of p."""
     load = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
     for _ in range(PASSES):
         load = s.smoothed(load)
@@ -207,7 +216,8 @@ def _with_springs(
                 other[:, joint] -= _STEP * part[at, joint]
                 moved.append(other)
             K[:, joint] = inverse_dynamics(robot, p, *moved)[:, each.axis] - rigid
-        X = np.insert(each.loaded(p).X, [each.n_base] * robot.n_joints, K, axis=1)
+        own = each.loaded(p) if loaded[each.axis] else each
+        X = np.insert(own.X, [each.n_base] * robot.n_joints, K, axis=1)
         found.append(replace(each, X=X).condensed())
     return found
 

@@ -115,12 +115,15 @@ def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estima
 def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     drive_train = find_drive_train(robot, raw)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
-    if drive_train.soft.any():
-        # what gears transmit is now known better than from measurements of inertia alone
-        drive_train = replace(drive_train, p=SimultaneousFit(robot, prepared).solve())
-        prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
-    fits, useless = _local_fits(robot, prepared)
     solver = SimultaneousFit(robot, prepared)
+    if drive_train.soft.any() or solver.loaded.any():
+        # what gears transmit is now known better than from measurements of inertia alone, and so is
+        # which of them turn it into friction
+        drive_train = find_drive_train(robot, raw, solver.loaded)
+        drive_train = replace(drive_train, p=solver.solve())
+        prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
+        solver = SimultaneousFit(robot, prepared)
+    fits, useless = _local_fits(robot, prepared)
     condition = _conditions(robot, fits)
     _require_rank(robot, prepared, fits, condition, solver)
     p, changes = _left_out_in_turn(solver)
@@ -130,7 +133,7 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
         covariance, effective_degrees(changes**2, _FEWEST_DEGREES),
     )  # fmt: skip
-    return replace(found, drive_train=drive_train, load_friction=solver.load_friction())
+    return replace(found, drive_train=drive_train, load_friction=solver.load_friction)
 
 
 def _left_out_in_turn(solver: ParameterSolver) -> tuple[Array, Array]:

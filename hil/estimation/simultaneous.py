@@ -4,7 +4,9 @@ The information of all measurements is added up, each axis weighted with the rec
 residual variance, which is found by solving a few times over. Unknown are the base parameters and,
 for each axis, the terms common to its measurements (`condensed`); the latter are nuisance, but for
 one: mu, the share of the transmitted torque that is friction. What the gears transmit is taken from
-a first solution without it. A common term that nothing excites stays zero.
+a first solution without it. Only axes whose mu is significant keep it: where little torque is
+transmitted it is hardly known and would make everything else uncertain too. A common term that
+nothing excites stays zero.
 """
 
 from __future__ import annotations
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 LOST = 1e-9
 """Share of the information about a combination of parameters, if nothing else were unknown, below
 which it is not identifiable."""
+SIGNIFICANT = 2.0
+"""Mu over its standard error from which on an axis keeps it."""
 _ROUNDS = 3
 """Times that weights and solution are found from each other."""
 
@@ -51,8 +55,21 @@ class SimultaneousFit:
         stacks = [axes for measurement, s in prepared for axes in stack(robot, measurement, s)]
         self._items = [[each.condensed() for each in axes] for axes in stacks]
         self._weigh()
-        p = self.solve()
+        rigid, p = self._items, self.solve()
         self._items = [[each.loaded(p).condensed() for each in axes] for axes in stacks]
+        self._weigh()
+        self.load_friction = self._load_friction()
+        """Mu of every axis with its standard error, were all of them kept."""
+        mu, error = self.load_friction
+        self.loaded: NDArray[np.bool_] = np.nan_to_num(mu / error) > SIGNIFICANT
+        """Axes that keep it, shape (n_joints,)."""
+        self._items = [
+            [
+                with_mu if self.loaded[with_mu.axis] else without
+                for with_mu, without in zip(*both, strict=True)
+            ]
+            for both in zip(self._items, rigid, strict=True)
+        ]
         self._weigh()
 
     @property
@@ -92,7 +109,7 @@ class SimultaneousFit:
         left = without_nuisance(N, n) @ N[:, :n]
         return undetermined(left, LOST, np.diag(N)[:n])
 
-    def load_friction(self) -> LoadFriction:
+    def _load_friction(self) -> LoadFriction:
         """Mu of every axis, with its standard error from the measurements' scores."""
         information, vector = self._sum
         root = inverse(information)

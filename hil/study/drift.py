@@ -65,7 +65,7 @@ def prepare(
     plant: str,
     seeds: Sequence[int],
     scenarios: Sequence[str],
-    kinds: Sequence[str] = KINDS[:3],
+    kinds: Sequence[str] = KINDS[:-1],
     share: float = 1.0,
     drives: Path | None = None,
     minutes: float | None = None,

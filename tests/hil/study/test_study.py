@@ -76,7 +76,7 @@ class TestStudy:
         self, finished: tuple[Path, list[Done]]
     ) -> None:
         steps = [(done.step, done.done, done.of, done.error) for done in finished[1]]
-        expected = [(step, n, 6, "") for step in ("measured", "judged") for n in range(1, 7)]
+        expected = [(step, n, 8, "") for step in ("measured", "judged") for n in range(1, 9)]
         assert steps == expected
 
     def test_each_campaign_is_another_plant(self, finished: tuple[Path, list[Done]]) -> None:
@@ -226,7 +226,7 @@ class TestFailure:
             "hil.study.drift.measure_cells", lambda cells, _: measure_cells(cells, failing)
         )
         status, out, err = hil("-o", folder, "--scenario", "on", "--seeds", 2)
-        assert (status, "6 campaigns failed" in err) == (1, True)
+        assert (status, "8 campaigns failed" in err) == (1, True)
         assert "[/etc] is full" in out
         assert not (folder / summary.TABLE).exists()
 
