@@ -9,6 +9,13 @@ these seeds. Cases::
     lag        each current read 0 to 8 ms late, another lag for each axis and seed
     bodies     a second plant, whose links are real bodies
     load       friction that grows with the load, mu = 0.05
+    load-10    the same, mu = 0.10
+    strong     symmetric friction that drifts three times as much
+    gears      soft gears, 45 to 80 Hz with the motor held, another one for each axis and seed
+    sync-8     a SYNC every 8 ms
+    sync-12    a SYNC every 12 ms
+    encoder    encoders of 1024 increments
+    ten        ten minutes of strokes and trajectories
     payload    10.86 kg at 140 mm, against the default run of another seed
     offset     a centre of mass that moves the phase of Fig. 7 by 5 degrees
 
@@ -18,6 +25,7 @@ these seeds. Cases::
 from __future__ import annotations
 
 import argparse
+import math
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -28,6 +36,7 @@ import numpy as np
 import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 
+from hil.cli.robot_drives import packaged_drives
 from hil.estimation.cramer_rao import cramer_rao
 from hil.estimation.identify import TWO_STEP_METHODS
 from hil.model.robot import load_robot
@@ -51,6 +60,8 @@ if TYPE_CHECKING:
 FIRST_SEED = 101
 MASS, DISTANCE = 10.86, 0.14
 """Of the load [kg], [m]."""
+NATURAL = (45.0, 80.0)
+"""Natural frequencies of soft gears, motor held [Hz]."""
 OFFSET = 0.0165
 """First moment of link 4 across the forearm [kg m]."""
 
@@ -63,6 +74,10 @@ class Case:
     ----------
     plant : str
         On which it is built.
+    plan : str
+        Plan of `PLANS`.
+    sync, increments : float, int
+        Period [s] and increments of a revolution; those of the robot's drives file by default.
     change : Scenario
         What differs from it in every seed.
     targets : dict
@@ -70,20 +85,38 @@ class Case:
     """
 
     plant: str = ROBOT
-    half: bool = False
+    plan: str = "plan"
     change: Scenario = SCENARIOS["asymmetric"]
     targets: dict[str, float] = field(default_factory=dict)
+    sync: float | None = None
+    increments: int | None = None
 
 
+PLANS = {
+    "plan": (),
+    "half": ("--gravity", 32, "--inertia", 46, "--coupling", 5),
+    "ten": ("--minutes", 10, "--with-trajectories"),
+}
+"""Options of `hil plan`."""
 CASES = {
     "default": Case(
-        targets={"gravity": 0.02, "diagonal": 0.08, "off_diagonal": 0.5, "torque": 0.12}
+        targets={"gravity": 0.006, "diagonal": 0.015, "off_diagonal": 0.06, "torque": 0.08}
     ),
-    "half": Case(half=True, targets={"diagonal": 0.1}),
+    "half": Case(plan="half", targets={"diagonal": 0.1}),
     "still": Case(change=SCENARIOS["off"]),
     "lag": Case(targets={"diagonal": 0.1}),
     "bodies": Case(plant=f"{ROBOT}-bodies", targets={"diagonal": 0.1}),
-    "load": Case(change=SCENARIOS["load"]),
+    "load": Case(change=SCENARIOS["load"], targets={"torque": 0.1}),
+    "load-10": Case(
+        change=Scenario("10 % of load as friction", {"drift": True}, {"load": 0.1}),
+        targets={"torque": 0.1},
+    ),
+    "strong": Case(change=SCENARIOS["strong"], targets={"torque": 0.15}),
+    "gears": Case(targets={"torque": 0.12}),
+    "sync-8": Case(sync=0.008, targets={"torque": 0.12}),
+    "sync-12": Case(sync=0.012, targets={"torque": 0.12}),
+    "encoder": Case(increments=1024, targets={"torque": 0.12}),
+    "ten": Case(plan="ten", targets={"diagonal": 0.015, "torque": 0.05}),
     "payload": Case(
         change=Scenario(
             "a load",
@@ -108,6 +141,13 @@ def make_plant(name: str, seed: int, path: Path) -> Path:
     for axis in content["axes"]:
         if name == "lag":
             axis["drive"]["current_lag"] = round(float(random.uniform(0, 0.008)), 5)
+        if name == "gears":
+            wave = math.tau * float(random.uniform(*NATURAL))
+            axis["drive"]["stiffness"] = axis["drive"]["load_inertia"] * wave**2
+        if case.increments is not None:
+            axis["drive"]["increments"] = case.increments
+    if name == "gears":
+        content["step"] = 0.0005
     if name == "offset":
         content["axes"][3]["link"]["sy"] = OFFSET
     path.write_text(yaml.safe_dump(content, sort_keys=False))
@@ -120,11 +160,28 @@ def measure(folder: Path, name: str, seed: int) -> Path:
     if run.exists() and not Run.open(run).missing:
         return run
     run.parent.mkdir(exist_ok=True)
-    plan = folder / ("half.yaml" if CASES[name].half else "plan.yaml")
+    plan, drives = settings(folder, name)
     plant = make_plant(name, seed, run.with_suffix(".yaml"))
     resume = ("--resume",) if run.exists() else ()
-    hil("run", plan, "-o", run, "--channel", plant, "--bus-option", f"seed={seed}", *resume)
+    options = ("--channel", plant, "--bus-option", f"seed={seed}", "--drives", drives)
+    hil("run", plan, "-o", run, *options, *resume)
     return run
+
+
+def settings(folder: Path, name: str) -> tuple[Path, Path]:
+    """Plan and drives file of a case, written where they are not there yet."""
+    case, own = CASES[name], folder / f"{name}-drives.yaml"
+    text = packaged_drives(load_robot(ROBOT)).read_text()
+    plan = folder / f"{case.plan}.yaml"
+    if case.sync is not None:
+        text = text.replace("sync_period: 0.004", f"sync_period: {case.sync}")
+        content = yaml.safe_load(plan.read_text()) | {"sample_period": case.sync}
+        plan = folder / f"{name}-plan.yaml"
+        plan.write_text(yaml.safe_dump(content, sort_keys=False))
+    if case.increments is not None:
+        text = text.replace("revolution: 4096", f"revolution: {case.increments}")
+    own.write_text(text)
+    return plan, own
 
 
 def print_errors(name: str, runs: Sequence[Path]) -> None:
@@ -216,13 +273,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        for name, counts in (("plan", (64, 92, 9)), ("half", (32, 46, 5))):
+        for name in {"plan", *(CASES[case].plan for case in cases)}:
             if not (folder / f"{name}.yaml").exists():
-                gravity, inertia, coupling = counts
-                hil(
-                    *("plan", ROBOT, "-o", folder / f"{name}.yaml", "--gravity", gravity),
-                    *("--inertia", inertia, "--coupling", coupling),
-                )
+                hil("plan", ROBOT, "-o", folder / f"{name}.yaml", *PLANS[name])
         for name in cases:
             with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
                 runs = list(pool.map(lambda seed, name=name: measure(folder, name, seed), seeds))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import closing, nullcontext
 from typing import TYPE_CHECKING
 
@@ -164,14 +165,16 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
     return (
         f"{last.recorded} measurements in {folder.path}"
-        f" ({clock(last.time)} of robot time, begun {_warmth(last.before_first)})"
+        f" ({clock(last.time)} of robot time{_begun(last.before_first)})"
         f"{kept if last.gave_up else ''}; {folder.journal.sessions[-1].sync}"
     )
 
 
-def _warmth(before: float) -> str:
-    """What the gears had done before the first recording that was kept."""
-    return "cold" if before < COLD else f"after {before / 60:.1f} min of motion"
+def _begun(before: float) -> str:
+    """What the gears had done before the first recording kept; empty where there is none."""
+    if math.isnan(before):
+        return ""
+    return ", begun cold" if before < COLD else f", begun after {before / 60:.1f} min of motion"
 
 
 def _what_remains(folder: RunFolder) -> str:

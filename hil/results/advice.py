@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
 UNCERTAIN = 0.005
 """Standard error of a parameter, as a share of some joint's torque, above which it is too much."""
-FEW_DEGREES = 2.5
-"""Effective degrees of freedom up to which an interval rests on next to nothing."""
 FEW_ROWS = 3
 """Measurements that a group should have for each of its parameters."""
 CORRELATED = 0.9
@@ -47,6 +45,8 @@ OUTLIER = 4.0
 """Scatter inside a measurement over that of its axis's others from which on it stands out."""
 MISFIT = 0.01
 """Residual of an axis's local models over its torque limit from which on it is more than noise."""
+CERTAIN = 4.0
+"""Share of the load that is friction, over its standard error, from which on it is noted."""
 OFFSET = 4.0
 """Mean deviation of half-sums over its standard error that betrays an offset."""
 
@@ -86,6 +86,7 @@ def advice(
     """
     return (
         *_campaign(estimate, plan, campaign),
+        *_drive_trains(estimate),
         *_outliers(estimate),
         *_misfit(estimate, robot),
         *_groups(estimate, robot),
@@ -113,6 +114,39 @@ def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> I
         )
 
 
+def _drive_trains(estimate: Estimate) -> Iterator[Advice]:
+    """Soft gears, and friction that grows with the load: found and taken into account."""
+    train, load = estimate.drive_train, estimate.load_friction
+    soft = [] if train is None else np.flatnonzero(train.soft).tolist()
+    if train is not None and soft:
+        each = ", ".join(
+            f"{1e6 * train.compliance[axis]:.2g} +- {1e6 * train.compliance_error[axis]:.1g}"
+            for axis in soft
+        )
+        yield Advice(
+            _axes(soft),
+            f"gears give way by {each} µrad per N m",
+            "nothing, as the improved method places the links accordingly; simulators and"
+            " feed-forward should know it",
+            urgent=False,
+        )
+    if load is not None:
+        share = load.mu / load.standard_error
+        loaded = np.flatnonzero(np.nan_to_num(share) > CERTAIN).tolist()
+        if loaded:
+            each = ", ".join(f"{100 * load.mu[axis]:.2g} %" for axis in loaded)
+            yield Advice(
+                _axes(loaded),
+                f"friction grows with the transmitted torque, by {each} of it",
+                "nothing, as the improved method fits it; it shifts what other methods find",
+                urgent=False,
+            )
+
+
+def _axes(axes: Sequence[int]) -> str:
+    return _listed([f"axis {axis + 1}" for axis in axes])
+
+
 def _outliers(estimate: Estimate) -> Iterator[Advice]:
     """Measurements whose local model leaves far more than it does in others of their kind."""
     elements = {(v.kind, v.axis, v.partner) for v in estimate.local}
@@ -136,10 +170,11 @@ def _misfit(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     if axes.size:
         left = ", ".join(f"{100 * share[axis]:.1f} %" for axis in axes)
         yield Advice(
-            _listed([f"axis {axis + 1}" for axis in axes]),
-            f"local models leave {left} of the torque limit: something is not modelled, such as a"
-            " soft gear, and neither standard errors nor hil diagnose know of it",
-            "look in recordings for torques that ring after the corners of a motion",
+            _axes(axes.tolist()),
+            f"local models leave {left} of the torque limit: something is not modelled, and neither"
+            " standard errors nor hil diagnose know of it",
+            "look in recordings for torques that ring after the corners of a motion, and for"
+            " encoders of few increments, whose accelerations are noise",
         )
 
 
@@ -168,12 +203,6 @@ def _parameters(
             what = (
                 f"its standard error, {estimate.standard_error[k]:.2g} {unit(base.units[k])}, is"
                 f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}"
-            )
-            yield Advice(name, what, _best_measurement(robot, plan, k))
-        elif (degrees := float(estimate.degrees_of_freedom[k])) < FEW_DEGREES:
-            what = (
-                f"few measurements decide it, so its interval is wide: {degrees:.1f} effective"
-                " degrees of freedom"
             )
             yield Advice(name, what, _best_measurement(robot, plan, k))
 

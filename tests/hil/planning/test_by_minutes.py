@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from hil.model.base_parameters import base_parameters
-from hil.planning.design import by_minutes
+from hil.planning.design import by_minutes, candidates
 from hil.planning.design.by_counts import TRAVEL, design
 from hil.planning.design.by_minutes import CORE, design_within, refine
 from hil.planning.design.candidates import pool
 from hil.planning.design.selection import Selection
+from hil.planning.design.trajectories import Search
 from hil.planning.dry_run import dry_run
 from hil.planning.plan import dump_plan
 from hil.planning.prediction.noise import stated_noise
@@ -45,12 +46,60 @@ def options(manutec, noise):
     return pool(manutec, None, PERIOD, noise, each=3)
 
 
+@pytest.fixture(scope="module")
+def mixed(manutec, noise):
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(candidates, "SEARCH", Search(random=20, refined=1, steps=5))
+        return design_within(manutec, MINUTES, noise, with_trajectories=True)
+
+
 def count(plan, kind):
     return sum(m.kind == kind for m in plan.measurements)
 
 
 def test_it_takes_its_minutes_and_hardly_less(manutec, plan):
     assert 0.95 * MINUTES < dry_run(plan, manutec).duration / 60 <= MINUTES
+
+
+class TestWithTrajectories:
+    def test_it_takes_its_minutes_too(self, manutec, mixed):
+        assert 0.9 * MINUTES < dry_run(mixed, manutec).duration / 60 <= MINUTES
+
+    def test_each_trajectory_is_one_measurement_without_a_stop(self, mixed):
+        waves = [m for m in mixed.measurements if m.kind == "trajectory"]
+        assert waves
+        assert len({wave.sine for wave in waves}) == len(waves)
+        assert [wave.id for wave in waves] == [f"t{k:02d}" for k in range(1, len(waves) + 1)]
+
+    def test_every_group_has_measurements_of_its_own_kind(self, manutec, mixed):
+        result = dry_run(mixed, manutec)
+        assert not result.problems
+        assert all(group.complete for group in result.groups)
+
+    def test_it_promises_more_than_strokes_alone(self, manutec, plan, mixed, noise):
+        strokes, both = (
+            precision(manutec, information(manutec, p.measurements, PERIOD, noise), "").effect.max()
+            for p in (plan, mixed)
+        )
+        assert both < 0.7 * strokes
+
+    def test_where_no_trajectory_keeps_clear_of_a_box_that_is_said(
+        self, manutec, noise, monkeypatch
+    ):
+        monkeypatch.setattr(candidates, "SEARCH", Search(random=2, refined=1, steps=1))
+        box = Box(name="cell", low=(0.5, -2.0, -2.0), high=(1.5, 2.0, 2.0))
+        with pytest.raises(ValueError, match=r"no trajectory keeps clear .* without trajectories"):
+            candidates.trajectories(manutec, Workspace(boxes=(box,)), PERIOD, noise, 1.0)
+
+
+def test_corners_of_an_axiss_strokes_fall_anywhere_between_samples(manutec, plan):
+    strokes = [m for m in plan.measurements if m.kind == "inertia" and m.axis == 6]
+    for instants in (
+        [m.velocity / m.acceleration for m in strokes],
+        [m.stroke / m.velocity for m in strokes],
+    ):
+        phase = np.sort(np.array(instants) % PERIOD) / PERIOD
+        assert np.diff(phase, append=phase[0] + 1).max() < 3 / len(strokes)
 
 
 def test_it_may_be_run_and_identifies_every_group(manutec, plan):

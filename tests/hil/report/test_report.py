@@ -12,7 +12,7 @@ from small_run import as_on_hardware, empty_plots, write_run
 
 from hil import cli
 from hil.errors import NotIdentifiable
-from hil.estimation.estimate import LeftOut
+from hil.estimation.estimate import LeftOut, LoadFriction
 from hil.estimation.identify import estimates
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
@@ -202,13 +202,27 @@ class TestAdvice:
         assert re.search(r"more inertia measurements of axis [45], such as i\d\d", item.remedy)
         assert item.urgent
 
-    def test_an_interval_on_few_measurements_is_told(self, folder, found):
-        degrees = np.full(14, 20.0)
-        degrees[7] = 2.0
-        weak = replace(found["improved"], degrees_of_freedom=degrees)
-        item = self.advised(folder, weak)["p8"]
-        assert "2.0 effective degrees of freedom" in item.what
-        assert "more gravity measurements of axis" in item.remedy
+    def test_few_degrees_of_freedom_alone_ask_for_nothing(self, folder, found):
+        """Their interval is as wide as it must be; whether it is too wide shows in the torques."""
+        few = replace(found["improved"], degrees_of_freedom=np.full(14, 2.0))
+        as_many = self.advised(folder, found["improved"])
+        assert set(self.advised(folder, few)) == set(as_many)
+
+    def test_soft_gears_and_friction_of_the_load_are_to_be_known(self, folder, found):
+        best = found["improved"]
+        train = replace(
+            best.drive_train,
+            compliance=np.full(6, 4e-7),
+            compliance_error=np.full(6, 1e-7),
+            soft=np.array([True, False, True, False, False, False]),
+        )
+        load = LoadFriction(np.array([0.0, 0.05, 0, 0, 0, 0]), np.full(6, 0.001))
+        items = self.advised(folder, replace(best, drive_train=train, load_friction=load))
+        soft, loaded = items["axis 1, axis 3"], items["axis 2"]
+        assert "give way by 0.4 +- 0.1, 0.4 +- 0.1 µrad per N m" in soft.what
+        assert "friction grows with the transmitted torque, by 5 % of it" in loaded.what
+        assert not soft.urgent
+        assert not loaded.urgent
 
     def test_a_measurement_that_scatters_stands_out(self, folder, found):
         local = found["improved"].local
