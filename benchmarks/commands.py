@@ -36,7 +36,7 @@ ROBOT = "manutec-r15"
 PROMISED = {"robot": 1 / 5, "plan": 1 / 3, "dry-run": 1 / 5, "identify": 1 / 3, "report": 1 / 4}
 """Largest ratio of a command's processor time to that of the earlier commit."""
 HERE = Path(__file__).resolve().parent.parent
-ROBOT_TIME = re.compile(r"\((?:(\d+):)?(\d+):(\d+) of robot time\)")
+ROBOT_TIME = re.compile(r"\((?:(\d+):)?(\d+):(\d+) of robot time")
 
 
 class Version:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.errors import NotIdentifiable
 from hil.estimation.condensed import stack
 from hil.estimation.estimate import LoadFriction
 from hil.model.base_parameters import base_parameters
@@ -44,7 +45,13 @@ _ROUNDS = 3
 
 
 class SimultaneousFit:
-    """Joint least squares over condensed measurements."""
+    """Joint least squares over condensed measurements.
+
+    Raises
+    ------
+    NotIdentifiable
+        None of them can be used.
+    """
 
     def __init__(
         self, robot: Robot, prepared: Sequence[tuple[ParameterMeasurement, Signals]]
@@ -53,6 +60,11 @@ class SimultaneousFit:
         self._n_base = len(base_parameters(robot))
         self._weight = np.ones(robot.n_joints)
         stacks = [axes for measurement, s in prepared for axes in stack(robot, measurement, s)]
+        if not stacks:
+            raise NotIdentifiable(
+                "0 usable measurements of gravity, inertia or coupling, and no usable period of a"
+                " trajectory; measure some (see: hil plan)"
+            )
         self._items = [[each.condensed() for each in axes] for axes in stacks]
         self._weigh()
         rigid, p = self._items, self.solve()

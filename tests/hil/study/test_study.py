@@ -88,7 +88,7 @@ class TestStudy:
         self, finished: tuple[Path, list[Done]]
     ) -> None:
         rows = {row.method: row for row in summary.summarise(judged(opened(finished[0])))}
-        assert len(rows) == 14
+        assert len(rows) == 16
         assert {row.n for row in rows.values()} == {2}
         best = min(rows, key=lambda method: rows[method].torque_error)
         assert best == OUR_DEFAULT
