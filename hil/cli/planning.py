@@ -219,6 +219,10 @@ def _refuse_contradictions(
             "--refine takes workspace and noise from the run; leave --warm-up, --workspace and"
             " --noise-from out"
         )
+    if with_trajectories and run:
+        raise typer.BadParameter(
+            "--with-trajectories does not go with --refine, which chooses among strokes"
+        )
     if with_trajectories and minutes is None:
         raise typer.BadParameter(
             "--with-trajectories needs --minutes, within which all kinds are weighed against each"

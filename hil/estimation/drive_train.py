@@ -16,10 +16,10 @@ together minimise
 
 the improved method's own least squares. The torque at any shift is a combination of the torques
 shifted by whole samples, so all that J needs is condensed once (`hil.estimation.condensed`), and
-searching costs next to nothing. Measurements of inertia alone are used: where nothing accelerates
-neither shows. Both show most at the corners of the trapezoids, which the estimate itself leaves
-out, because there it would have to know them. Weights are the reciprocal residual variances,
-which maximises the likelihood.
+searching costs next to nothing. Measurements of inertia and trajectories are used: where the axis
+that is read does not accelerate neither shows. Both show most at the corners of the trapezoids,
+which the estimate itself leaves out, because there it would have to know them. Weights are the
+reciprocal residual variances, which maximises the likelihood.
 
 A torque that is sampled every T shows a corner of the motion where the next sample is. As long as
 corners fall anywhere between samples, as `hil plan` arranges it, that is noise. What remains of it

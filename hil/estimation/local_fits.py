@@ -210,6 +210,6 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
 """By kind of measurement, for all kinds that show an element of g(q) or M(q)."""
 ELSEWHERE = {
     "friction": "",
-    "trajectory": "trajectories are for conventional methods, see hil identify --method",
+    "trajectory": "the printed method takes strokes alone; the improved one takes trajectories too",
 }
 """The other kinds, from which no base parameters are identified here: what an estimate remarks."""

@@ -1,8 +1,9 @@
 """The Newton-Euler recursion with NumPy's arrays: regressors of few samples, without a compiler.
 
 Equations and their order are those of `hil.model.recursion`, so that the results are the same to
-the last bit. Loading what is compiled there takes as long as a hundred thousand rows take here,
-and neither a plan nor its dry run needs as many.
+the last bit. Loading what is compiled there takes longer than a hundred thousand rows take here.
+Nothing is shared: what is compiled stands in one file, by which its cache is kept, and imports the
+compiler.
 """
 
 from __future__ import annotations

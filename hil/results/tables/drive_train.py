@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.simultaneous import SIGNIFICANT
 from hil.results.tables.cells import uncertain
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 
@@ -16,14 +17,14 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.results.tables.table import Row
 
-SHOWN = 3.0
-"""Estimate over standard error from which on a table marks it."""
-
 
 def drive_train(estimate: Estimate) -> Table:
-    """Each axis's drive train as measured; no rows where nothing of it was estimated."""
+    """Each axis's drive train as measured; no rows where nothing of it was estimated.
+
+    Marked are compliances and friction of the load that the estimate takes into account.
+    """
     return Table(
-        title="Drive trains, compensated where marked",
+        title="Drive trains",
         columns=(
             Column("axis"),
             *figures("torque lag, ms", "std. error"),
@@ -43,13 +44,15 @@ def _axes(estimate: Estimate) -> Iterator[Row]:
         yield (
             str(axis + 1),
             *_figure(1e3 * train.lag[axis], 1e3 * train.lag_error[axis]),
-            *_figure(1e6 * train.compliance[axis], 1e6 * train.compliance_error[axis]),
-            *_figure(1e2 * mu[0, axis], 1e2 * mu[1, axis]),
+            *_figure(
+                1e6 * train.compliance[axis], 1e6 * train.compliance_error[axis], train.soft[axis]
+            ),
+            *_figure(1e2 * mu[0, axis], 1e2 * mu[1, axis], mu[0, axis] > SIGNIFICANT * mu[1, axis]),
         )
 
 
-def _figure(value: float, error: float) -> tuple[str | Marked, str]:
+def _figure(value: float, error: float, marked: bool = False) -> tuple[str | Marked, str]:
     if math.isnan(error):
         return "not identifiable", ""
     shown, of_error = uncertain(float(value), float(error))
-    return (Marked(shown) if abs(value) > SHOWN * error else shown), of_error
+    return (Marked(shown) if marked else shown), of_error
