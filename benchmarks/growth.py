@@ -12,9 +12,6 @@ grows also per measurement, which shows whether it grows in proportion.
 from __future__ import annotations
 
 import argparse
-import resource
-import subprocess
-import sys
 import tempfile
 from copy import deepcopy
 from importlib import resources
@@ -25,6 +22,7 @@ from typing import Any
 import yaml
 from rich.console import Console
 from rich.table import Table
+from start_up import PROGRAM, processor_time
 
 from hil.model.robot import ROBOTS
 
@@ -76,18 +74,7 @@ def _hand_joint(last: dict[str, Any], number: int) -> dict[str, Any]:
 
 def spent(*arguments: str | Path) -> float:
     """Processor time of a command [s]."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(
-        [sys.executable, "-m", "hil", *map(str, arguments)],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        sys.exit(f"hil {' '.join(map(str, arguments))}: {done.stderr}")
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return processor_time((*PROGRAM, *map(str, arguments)), {})
 
 
 def over_axes(place: Path, times: int, out: Console) -> None:
