@@ -68,27 +68,25 @@ class PlantChannel:
 
     def transmit(self, message: can.Message, sender: Inbox, echo: bool) -> None:
         """Pass a frame from one bus to the others and to the drives, and back what they answer."""
-        lock, network = self._lock, self._network
-        lock.acquire()  # a third of the time of `with`
-        try:
+        network = self._network
+        with self._lock:  # an interrupt after a call of `acquire` would leave it locked for good
             time = self._occupy(network.time, message.dlc)
             if echo or len(self.inboxes) > 1:
                 self._pass_on(message, time, sender, echo=echo)
             if message.is_extended_id or message.is_error_frame:
                 return
-            if message.is_remote_frame:
-                self._deliver(network.receive_remote(message.arbitration_id))
-            else:
-                frames, block = network.answer(message.arbitration_id, bytes(message.data))
-                if frames:
-                    self._deliver(frames)
-                if block:
-                    self._deliver_block(block)
-        except NotSent as refused:
-            self._deliver(refused.frames)
-            raise
-        finally:
-            lock.release()
+            try:
+                if message.is_remote_frame:
+                    self._deliver(network.receive_remote(message.arbitration_id))
+                else:
+                    frames, block = network.answer(message.arbitration_id, bytes(message.data))
+                    if frames:
+                        self._deliver(frames)
+                    if block:
+                        self._deliver_block(block)
+            except NotSent as refused:
+                self._deliver(refused.frames)
+                raise
 
     def _pass_on(self, message: can.Message, time: float, sender: Inbox, *, echo: bool) -> None:
         for inbox in self.inboxes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import struct
+import sys
 import threading
 import time
 from typing import TYPE_CHECKING
@@ -67,6 +68,43 @@ def test_answers_are_there_when_send_returns(bus: can.BusABC) -> None:
     assert (answer.arbitration_id, answer.dlc, answer.is_rx) == (0x583, 8, True)
     assert answer.data[:4] == bytes([0x43, 0x00, 0x10, 0])
     assert bus.recv(0) is None
+
+
+def test_an_interrupt_at_any_moment_of_a_frame_leaves_the_channel_usable(
+    bus: can.BusABC,
+) -> None:
+    for moment in itertools.count():
+        if not interrupted_while_sending(bus, moment):
+            break
+        # in a thread: a lock that was left locked would have the test wait for ever
+        later = threading.Thread(target=bus.send, args=(SYNC,), daemon=True)
+        later.start()
+        later.join(10)
+        assert not later.is_alive(), f"no frame goes out after an interrupt at moment {moment}"
+    assert moment > 10
+
+
+def interrupted_while_sending(bus: can.BusABC, moment: int) -> bool:
+    """Send a SYNC with an interrupt after so many calls; whether there were as many."""
+    left = moment
+
+    def count(_frame: object, event: str, _argument: object) -> None:
+        nonlocal left
+        if event in {"return", "c_return"}:
+            left -= 1
+            if left < 0:
+                sys.setprofile(None)
+                raise KeyboardInterrupt
+
+    before = sys.getprofile()
+    sys.setprofile(count)
+    try:
+        bus.send(SYNC)
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.setprofile(before)
+    return False
 
 
 def test_time_stamps_are_the_plants_time_and_leave_room_for_bits(bus: can.BusABC) -> None:
