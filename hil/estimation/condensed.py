@@ -117,17 +117,26 @@ class Stacked:
     each: int
     index: NDArray[np.intp]
 
-    def loaded(self, p: Array) -> Stacked:
-        """The same with the columns of load-dependent friction, as base parameters `p` have it.
+    def loaded(self, load: Array) -> Stacked:
+        """The same with the columns of load-dependent friction.
 
-        The transmitted torque is smoothed before its absolute value is taken, which would make
-        friction of the noise.
+        Parameters
+        ----------
+        load : ndarray, shape (n,)
+            Absolute value of the transmitted torque, smoothed [N m].
         """
-        load = np.abs(self.X[:, : self.n_base] @ p)
         X = self.X.copy()
         X[:, self.n_base + LOAD] = load * np.sign(self.friction[:, 0])
         X[:, self.n_base + LOAD + 1] = load
         return replace(self, X=X)
+
+    def load(self, p: Array) -> Array:
+        """Absolute value of the torque that base parameters `p` say is transmitted, shape (n,).
+
+        It is smoothed before its absolute value is taken, which would make friction of the noise.
+        """
+        load: Array = np.abs(self.X[:, : self.n_base] @ p)
+        return load
 
     def condensed(self) -> Condensed:
         """Inner products of torques and X, friction eliminated."""

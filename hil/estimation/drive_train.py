@@ -201,6 +201,7 @@ def _with_springs(
 ) -> list[Condensed]:
     """The same condensed, with columns of load friction where it is, and K behind those of p."""
     load = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
+    friction = _of_load(s, load) if loaded.any() else load
     for _ in range(PASSES):
         load = s.smoothed(load)
     rates = derivatives(load, s.period)
@@ -216,10 +217,23 @@ def _with_springs(
                 other[:, joint] -= _STEP * part[at, joint]
                 moved.append(other)
             K[:, joint] = inverse_dynamics(robot, p, *moved)[:, each.axis] - rigid
-        own = each.loaded(p) if loaded[each.axis] else each
+        own = each.loaded(friction[at, each.axis]) if loaded[each.axis] else each
         X = np.insert(own.X, [each.n_base] * robot.n_joints, K, axis=1)
         found.append(replace(each, X=X).condensed())
     return found
+
+
+def _of_load(s: Signals, load: Array) -> Array:
+    """Absolute values of the transmitted torque, smoothed.
+
+    Where it changes its sign, at many a corner, that of the smoothed torque dips for as long as
+    the window reaches, which looks like a lag; that of the unsmoothed one rectifies noise. So the
+    sign alone is taken from the smoothed torque.
+    """
+    friction = load * np.sign(s.smoothed(load))
+    for _ in range(PASSES):
+        friction = s.smoothed(friction)
+    return friction
 
 
 def _judged(robot: Robot, found: DriveTrain, measured: Prepared, period: float) -> DriveTrain:

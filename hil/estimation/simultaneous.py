@@ -68,7 +68,7 @@ class SimultaneousFit:
         self._items = [[each.condensed() for each in axes] for axes in stacks]
         self._weigh()
         rigid, p = self._items, self.solve()
-        self._items = [[each.loaded(p).condensed() for each in axes] for axes in stacks]
+        self._items = [[each.loaded(each.load(p)).condensed() for each in axes] for axes in stacks]
         self._weigh()
         self.load_friction = self._load_friction()
         """Mu of every axis with its standard error, were all of them kept."""

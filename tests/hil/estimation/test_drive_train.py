@@ -119,6 +119,13 @@ class TestLoadFriction:
         )
         assert np.linalg.norm(other) < 2 * np.linalg.norm(plain)
 
+    def test_it_makes_no_current_late(
+        self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]
+    ) -> None:
+        """Where an axis changes from driving to braking, the load's friction has a corner too."""
+        found = estimate(manutec, [(m, loaded(manutec, r)) for m, r in recorded]).drive_train
+        assert np.abs(found.lag[MU > 0]).max() < 4e-5
+
     def test_axes_without_it_have_no_columns_for_it(
         self, manutec: Robot, prepared: Prepared
     ) -> None:
