@@ -33,10 +33,13 @@ to the base parameters, dp/ddelta, comes along, so that it can be counted with t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage, optimize
+from numpy.polynomial import Chebyshev
+from numpy.polynomial.chebyshev import chebpts2
+from scipy import ndimage
 
 from hil.estimation.condensed import periods_of, stack_axis
 from hil.estimation.signals import derivatives, interpolation
@@ -72,7 +75,10 @@ SOFT = 2.0
 PASSES = 2
 """How often everything is smoothed: K holds the fourth derivative of positions, whose noise the
 motor's part shares."""
-_GRID = 57
+_DEGREE = 10
+"""Of J over one axis's lag between two samples: twice that of the weights."""
+_INSTANT = 1e-9
+"""From an end of the range, within which a sample is taken to lie on it [s]."""
 _ROUNDS = 3
 _RANK = 1e-6
 """Least share of information that counts: measurements of inertia show some combinations of
@@ -252,6 +258,7 @@ class _Likelihood:
         self._n_base, self._joints = len(base_parameters(robot)), np.array(springs, dtype=int)
         self._shifts, self._period = shifts, period
         self._k = len(shifts) + 1
+        self._pieces = self._between_samples()
         self._size = n_unknowns(robot) + len(self._joints)
         self._weight = np.ones(self._n)
         self._axes = sorted({item.axis for item in items})
@@ -311,7 +318,11 @@ class _Likelihood:
         return slice(self._n_base, self._n_base + len(self._joints))
 
     def _best(self, Q: Array, lag: Array, axis: int) -> float:
-        """Lag of one axis that minimises J, those of the others as they are."""
+        """Lag of one axis that minimises J, those of the others as they are.
+
+        Between two samples J is a polynomial of it, so its minimum is at a sample, at an end of
+        what is searched or where the derivative has a root.
+        """
         own = slice(axis * self._k, (axis + 1) * self._k)
         c = np.concatenate([self._coefficients(each) for each in lag])
         square, cross = Q[own, own], Q[own] @ c - Q[own, own] @ c[own]
@@ -320,14 +331,24 @@ class _Likelihood:
             of_trial = self._coefficients(trial)
             return float(of_trial @ (square @ of_trial + 2 * cross))
 
-        grid = np.linspace(EARLIEST, LATEST, _GRID)
-        near = grid[int(np.argmin([objective(each) for each in grid]))]
-        step = grid[1] - grid[0]
-        refined = optimize.minimize_scalar(
-            objective, bounds=(near - step, near + step), method="bounded",
-            options={"xatol": 1e-8},
-        )  # fmt: skip
-        return float(np.clip(refined.x, EARLIEST, LATEST))
+        trials: list[float] = []
+        for times, C in self._pieces:
+            values = np.sum(C * (C @ square + 2 * cross), axis=1)
+            roots = Chebyshev.fit(times, values, _DEGREE).deriv().roots()
+            real = roots.real[np.isreal(roots)]
+            between = real[(real > times[0]) & (real < times[-1])]
+            trials += [float(times[0]), *between.tolist(), float(times[-1])]
+        return min(trials, key=objective)
+
+    def _between_samples(self) -> list[tuple[Array, Array]]:
+        """Lags that determine J between each two samples, and the weights of each of them."""
+        whole = self._period * self._shifts
+        inside = whole[(whole > EARLIEST + _INSTANT) & (whole < LATEST - _INSTANT)]
+        found = []
+        for low, high in pairwise([EARLIEST, *inside, LATEST]):
+            times = (low + high) / 2 + (high - low) / 2 * chebpts2(_DEGREE + 1)
+            found.append((times, np.array([self._coefficients(each) for each in times])))
+        return found
 
     def _form(self) -> Array:
         """Q of J = c'Qc, the weights of all axes' torques and motors being c."""
