@@ -22,7 +22,7 @@ HALF_WIDTH = 0.024
 
 def smooth(x: Array, period: float) -> Array:
     """Weighted mean over the window along the first axis, of samples every `period` [s]."""
-    mean: Array = ndimage.correlate1d(x, _window(period), axis=0, mode="nearest")
+    mean: Array = ndimage.correlate1d(x, weights(period), axis=0, mode="nearest")
     return mean
 
 
@@ -33,9 +33,10 @@ def half_window(period: float) -> int:
 
 def noise_gain(period: float) -> float:
     """Variance that the window leaves of white noise."""
-    return float(np.sum(_window(period) ** 2))
+    return float(np.sum(weights(period) ** 2))
 
 
-def _window(period: float) -> Array:
+def weights(period: float) -> Array:
+    """Of the window's samples, one every `period` [s]; their sum is 1."""
     window = np.blackman(2 * half_window(period) + 3)[1:-1]
     return np.asarray(window / window.sum())
