@@ -37,9 +37,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial import Chebyshev
-from numpy.polynomial.chebyshev import chebpts2
-from scipy import ndimage
+from numpy.polynomial.chebyshev import chebder, chebpts2, chebroots, chebval, chebvander
 
 from hil.estimation.condensed import periods_of, stack_axis
 from hil.estimation.signals import derivatives, interpolation
@@ -51,7 +49,7 @@ from hil.planning.measurement import shows_element
 from hil.regression.least_squares import eliminated, inverse
 from hil.regression.terms import moving, n_unknowns, place
 from hil.regression.uncertainty import sandwich, scatter
-from hil.regression.window import half_window
+from hil.regression.window import half_window, widened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -194,7 +192,7 @@ def _stacked(
     motors, periods = motor_torque(robot, s.q, s.qd, s.qdd), list(periods_of(m, s))
     for axis in m.read:
         spoilt = ~(s.valid & moving(robot, s, axis))
-        clear = ~ndimage.binary_dilation(spoilt, iterations=reach, border_value=1)
+        clear = ~widened(spoilt, reach, beyond=True)
         padded = np.pad(s.tau[:, axis], reach, mode="edge")
         torques = [padded[reach + k : reach + k + len(s.tau)] for k in shifts]
         columns = np.column_stack([*torques, motors[:, axis]])
@@ -258,6 +256,8 @@ class _Likelihood:
         self._n_base, self._joints = len(base_parameters(robot)), np.array(springs, dtype=int)
         self._shifts, self._period = shifts, period
         self._k = len(shifts) + 1
+        self._nodes = chebpts2(_DEGREE + 1)
+        self._to_series = np.linalg.inv(chebvander(self._nodes, _DEGREE))
         self._pieces = self._between_samples()
         self._size = n_unknowns(robot) + len(self._joints)
         self._weight = np.ones(self._n)
@@ -283,13 +283,15 @@ class _Likelihood:
         """Lags and compliances, their uncertainty and what it means for the base parameters."""
         lag = self._maximise()
         x, n = self._solution(lag), self._n
+        slopes = [self._slope(each) for each in lag]
+        weights = [self._coefficients(each) for each in lag]
         information = np.zeros((n + self._size, n + self._size))
         scores = []
         for item in self._items:
             J = np.zeros((len(item.product), n + self._size))
-            J[: self._k, item.axis] = self._slope(lag[item.axis])
+            J[: self._k, item.axis] = slopes[item.axis]
             J[self._k :, n + self._place(item.axis)] = -np.eye(len(item.product) - self._k)
-            c = np.concatenate([self._coefficients(lag[item.axis]), -x[self._place(item.axis)]])
+            c = np.concatenate([weights[item.axis], -x[self._place(item.axis)]])
             w = self._weight[item.axis]
             scores.append(w * J.T @ item.product @ c)
             information += w * J.T @ item.product @ J
@@ -327,18 +329,15 @@ class _Likelihood:
         c = np.concatenate([self._coefficients(each) for each in lag])
         square, cross = Q[own, own], Q[own] @ c - Q[own, own] @ c[own]
 
-        def objective(trial: float) -> float:
-            of_trial = self._coefficients(trial)
-            return float(of_trial @ (square @ of_trial + 2 * cross))
-
-        trials: list[float] = []
+        best = []
         for times, C in self._pieces:
-            values = np.sum(C * (C @ square + 2 * cross), axis=1)
-            roots = Chebyshev.fit(times, values, _DEGREE).deriv().roots()
-            real = roots.real[np.isreal(roots)]
-            between = real[(real > times[0]) & (real < times[-1])]
-            trials += [float(times[0]), *between.tolist(), float(times[-1])]
-        return min(trials, key=objective)
+            J = self._to_series @ np.sum(C * (C @ square + 2 * cross), axis=1)
+            roots = chebroots(chebder(J))
+            trials = [-1.0, *roots.real[np.isreal(roots) & (np.abs(roots) < 1.0)], 1.0]
+            values = chebval(np.array(trials), J)
+            at = np.interp(trials[int(np.argmin(values))], (-1.0, 1.0), (times[0], times[-1]))
+            best.append((float(values.min()), float(at)))
+        return min(best)[1]
 
     def _between_samples(self) -> list[tuple[Array, Array]]:
         """Lags that determine J between each two samples, and the weights of each of them."""
@@ -346,7 +345,7 @@ class _Likelihood:
         inside = whole[(whole > EARLIEST + _INSTANT) & (whole < LATEST - _INSTANT)]
         found = []
         for low, high in pairwise([EARLIEST, *inside, LATEST]):
-            times = (low + high) / 2 + (high - low) / 2 * chebpts2(_DEGREE + 1)
+            times = (low + high) / 2 + (high - low) / 2 * self._nodes
             found.append((times, np.array([self._coefficients(each) for each in times])))
         return found
 

@@ -31,7 +31,7 @@ import numpy as np
 from scipy import fft, ndimage
 
 from hil.errors import NotEnoughData
-from hil.regression.window import half_window, smooth
+from hil.regression.window import half_window, smooth, widened
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -118,12 +118,12 @@ class Signals:
             widest = max(widest, reach)
         valid = self.valid
         if widest:
-            valid = ~ndimage.binary_dilation(~valid, iterations=widest)
+            valid = ~widened(~valid, widest)
         return replace(self, tau=tau, valid=valid)
 
     def away_from(self, excluded: Mask) -> Mask:
         """Samples that neither filter nor differences connect to the `excluded` ones."""
-        return ~ndimage.binary_dilation(excluded, iterations=_reach(self.period))
+        return ~widened(excluded, _reach(self.period))
 
 
 def signals(recording: Recording) -> Signals:
@@ -153,7 +153,7 @@ def signals(recording: Recording) -> Signals:
     nearest = np.searchsorted(index, np.arange(n), side="right") - 1
     ends = np.zeros(n, dtype=bool)
     ends[[0, -1]] = True
-    spoilt = ndimage.binary_dilation(missing | ends, iterations=_reach(period))
+    spoilt = widened(missing | ends, _reach(period))
     qd, qdd = derivatives(q, period)
     return Signals(
         period=period,

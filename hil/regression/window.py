@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
 
 HALF_WIDTH = 0.024
 """Of the window [s]."""
@@ -24,6 +25,12 @@ def smooth(x: Array, period: float) -> Array:
     """Weighted mean over the window along the first axis, of samples every `period` [s]."""
     mean: Array = ndimage.correlate1d(x, weights(period), axis=0, mode="nearest")
     return mean
+
+
+def widened(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
+    """Samples within `reach` of those of a mask; `beyond`: what the mask is outside its ends."""
+    found: Mask = ndimage.maximum_filter1d(mask, 2 * reach + 1, mode="constant", cval=beyond)
+    return found
 
 
 def half_window(period: float) -> int:
