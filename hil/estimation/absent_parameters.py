@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.base_parameters import base_parameters
@@ -212,7 +212,7 @@ class _Measured(NamedTuple):
         """Coefficients of `basis`, standard errors and p-values, shape (k,) each."""
         x, covariance, degrees = leave_one_out(basis.T @ self.shares @ basis, self.sides @ basis)
         error = np.sqrt(np.diag(covariance))
-        return x, error, np.asarray(2 * stats.t.sf(np.abs(x) / error, degrees))
+        return x, error, np.asarray(2 * special.stdtr(degrees, -np.abs(x) / error))
 
 
 def _grouped(

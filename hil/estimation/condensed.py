@@ -28,6 +28,7 @@ import numpy as np
 from hil.model.motors import motor_torque
 from hil.regression.least_squares import eliminated
 from hil.regression.terms import FEWEST, LOAD, term_columns, usable
+from hil.regression.thinned import smoothed_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -178,6 +179,7 @@ def stack_axis(
     torques : ndarray, shape (n, k)
         Not smoothed yet.
     used : ndarray of bool, shape (n,)
+        Further from both ends than smoothing reaches.
     periods : list of ndarray of bool, shape (n,)
     passes : int
         How often all columns are smoothed.
@@ -191,11 +193,9 @@ def stack_axis(
     X = np.s_[:, k : k + n_base + common.shape[1]]
     F = np.s_[:, k + n_base + common.shape[1] :]
     columns = np.column_stack([torques, rows, common, friction])
-    for _ in range(passes):
-        columns = s.smoothed(columns)
     for period in periods:
         index = np.flatnonzero(used & period)[::each]
-        own = columns[index]
+        own = smoothed_at(index, columns, s.period, passes)
         enough = len(own) * each >= FEWEST
         yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index) if enough else None
 

@@ -33,10 +33,11 @@ to the base parameters, dp/ddelta, comes along, so that it can be counted with t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage, optimize
+from numpy.polynomial.chebyshev import chebder, chebpts2, chebroots, chebval, chebvander
 
 from hil.estimation.condensed import periods_of, stack_axis
 from hil.estimation.signals import derivatives, interpolation
@@ -48,7 +49,7 @@ from hil.planning.measurement import shows_element
 from hil.regression.least_squares import eliminated, inverse
 from hil.regression.terms import moving, n_unknowns, place
 from hil.regression.uncertainty import sandwich, scatter
-from hil.regression.window import half_window
+from hil.regression.window import half_window, widened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -72,7 +73,10 @@ SOFT = 2.0
 PASSES = 2
 """How often everything is smoothed: K holds the fourth derivative of positions, whose noise the
 motor's part shares."""
-_GRID = 57
+_DEGREE = 10
+"""Of J over one axis's lag between two samples: twice that of the weights."""
+_INSTANT = 1e-9
+"""From an end of the range, within which a sample is taken to lie on it [s]."""
 _ROUNDS = 3
 _RANK = 1e-6
 """Least share of information that counts: measurements of inertia show some combinations of
@@ -188,7 +192,7 @@ def _stacked(
     motors, periods = motor_torque(robot, s.q, s.qd, s.qdd), list(periods_of(m, s))
     for axis in m.read:
         spoilt = ~(s.valid & moving(robot, s, axis))
-        clear = ~ndimage.binary_dilation(spoilt, iterations=reach, border_value=1)
+        clear = ~widened(spoilt, reach, beyond=True)
         padded = np.pad(s.tau[:, axis], reach, mode="edge")
         torques = [padded[reach + k : reach + k + len(s.tau)] for k in shifts]
         columns = np.column_stack([*torques, motors[:, axis]])
@@ -266,6 +270,9 @@ class _Likelihood:
         self._n_base, self._joints = len(base_parameters(robot)), np.array(springs, dtype=int)
         self._shifts, self._period = shifts, period
         self._k = len(shifts) + 1
+        self._nodes = chebpts2(_DEGREE + 1)
+        self._to_series = np.linalg.inv(chebvander(self._nodes, _DEGREE))
+        self._pieces = self._between_samples()
         self._size = n_unknowns(robot) + len(self._joints)
         self._weight = np.ones(self._n)
         self._axes = sorted({item.axis for item in items})
@@ -290,13 +297,15 @@ class _Likelihood:
         """Lags and compliances, their uncertainty and what it means for the base parameters."""
         lag = self._maximise()
         x, n = self._solution(lag), self._n
+        slopes = [self._slope(each) for each in lag]
+        weights = [self._coefficients(each) for each in lag]
         information = np.zeros((n + self._size, n + self._size))
         scores = []
         for item in self._items:
             J = np.zeros((len(item.product), n + self._size))
-            J[: self._k, item.axis] = self._slope(lag[item.axis])
+            J[: self._k, item.axis] = slopes[item.axis]
             J[self._k :, n + self._place(item.axis)] = -np.eye(len(item.product) - self._k)
-            c = np.concatenate([self._coefficients(lag[item.axis]), -x[self._place(item.axis)]])
+            c = np.concatenate([weights[item.axis], -x[self._place(item.axis)]])
             w = self._weight[item.axis]
             scores.append(w * J.T @ item.product @ c)
             information += w * J.T @ item.product @ J
@@ -325,23 +334,34 @@ class _Likelihood:
         return slice(self._n_base, self._n_base + len(self._joints))
 
     def _best(self, Q: Array, lag: Array, axis: int) -> float:
-        """Lag of one axis that minimises J, those of the others as they are."""
+        """Lag of one axis that minimises J, those of the others as they are.
+
+        Between two samples J is a polynomial of it, so its minimum is at a sample, at an end of
+        what is searched or where the derivative has a root.
+        """
         own = slice(axis * self._k, (axis + 1) * self._k)
         c = np.concatenate([self._coefficients(each) for each in lag])
         square, cross = Q[own, own], Q[own] @ c - Q[own, own] @ c[own]
 
-        def objective(trial: float) -> float:
-            of_trial = self._coefficients(trial)
-            return float(of_trial @ (square @ of_trial + 2 * cross))
+        best = []
+        for times, C in self._pieces:
+            J = self._to_series @ np.sum(C * (C @ square + 2 * cross), axis=1)
+            roots = chebroots(chebder(J))
+            trials = [-1.0, *roots.real[np.isreal(roots) & (np.abs(roots) < 1.0)], 1.0]
+            values = chebval(np.array(trials), J)
+            at = np.interp(trials[int(np.argmin(values))], (-1.0, 1.0), (times[0], times[-1]))
+            best.append((float(values.min()), float(at)))
+        return min(best)[1]
 
-        grid = np.linspace(EARLIEST, LATEST, _GRID)
-        near = grid[int(np.argmin([objective(each) for each in grid]))]
-        step = grid[1] - grid[0]
-        refined = optimize.minimize_scalar(
-            objective, bounds=(near - step, near + step), method="bounded",
-            options={"xatol": 1e-8},
-        )  # fmt: skip
-        return float(np.clip(refined.x, EARLIEST, LATEST))
+    def _between_samples(self) -> list[tuple[Array, Array]]:
+        """Lags that determine J between each two samples, and the weights of each of them."""
+        whole = self._period * self._shifts
+        inside = whole[(whole > EARLIEST + _INSTANT) & (whole < LATEST - _INSTANT)]
+        found = []
+        for low, high in pairwise([EARLIEST, *inside, LATEST]):
+            times = (low + high) / 2 + (high - low) / 2 * self._nodes
+            found.append((times, np.array([self._coefficients(each) for each in times])))
+        return found
 
     def _form(self) -> Array:
         """Q of J = c'Qc, the weights of all axes' torques and motors being c."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize, special
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +36,7 @@ def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> A
         Between 0 and 1.
     """
     tail = 0.5 + level / 2
-    squares = stats.t.ppf(tail, degrees) ** 2 * scatter + stats.norm.ppf(tail) ** 2 * stated
+    squares = special.stdtrit(degrees, tail) ** 2 * scatter + special.ndtri(tail) ** 2 * stated
     half: Array = np.sqrt(squares)
     return half
 
@@ -61,6 +61,6 @@ def degrees_behind(ratio: float, level: float = 0.95) -> float:
     """Degrees of freedom with which a half-width is `ratio` standard errors."""
 
     def excess(degrees: float) -> float:
-        return float(stats.t.ppf(0.5 + level / 2, degrees)) - ratio
+        return float(special.stdtrit(degrees, 0.5 + level / 2)) - ratio
 
     return float(optimize.brentq(excess, 1.0, MANY)) if excess(MANY) < 0 < excess(1.0) else MANY

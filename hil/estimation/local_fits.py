@@ -24,6 +24,8 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
+from hil.model.base_parameters import base_parameters
+from hil.model.dependencies import GRAVITY
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.regression.least_squares import orthonormal
@@ -66,10 +68,10 @@ def local_fit(robot: Robot, measurement: ElementMeasurement, s: Signals) -> Loca
 
 def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
     i = m.index
-    sides = s.filtered(_sides(robot, s, i))
+    sides, v, _, _ = _filtered(robot, s, i)
     means: tuple[list[Array], list[Array]] = ([], [])
     for stroke in range(m.n_strokes):
-        window = _window(m, s, stroke)
+        window = _window(m, s, v, stroke)
         if window.sum() * s.period >= SHORTEST_WINDOW:
             means[stroke % 2].append(sides[window].mean(axis=0))
     pairs = min(len(means[0]), len(means[1]))
@@ -101,12 +103,12 @@ def _inertia(robot: Robot, m: Inertia, s: Signals) -> LocalFit:
     reference = REFERENCE_SPEED * robot.velocity_limit[i]
     columns = np.column_stack([s.qdd[:, i], v, np.sign(v), np.cbrt(v)])
     levels = np.array([0.0, reference, 1.0, np.cbrt(reference)])
-    return _mass_element(robot, m, s, (i, i), columns, levels, away_from_reversals(robot, s, i))
+    return _mass_element(robot, m, s, (i, i), columns, levels, s.valid)
 
 
 def _coupling(robot: Robot, m: Coupling, s: Signals) -> LocalFit:
     j, i = m.index, m.partner.index
-    used = away_from_reversals(robot, s, j) & (s.partner_stroke >= 0) & (s.stroke >= 0)
+    used = s.valid & (s.partner_stroke >= 0) & (s.stroke >= 0)
     strokes = (s.stroke[:, np.newaxis] == np.arange(m.n_strokes)).astype(float)
     columns = np.column_stack([s.qdd[:, i], strokes])
     levels = np.concatenate([[0.0], np.resize([1.0, -1.0], m.n_strokes) / m.n_strokes])
@@ -131,19 +133,21 @@ def _mass_element(
     levels : ndarray, shape (k,)
         Weights with which the coefficients make up the friction level.
     used : ndarray of bool, shape (n,)
+        Samples to choose from.
     """
-    W = s.filtered(columns)[used]
+    sides, v, W, gravity = _filtered(robot, s, element[0], columns)
+    used = used & _away_from_reversals(robot, s, element[0], v)
+    W, C = W[used], sides[used]
     if len(W) < FEWEST * W.shape[1]:
         raise NotEnoughData(
             f"{len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat it"
             " with a longer stroke or a higher velocity"
         )
-    C = s.filtered(_sides(robot, s, element[0]))[used]
     Q, root = orthonormal(W)
     pr = root @ (Q.T @ C)
     left = C - W @ pr
     weight = s.qdd[used, element[1]] ** 2
-    rows = _inertia_rows(robot, s, *element)[used]
+    rows = _unit_rows(robot, s.q[used], *element) - gravity[used]
     return LocalFit(
         id=m.id,
         kind=m.kind,
@@ -159,23 +163,39 @@ def _mass_element(
     )
 
 
-def _sides(robot: Robot, s: Signals, axis: int) -> Array:
-    """Columns of the right-hand side of an axis: see `LocalFit`."""
+def _filtered(
+    robot: Robot, s: Signals, axis: int, columns: Array | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """Pass everything about an axis through the filter at once.
+
+    Returns
+    -------
+    sides : ndarray, shape (n, 2 + n_base)
+        Columns of the right-hand side: see `LocalFit`.
+    v : ndarray, shape (n,)
+        Velocity [rad/s].
+    columns : ndarray, shape (n, k)
+    gravity : ndarray, shape (n, n_base)
+        Rows of the gravity torque, not filtered.
+    """
+    gravity = _unit_rows(robot, s.q, axis)
+    shown = [0, 1, *(2 + c for c in base_parameters(robot).groups[GRAVITY])]
     motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-    return np.column_stack([s.tau[:, axis], motor, _gravity_rows(robot, s, axis)])
+    sides = np.column_stack([s.tau[:, axis], motor, gravity])
+    others = np.empty((len(sides), 0)) if columns is None else columns
+    found = s.filtered(np.column_stack([s.qd[:, axis], sides[:, shown], others]))
+    k = 1 + len(shown)
+    sides[:, shown] = found[:, 1:k]
+    return sides, found[:, 0], found[:, k:], gravity
 
 
-def away_from_reversals(robot: Robot, s: Signals, axis: int) -> NDArray[np.bool_]:
+def _away_from_reversals(robot: Robot, s: Signals, axis: int, v: Array) -> NDArray[np.bool_]:
     """Samples of an axis in motion, apart from its reversals as far as the filter reaches."""
-    v = s.filtered(s.qd[:, axis])
-    slow = np.abs(v) < SLOW * robot.velocity_limit[axis]
-    used: NDArray[np.bool_] = s.away_from(slow) & s.valid
-    return used
+    return s.away_from(np.abs(v) < SLOW * robot.velocity_limit[axis])
 
 
-def _window(m: Gravity, s: Signals, stroke: int) -> NDArray[np.bool_]:
+def _window(m: Gravity, s: Signals, v: Array, stroke: int) -> NDArray[np.bool_]:
     """Samples at constant velocity, the transient after the ramp left out."""
-    v = s.filtered(s.qd[:, m.index])
     wanted = m.velocity if stroke % 2 == 0 else -m.velocity
     off = (s.stroke != stroke) | (np.abs(v - wanted) > STEADY * m.velocity)
     steady: NDArray[np.bool_] = ~off & s.valid
@@ -185,16 +205,12 @@ def _window(m: Gravity, s: Signals, stroke: int) -> NDArray[np.bool_]:
     return steady
 
 
-def _gravity_rows(robot: Robot, s: Signals, axis: int) -> Array:
-    still = np.zeros_like(s.q)
-    return regressor(robot, s.q, still, still, joints=[axis])[:, 0]
-
-
-def _inertia_rows(robot: Robot, s: Signals, axis: int, accelerated: int) -> Array:
-    still, unit = np.zeros_like(s.q), np.zeros_like(s.q)
-    unit[:, accelerated] = 1.0
-    moving = regressor(robot, s.q, still, unit, joints=[axis])[:, 0]
-    return moving - _gravity_rows(robot, s, axis)
+def _unit_rows(robot: Robot, q: Array, axis: int, accelerated: int | None = None) -> Array:
+    """Rows of an axis at rest, while a joint has the acceleration of one unit, or none has."""
+    unit = np.zeros(robot.n_joints)
+    if accelerated is not None:
+        unit[accelerated] = 1.0
+    return regressor(robot, q, 0.0, unit, joints=[axis])[:, 0]
 
 
 def _mean_q(s: Signals, used: NDArray[np.bool_]) -> Array:

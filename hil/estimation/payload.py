@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from hil.errors import NoLoad
 from hil.model.base_parameters import base_parameters
@@ -96,7 +96,7 @@ class Payload:
     @property
     def p_value(self) -> float:
         """Chance of a misfit at least so large, were the load rigid and nothing else changed."""
-        return float(stats.chi2.sf(self.chi_squared, self.degrees_of_freedom))
+        return float(special.chdtrc(self.degrees_of_freedom, self.chi_squared))
 
     @property
     def mass(self) -> Quantity:

@@ -8,10 +8,15 @@ both sides of the equation.
 
 Two low-passes are there. The paper's is a "non-causal, phase-neutral eighth-order Butterworth
 low-pass". Here that is a Butterworth filter of order four run forth and back: phase zero, the
-magnitude that of order eight, 6 dB down at the cut-off frequency (`Signals.filtered`). Its response
-rings on for longer than a reversal of friction lasts. So the improved method takes a Blackman
-window instead, which is phase-neutral too and soon ends (`Signals.smoothed`,
-`hil.regression.window`).
+magnitude that of order eight, 6 dB down at the cut-off frequency (`Signals.filtered`). Forth and
+back it multiplies a spectrum by a real number,
+
+    |H(f)|^2 = 1 / (1 + (tan(pi f T) / tan(pi f_c T))^8),
+
+the bilinear transform of the analogue filter for samples every T, and is run as that: on the
+spectra of all columns at once. Its response rings on for longer than a reversal of friction lasts.
+So the improved method takes a Blackman window instead, which is phase-neutral too and soon ends
+(`Signals.smoothed`, `hil.regression.window`).
 
 Nothing is reflected or extrapolated where it matters: recordings begin and end with samples at
 rest, and samples closer to an end or to a missing sample than the filters reach are marked invalid.
@@ -20,14 +25,13 @@ rest, and samples closer to an end or to a missing sample than the filters reach
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage, signal
+from scipy import fft, ndimage
 
 from hil.errors import NotEnoughData
-from hil.regression.window import half_window, smooth
+from hil.regression.window import half_window, smooth, widened
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,6 +45,8 @@ CUTOFF = 30.0
 """Of the low-pass [Hz]."""
 ORDER = 4
 """Of the filter that runs forth and back."""
+RINGING = 0.5
+"""After which the filter's response is below rounding [s]."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
@@ -88,8 +94,12 @@ class Signals:
         """Butterworth low-pass along the first axis."""
         if self.period * CUTOFF >= 0.5:
             return x
-        filtered: Array = signal.sosfiltfilt(_butterworth(self.period), x, axis=0)
-        return filtered
+        first = round(RINGING / self.period)
+        n = fft.next_fast_len(len(x) + 2 * first, real=True)
+        ends = [(first, n - len(x) - first)] + [(0, 0)] * (x.ndim - 1)
+        spectrum = fft.rfft(np.pad(x, ends, mode="edge").T)
+        filtered: Array = fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
+        return filtered[first : first + len(x)]
 
     def smoothed(self, x: Array) -> Array:
         """Weighted mean over a Blackman window along the first axis."""
@@ -108,12 +118,12 @@ class Signals:
             widest = max(widest, reach)
         valid = self.valid
         if widest:
-            valid = ~ndimage.binary_dilation(~valid, iterations=widest)
+            valid = ~widened(~valid, widest)
         return replace(self, tau=tau, valid=valid)
 
     def away_from(self, excluded: Mask) -> Mask:
         """Samples that neither filter nor differences connect to the `excluded` ones."""
-        return ~ndimage.binary_dilation(excluded, iterations=_reach(self.period))
+        return ~widened(excluded, _reach(self.period))
 
 
 def signals(recording: Recording) -> Signals:
@@ -143,7 +153,7 @@ def signals(recording: Recording) -> Signals:
     nearest = np.searchsorted(index, np.arange(n), side="right") - 1
     ends = np.zeros(n, dtype=bool)
     ends[[0, -1]] = True
-    spoilt = ndimage.binary_dilation(missing | ends, iterations=_reach(period))
+    spoilt = widened(missing | ends, _reach(period))
     qd, qdd = derivatives(q, period)
     return Signals(
         period=period,
@@ -178,11 +188,10 @@ def derivatives(x: Array, period: float) -> tuple[Array, Array]:
     )
 
 
-@lru_cache(maxsize=8)
-def _butterworth(period: float) -> Array:
-    """Second-order sections of the filter that runs forth and back."""
-    sections: Array = signal.butter(ORDER, 2 * CUTOFF * period, output="sos")
-    return sections
+def _forth_and_back(n: int, period: float) -> Array:
+    """What the Butterworth filter, run forth and back, leaves of the spectrum of `n` samples."""
+    frequencies = np.tan(np.pi * fft.rfftfreq(n)) / np.tan(np.pi * CUTOFF * period)
+    return np.asarray(1.0 / (1.0 + frequencies ** (2 * ORDER)))
 
 
 def _reach(period: float) -> int:

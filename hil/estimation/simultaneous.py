@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.condensed import stack
+from hil.estimation.condensed import Condensed, stack
 from hil.estimation.estimate import LoadFriction
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import inverse, solved, undetermined, without_nuisance
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMeasurement
@@ -143,33 +142,38 @@ class SimultaneousFit:
         return solved(self._sum[0], sides)[: self._n_base]
 
     def _weigh(self) -> None:
-        """Weights and solution from each other."""
+        """Weights and solution from each other, and what each measurement says under them."""
+        axes = self._axes()
         for _ in range(_ROUNDS):
-            self._add_up()
-            variance = self._residual_variance(solved(*self._sum))
+            variance = self._residual_variance(axes, solved(*self._added_up(axes)))
             self._weight = 1.0 / np.where(variance > 0, variance, 1.0)
-        self._add_up()
+        self._sum = self._added_up(axes)
+        self._shares = [self._added_up(items) for items in self._items]
 
-    def _add_up(self) -> None:
-        """Weighted information and vector of each measurement, and their sums."""
+    def _axes(self) -> list[Condensed]:
+        """All measurements of each axis as one."""
+        every = [item for items in self._items for item in items]
+        found = []
+        for axis in sorted({item.axis for item in every}):
+            own = [item for item in every if item.axis == axis]
+            product = np.sum([item.product for item in own], axis=0)
+            found.append(Condensed(axis, product, sum(item.n for item in own)))
+        return found
+
+    def _added_up(self, items: Sequence[Condensed]) -> tuple[Array, Array]:
+        """Weighted information and vector of `items`, over all unknowns."""
         n = n_unknowns(self._robot)
-        self._shares: list[tuple[Array, Array]] = []
-        for items in self._items:
-            information, vector = np.zeros((n, n)), np.zeros(n)
-            for item in items:
-                at, weight = place(self._robot, item.axis), self._weight[item.axis]
-                information[np.ix_(at, at)] += weight * item.information
-                vector[at] += weight * item.vector
-            self._shares.append((information, vector))
-        self._sum = (
-            np.sum([share[0] for share in self._shares], axis=0),
-            np.sum([share[1] for share in self._shares], axis=0),
-        )
+        information, vector = np.zeros((n, n)), np.zeros(n)
+        for item in items:
+            at, weight = place(self._robot, item.axis), self._weight[item.axis]
+            information[np.ix_(at, at)] += weight * item.information
+            vector[at] += weight * item.vector
+        return information, vector
 
-    def _residual_variance(self, solution: Array) -> Array:
-        square, count = np.zeros(self._n_joints), np.zeros(self._n_joints)
-        for item in (item for items in self._items for item in items):
-            x = solution[place(self._robot, item.axis)]
-            square[item.axis] += item.square - 2 * item.vector @ x + x @ item.information @ x
-            count[item.axis] += item.n
-        return np.maximum(square, 0.0) / np.maximum(count, 1.0)
+    def _residual_variance(self, axes: Sequence[Condensed], solution: Array) -> Array:
+        variance = np.zeros(self._n_joints)
+        for each in axes:
+            x = solution[place(self._robot, each.axis)]
+            square = float(each.square - 2 * each.vector @ x + x @ each.information @ x)
+            variance[each.axis] = max(square, 0.0) / max(each.n, 1)
+        return variance

@@ -32,7 +32,6 @@ def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
 
 def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
     """H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m]."""
-    del qd  # c_m vanishes, see the module
-    qdd = np.asarray(qdd, dtype=np.float64)
-    torque: Array = np.einsum("...ij,...j->...i", motor_inertia(robot, q), qdd)
+    del q, qd  # H is constant and diagonal and c_m vanishes, see the module
+    torque: Array = robot.gear_ratio**2 * robot.rotor_inertia * np.asarray(qdd, dtype=np.float64)
     return torque

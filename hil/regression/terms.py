@@ -143,6 +143,8 @@ def n_unknowns(robot: Robot) -> int:
 
 
 def _common(angle: Array, v: Array) -> Array:
-    angles = angle[:, np.newaxis] * np.array(RIPPLE_ORDERS)
-    load = np.zeros((len(v), N_COMMON - LOAD))
-    return np.column_stack([np.ones(len(v)), np.abs(v), np.cos(angles), np.sin(angles), load])
+    ripple = np.cumprod(np.tile(np.exp(1j * angle), (len(RIPPLE_ORDERS), 1)), axis=0)
+    columns = np.zeros((N_COMMON, len(v)))
+    columns[0], columns[1] = 1.0, np.abs(v)
+    columns[2:LOAD] = *ripple.real, *ripple.imag
+    return columns.T

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
 
 HALF_WIDTH = 0.024
 """Of the window [s]."""
@@ -22,8 +23,14 @@ HALF_WIDTH = 0.024
 
 def smooth(x: Array, period: float) -> Array:
     """Weighted mean over the window along the first axis, of samples every `period` [s]."""
-    mean: Array = ndimage.correlate1d(x, _window(period), axis=0, mode="nearest")
+    mean: Array = ndimage.correlate1d(x, weights(period), axis=0, mode="nearest")
     return mean
+
+
+def widened(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
+    """Samples within `reach` of those of a mask; `beyond`: what the mask is outside its ends."""
+    found: Mask = ndimage.maximum_filter1d(mask, 2 * reach + 1, mode="constant", cval=beyond)
+    return found
 
 
 def half_window(period: float) -> int:
@@ -33,9 +40,10 @@ def half_window(period: float) -> int:
 
 def noise_gain(period: float) -> float:
     """Variance that the window leaves of white noise."""
-    return float(np.sum(_window(period) ** 2))
+    return float(np.sum(weights(period) ** 2))
 
 
-def _window(period: float) -> Array:
+def weights(period: float) -> Array:
+    """Of the window's samples, one every `period` [s]; their sum is 1."""
     window = np.blackman(2 * half_window(period) + 3)[1:-1]
     return np.asarray(window / window.sum())

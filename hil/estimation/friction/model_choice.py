@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
 
 from hil.estimation.friction.models import LAWS, fit_model, n_parameters
 
@@ -125,8 +124,9 @@ def _held_out(
 
 
 def _simplest(errors: dict[Law, Array]) -> Law:
-    best = min(errors, key=lambda kind: float(errors[kind].mean()))
+    from scipy import stats  # noqa: PLC0415 - loads for a second, and only this test is needed
 
+    best = min(errors, key=lambda kind: float(errors[kind].mean()))
     simpler = [kind for kind in errors if n_parameters(kind) < n_parameters(best)]
     for kind in simpler:
         worse = errors[kind] - errors[best]

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from hil.regression.uncertainty import scatter
 
@@ -137,8 +137,8 @@ def _test(axis: int, shares: Array, errors: Array, common: float, bound: float) 
             n=n,
             asymmetry=mean,
             standard_error=error,
-            p_zero=float(2 * stats.t.sf(away, degrees)),
-            p_bound=float(stats.t.sf(beyond, degrees)),
+            p_zero=float(2 * special.stdtr(degrees, -away)),
+            p_bound=float(special.stdtr(degrees, -beyond)),
             bound=bound,
         )
     ]

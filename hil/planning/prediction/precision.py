@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
+from hil.planning.halton import halton
 from hil.planning.measurement import shows_parameters
 from hil.planning.prediction.information import shares
 from hil.regression.least_squares import inverse, undetermined, without_nuisance
@@ -176,7 +176,7 @@ def torque_scale(robot: Robot) -> Array:
     to their limits; shape (n_base,).
     """
     n = robot.n_joints
-    points = 2 * qmc.Halton(3 * n, scramble=False).random(_INSTANTS + 1)[1:] - 1
+    points = 2 * halton(_INSTANTS, 3 * n) - 1
     middle, half = (robot.q_min + robot.q_max) / 2, (robot.q_max - robot.q_min) / 2
     A = regressor(
         robot,

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED, TURN
-from hil.regression.window import smooth
+from hil.regression.window import smooth, widened
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,7 +62,7 @@ class Forecast:
 
     def away_from(self, excluded: Mask) -> Mask:
         """Samples further than `REACH` from the `excluded` ones."""
-        return ~ndimage.binary_dilation(excluded, iterations=max(2, round(REACH / self.period)))
+        return ~widened(excluded, max(2, round(REACH / self.period)))
 
 
 def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy import stats
+from scipy import special
 
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.plots.columns import Column, draw_columns, label_columns
@@ -116,5 +116,5 @@ def _quantiles(residual: Array, axes: Sequence[int]) -> tuple[Array, Array]:
         own = left[axis == a]
         scatter = own.std(ddof=1) if len(own) > 1 else 0.0
         left[axis == a] = (own - own.mean()) / (scatter or 1.0)
-    normal = stats.norm.ppf((np.arange(len(left)) + 0.5) / max(len(left), 1))
+    normal = special.ndtri((np.arange(len(left)) + 0.5) / max(len(left), 1))
     return np.asarray(normal, dtype=np.float64), np.sort(left)

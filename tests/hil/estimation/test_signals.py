@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy import signal
 
-from hil.estimation.signals import CUTOFF, signals
+from hil.estimation.signals import CUTOFF, ORDER, signals
 from hil.regression.window import HALF_WIDTH
 from hil.runs.recording import Recording
 
@@ -45,6 +46,16 @@ def test_the_filter_falls_off_like_order_eight():
     warped = np.tan(np.pi * np.array([60.0, 30.0]) * PERIOD)
     expected = 1 / (1 + (warped[0] / warped[1]) ** 8)
     assert gain(60.0) == pytest.approx(expected, rel=0.02)
+
+
+def test_the_filter_is_the_butterworth_filter_run_forth_and_back():
+    """But for what the ends, which are at rest in a recording, ring into either of them."""
+    noise = np.random.default_rng(5).standard_normal((1500, 3))
+    noise[:100], noise[-100:] = noise[100], noise[-101]
+    sections = signal.butter(ORDER, 2 * CUTOFF * PERIOD, output="sos")
+    found = signals(recording(noise)).filtered(noise)
+    expected = signal.sosfiltfilt(sections, noise, axis=0)
+    assert found[75:-75] == pytest.approx(expected[75:-75], abs=1e-9)
 
 
 def test_the_smoothing_window_ends_where_it_says():
