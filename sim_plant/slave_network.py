@@ -156,8 +156,8 @@ class SlaveNetwork:
         actions, reports, block = synced
         if block is None:
             self._latch()
-        elif block.latch(self._machine.read()):
-            self._attend()
+        elif news := block.latch(self._machine.read()):
+            self._attend(news)
             block.pack()
         if not (block is None or actions or self._event_actions or self._present or self._stale):
             past, self._past = self._past, []
@@ -188,12 +188,13 @@ class SlaveNetwork:
         timers.now = end
 
     def _latch(self) -> None:
-        if self._image.latch(self._machine.read()):
-            self._attend()
+        self._attend(self._image.latch(self._machine.read()))
 
-    def _attend(self) -> None:
-        for axis in self._image.news():
-            self.nodes[axis].attend()
+    def _attend(self, news: int) -> None:
+        """Let the drives of the axes whose bit is set look at them."""
+        for axis, node in enumerate(self.nodes):
+            if news >> axis & 1:
+                node.attend()
 
     def _on_event(self, axis: int, events: int) -> None:
         self.nodes[axis].handle_events(events)

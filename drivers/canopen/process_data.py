@@ -14,20 +14,19 @@ from __future__ import annotations
 
 import math
 import struct
-from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import can
 
 from drivers.can_bus.capabilities import capabilities_of
-from drivers.can_bus.frame_block import FrameBlock, count_values, messages
+from drivers.can_bus.frame_block import FrameBlock, messages, unpacking
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.canopen.pdo_mapping import current_entry, received, transmitted
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from drivers.can_bus.capabilities import BlockSource
     from drivers.canopen.network import PumpedNetwork
@@ -108,7 +107,7 @@ class SyncProcessData:
         self._axis_of = [axis for axis, _ in pdos]
         order = self._order(pdos)
         self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
-        self._unpack = _unpacking("<" + "".join(layouts), order)
+        self._unpack = unpacking("<" + "".join(layouts), order)
         self._last: Sequence[Data] | bytes = [bytes(size) for size in self._sizes]
         self._unread: Iterator[can.Message] = _NOTHING
         self._owed: dict[int, int] = {}
@@ -314,12 +313,3 @@ class SyncProcessData:
 
 def _code(entry: Entry) -> str:
     return _CODES.get(entry.type, "x" * entry.size)
-
-
-def _unpacking(layout: str, order: list[int]) -> Callable[[bytes], tuple[int, ...]]:
-    """Return what unpacks a layout and returns its values in an order."""
-    unpack = struct.Struct(layout).unpack
-    if order == list(range(count_values(layout))):
-        return unpack
-    pick = itemgetter(*order)
-    return lambda data: pick(unpack(data))

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from sim_plant.machine_protocol import Axis
     from sim_plant.personality import Personality
 
+_SATURATED, _FOLLOWING = int(AxisEvent.SATURATED), int(AxisEvent.FOLLOWING_ERROR)
 _OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
 _STAYS_STOPPED = 4
 """Quick stop options above this one stay in QUICK STOP ACTIVE; less 4 they are the ramp."""
@@ -122,7 +123,7 @@ class Cia402Node(CanopenNode):
 
     def _take_events(self, events: int) -> None:
         self._motion.events = events
-        if events & AxisEvent.FOLLOWING_ERROR and self.state in POWERED:
+        if events & _FOLLOWING and self.state in POWERED:
             self.fail(ErrorCode.FOLLOWING_ERROR)
         self._leave_at_rest()
         if self._follows_set_points:
@@ -280,9 +281,9 @@ class Cia402Node(CanopenNode):
                 status |= self._follower.show()
             elif self._motion.at_rest:
                 status |= Status.TARGET_REACHED
-            if events & AxisEvent.SATURATED:
+            if events & _SATURATED:
                 status |= Status.INTERNAL_LIMIT
-        if events & AxisEvent.FOLLOWING_ERROR:
+        if events & _FOLLOWING:
             status |= Status.FOLLOWING_ERROR
         self._image.statusword = status
 

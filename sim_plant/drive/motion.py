@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from sim_plant.drive_settings import DriveSettings
     from sim_plant.machine_protocol import Axis
 
+_DONE = int(AxisEvent.DONE)
 _COMPLETION = int(AxisEvent.DONE | AxisEvent.STANDSTILL)
 
 
@@ -58,7 +59,7 @@ class Motion:
     @property
     def done(self) -> bool:
         """Whether the profile generator has finished the last command."""
-        return bool(self.events & AxisEvent.DONE)
+        return bool(self.events & _DONE)
 
     @property
     def at_rest(self) -> bool:

@@ -2,7 +2,7 @@
 
 Every SYNC latches all axes, and nearly always nothing has happened that a drive must react to. So
 what each drive already knows is kept here in columns, and one compiled look over all axes finds
-whether any has changed its events or left the range of positions in which its drive has nothing to
+which have changed their events or left the range of positions in which their drive has nothing to
 report. `FrameBlock` packs what is shown into the frames that answer a SYNC.
 """
 
@@ -68,17 +68,9 @@ class ProcessImage:
         self.watch[_LOWEST], self.watch[_HIGHEST] = -_FAR, _FAR
         _latch_and_pack(self.values, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
-    def latch(self, readings: Integers) -> bool:
-        """Take what `Machine.read` returned; return whether any axis has news."""
+    def latch(self, readings: Integers) -> int:
+        """Take what `Machine.read` returned; return which axes have news, a bit for each."""
         return _latch_and_pack(readings, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
-
-    def news(self) -> list[int]:
-        """Return which axes have news, in order."""
-        rows = self.values[: WIDTH * self.watch.shape[1]].reshape(-1, WIDTH)
-        position, events = rows[:, _POSITION], rows[:, _EVENTS]
-        known, low, high = self.watch
-        news = (events != known) | (position < low) | (position > high)
-        return [int(axis) for axis in np.flatnonzero(news)]
 
 
 class FrameBlock:
@@ -106,7 +98,7 @@ class FrameBlock:
         self._fields = np.array(rows, dtype=np.int64).reshape(-1, _COLUMNS)
         self._memory = image.values, image.watch, self._fields, self._frames
 
-    def latch(self, readings: Integers) -> bool:
+    def latch(self, readings: Integers) -> int:
         """Do as `ProcessImage.latch`, and pack besides: `frames` are right if there are no news."""
         return _latch_and_pack(readings, *self._memory)
 
@@ -199,15 +191,16 @@ def _latch_and_pack(
     watch: Integers,
     fields: Integers,
     frames: NDArray[np.uint8],
-) -> bool:
+) -> int:
     """Copy readings, look for news, and pack: entering compiled code costs more than all of it."""
     for slot in range(readings.shape[0]):
         values[slot] = readings[slot]
-    news = False
+    news = 0
     for axis in range(watch.shape[1]):
         first = axis * WIDTH
         position = values[first + _POSITION]
-        news |= values[first + _EVENTS] != watch[_KNOWN, axis]
-        news |= position < watch[_LOWEST, axis] or position > watch[_HIGHEST, axis]
+        changed = values[first + _EVENTS] != watch[_KNOWN, axis]
+        outside = position < watch[_LOWEST, axis] or position > watch[_HIGHEST, axis]
+        news |= (changed or outside) << axis
     _pack(values, fields, frames)
     return news
