@@ -58,10 +58,16 @@ def constants(axis: PlantAxis, file: PlantFile) -> Array:
     c[st.HEAT_TIME], c[st.DRIFT] = f.heat_time, float(file.drift)
     c[st.DRIFT_STRENGTH] = file.drift_strength
     c[st.HEAT_PER_POWER] = _heat_per_power(c)
-    for k, phase in enumerate(_ripple_phases(drive.node)):
+    *phases, other = _ripple_phases(drive.node)
+    for k, phase in enumerate(phases):
         amplitude = file.noise.ripple * drive.peak_torque
         c[st.RIPPLE_SIN[k]], c[st.RIPPLE_COS[k]] = (
             amplitude * math.cos(phase), amplitude * math.sin(phase),
+        )  # fmt: skip
+    if file.noise.other_ripple:
+        amplitude = file.noise.other_ripple.amplitude * drive.peak_torque
+        c[st.OTHER_ORDER], c[st.OTHER_SIN], c[st.OTHER_COS] = (
+            file.noise.other_ripple.order, amplitude * math.cos(other), amplitude * math.sin(other),
         )  # fmt: skip
     c[st.COUNTS_PER_RAD] = drive.direction * drive.gear_ratio * drive.increments / math.tau
     c[st.ZERO] = drive.zero
@@ -103,8 +109,8 @@ def _heat_per_power(const: Array) -> float:
 
 
 def _ripple_phases(node: int) -> Array:
-    """Fixed phases of the three ripple orders: a property of the motor, not of the seed."""
-    phases: Array = np.random.default_rng(node).uniform(0.0, math.tau, 3)
+    """Fixed phases of the ripple's orders: a property of the motor, not of the seed."""
+    phases: Array = np.random.default_rng(node).uniform(0.0, math.tau, 4)
     return phases
 
 

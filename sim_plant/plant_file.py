@@ -162,13 +162,23 @@ class PlantAxis(FileModel):
     """Where the axis stands when the machine is switched on."""
 
 
+class OtherRipple(FileModel):
+    """Torque ripple of one more order than those that every motor here has."""
+
+    order: Annotated[float, Field(gt=0, le=60)]
+    """Periods in a revolution of the motor."""
+    amplitude: NotNegative
+    """Share of peak torque."""
+
+
 class Noise(FileModel):
     """Of the current sensor and of the motor."""
 
     torque: NotNegative = 0.0025
     """White, per sample, share of peak torque."""
     ripple: NotNegative = 0.003
-    """Of each order, share of peak torque."""
+    """Of orders 1, 2 and 6, share of peak torque."""
+    other_ripple: OtherRipple | None = None
 
 
 class PlantFile(FileModel):

@@ -36,6 +36,7 @@ def identify(
     """Estimate base parameters from a run; writes model.yaml into its folder."""
     from hil.estimation.friction.symmetry import of_local_values
     from hil.results import identification, model_file
+    from hil.results.tables.error_budget import error_budget
     from hil.results.tables.friction import symmetry
     from hil.results.tables.terminal import show
     from hil.runs.pooling import open_runs
@@ -48,6 +49,7 @@ def identify(
     found.save(path)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
+    show(error_budget(found.error_budget), out)
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"

@@ -13,6 +13,7 @@ from hil.regression.uncertainty import correlation_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_values import LocalValue
 
@@ -75,6 +76,8 @@ class Estimate:
         None where the method takes the torque as it was read and gears for rigid.
     load_friction : LoadFriction, optional
         Friction that grows with the transmitted torque; None where the method knows of none.
+    causes : tuple of Cause
+        What matters to the estimate, or would if it were not taken into account.
     """
 
     method: str
@@ -90,6 +93,7 @@ class Estimate:
     n_measurements: int
     drive_train: DriveTrain | None = None
     load_friction: LoadFriction | None = None
+    causes: tuple[Cause, ...] = ()
 
     @property
     def standard_error(self) -> Array:

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
+from hil.estimation.causes import find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
 from hil.estimation.drive_train import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
@@ -115,7 +116,7 @@ def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estima
 def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     drive_train = find_drive_train(robot, raw)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
-    solver = SimultaneousFit(robot, prepared)
+    solver = first = SimultaneousFit(robot, prepared)
     if drive_train.soft.any() or solver.loaded.any():
         # what gears transmit is now known better than from measurements of inertia alone, and so is
         # which of them turn it into friction
@@ -133,7 +134,14 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
         covariance, effective_degrees(changes**2, _FEWEST_DEGREES),
     )  # fmt: skip
-    return replace(found, drive_train=drive_train, load_friction=solver.load_friction)
+    return replace(
+        found,
+        drive_train=drive_train,
+        load_friction=solver.load_friction,
+        causes=find_causes(
+            robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
+        ),
+    )
 
 
 def _left_out_in_turn(solver: ParameterSolver) -> tuple[Array, Array]:

@@ -48,7 +48,8 @@ ORDER = 4
 RINGING = 0.5
 """After which the filter's response is below rounding [s]."""
 _FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
-_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
+SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
+"""Second difference of fourth order, of samples a period of 1 apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +185,7 @@ def derivatives(x: Array, period: float) -> tuple[Array, Array]:
     """First and second derivative along the first axis."""
     return (
         ndimage.correlate1d(x, _FIRST / period, axis=0, mode="nearest"),
-        ndimage.correlate1d(x, _SECOND / period**2, axis=0, mode="nearest"),
+        ndimage.correlate1d(x, SECOND / period**2, axis=0, mode="nearest"),
     )
 
 
@@ -196,7 +197,7 @@ def _forth_and_back(n: int, period: float) -> Array:
 
 def _reach(period: float) -> int:
     """Samples over which filters and differences spread a disturbance (noticeably)."""
-    return max(half_window(period) + len(_SECOND) // 2, round(1.0 / CUTOFF / period))
+    return max(half_window(period) + len(SECOND) // 2, round(1.0 / CUTOFF / period))
 
 
 def _on_grid(time: Array, sampled: Array, values: Array) -> Array:

@@ -58,16 +58,19 @@ class SimultaneousFit:
         self._robot, self._n_joints = robot, robot.n_joints
         self._n_base = len(base_parameters(robot))
         self._weight = np.ones(robot.n_joints)
-        stacks = [axes for measurement, s in prepared for axes in stack(robot, measurement, s)]
+        stacks = [(s, axes) for m, s in prepared for axes in stack(robot, m, s)]
         if not stacks:
             raise NotIdentifiable(
                 "0 usable measurements of gravity, inertia or coupling, and no usable period of a"
                 " trajectory; measure some (see: hil plan)"
             )
-        self._items = [[each.condensed() for each in axes] for axes in stacks]
+        self._items = [[each.condensed() for each in axes] for _, axes in stacks]
         self._weigh()
         rigid, p = self._items, self.solve()
-        self._items = [[each.loaded(each.load(p)).condensed() for each in axes] for axes in stacks]
+        self.without_load_friction = p
+        """Base parameters where friction of the load is ignored, shape (n_base,)."""
+        loaded = [(s, [each.loaded(each.load(p)) for each in axes]) for s, axes in stacks]
+        self._items = [[each.condensed() for each in axes] for _, axes in loaded]
         self._weigh()
         self.load_friction = self._load_friction()
         """Mu of every axis with its standard error, were all of them kept."""
@@ -82,6 +85,11 @@ class SimultaneousFit:
             for both in zip(self._items, rigid, strict=True)
         ]
         self._weigh()
+        self.stacked = [
+            (s, [b if self.loaded[b.axis] else a for a, b in zip(plain, other, strict=True)])
+            for (s, plain), (_, other) in zip(stacks, loaded, strict=True)
+        ]
+        """Of each measurement its signals and the columns of each axis that moves."""
 
     @property
     def n_measurements(self) -> int:
@@ -105,6 +113,29 @@ class SimultaneousFit:
     def weight(self) -> Array:
         """Reciprocal of each axis's residual variance, shape (n_joints,) [1/(N m)^2]."""
         return self._weight
+
+    @property
+    def n_base(self) -> int:
+        """How many base parameters there are."""
+        return self._n_base
+
+    @property
+    def information(self) -> Array:
+        """Weighted information of all measurements, over all unknowns."""
+        return self._sum[0]
+
+    @property
+    def solution(self) -> Array:
+        """All unknowns: base parameters and, axis by axis, the common terms."""
+        return solved(*self._sum)
+
+    def without_terms(self, terms: Sequence[int]) -> Array:
+        """Base parameters where some of the axes' common terms are ignored, shape (n_base,)."""
+        information, vector = (each.copy() for each in self._sum)
+        for axis in range(self._n_joints):
+            at = place(self._robot, axis)[self._n_base + np.array(terms)]
+            information[at], information[:, at], vector[at] = 0.0, 0.0, 0.0
+        return solved(information, vector)[: self._n_base]
 
     def solve(self, without: int | None = None) -> Array:
         """Base parameters, shape (n_base,)."""

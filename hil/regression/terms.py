@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 
 RIPPLE_ORDERS = (1, 2, 3, 4, 5, 6)
 """Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
+ASYMMETRIC = (0, 1)
+"""Places of the columns of G by which friction differs by direction."""
 LOAD = 2 + 2 * len(RIPPLE_ORDERS)
 """Place of the column of G that grows with the transmitted torque; its coefficient is mu."""
 N_COMMON = LOAD + 2

@@ -17,6 +17,7 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
 from hil.regression.least_squares import inverse
+from hil.results.error_budget import error_budget
 from hil.results.rounding import signed
 from hil.results.tables.cells import unit
 
@@ -45,8 +46,6 @@ OUTLIER = 4.0
 """Scatter inside a measurement over that of its axis's others from which on it stands out."""
 MISFIT = 0.01
 """Residual of an axis's local models over its torque limit from which on it is more than noise."""
-CERTAIN = 4.0
-"""Share of the load that is friction, over its standard error, from which on it is noted."""
 OFFSET = 4.0
 """Mean deviation of half-sums over its standard error that betrays an offset."""
 
@@ -85,8 +84,8 @@ def advice(
     Weak parameters are those whose uncertainty shows in the torques of a free motion.
     """
     return (
+        *_causes(estimate, robot),
         *_campaign(estimate, plan, campaign),
-        *_drive_trains(estimate),
         *_outliers(estimate),
         *_misfit(estimate, robot),
         *_groups(estimate, robot),
@@ -114,33 +113,15 @@ def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> I
         )
 
 
-def _drive_trains(estimate: Estimate) -> Iterator[Advice]:
-    """Soft gears, and friction that grows with the load: found and taken into account."""
-    train, load = estimate.drive_train, estimate.load_friction
-    soft = [] if train is None else np.flatnonzero(train.soft).tolist()
-    if train is not None and soft:
-        each = ", ".join(
-            f"{1e6 * train.compliance[axis]:.2g} +- {1e6 * train.compliance_error[axis]:.1g}"
-            for axis in soft
-        )
-        yield Advice(
-            _axes(soft),
-            f"gears give way by {each} µrad per N m",
-            "nothing, as the improved method places the links accordingly; simulators and"
-            " feed-forward should know it",
-            urgent=False,
-        )
-    if load is not None:
-        share = load.mu / load.standard_error
-        loaded = np.flatnonzero(np.nan_to_num(share) > CERTAIN).tolist()
-        if loaded:
-            each = ", ".join(f"{100 * load.mu[axis]:.2g} %" for axis in loaded)
-            yield Advice(
-                _axes(loaded),
-                f"friction grows with the transmitted torque, by {each} of it",
-                "nothing, as the improved method fits it; it shifts what other methods find",
-                urgent=False,
-            )
+def _causes(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+    """Causes of error, the largest first; those taken into account are notes."""
+    for term in error_budget(estimate, robot):
+        if term.accounted:
+            what = f"{term.cause}: {term.detail}; ignored, {100 * term.share:.0f} % of the error"
+        else:
+            what = f"{term.cause}: {term.detail}; {100 * term.share:.0f} % of the error"
+        subject = _axes(term.axes) if term.axes else "all axes"
+        yield Advice(subject, what, term.remedy, urgent=not term.accounted)
 
 
 def _axes(axes: Sequence[int]) -> str:

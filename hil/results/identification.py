@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from hil.estimation.identify import estimate
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
+from hil.results.error_budget import error_budget
 from hil.results.model import Model
 from hil.results.model_file import Provenance
 from hil.results.naming import named
@@ -59,6 +60,7 @@ def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
         condition=found.condition,
         provenance=_provenance(run, found, others),
         local=found.local,
+        error_budget=error_budget(found, run.robot),
     )
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
+    from hil.results.error_budget import ErrorTerm
     from hil.results.model_file import Provenance
 
     Array = NDArray[np.float64]
@@ -61,6 +62,8 @@ class Model:
     local : tuple of LocalValue
         Each measurement by itself, as the two-step methods take it; empty for a conventional
         method and for a model that was read from a file.
+    error_budget : tuple of ErrorTerm
+        Causes of error, the largest first; empty where nothing but noise matters.
     """
 
     robot: Robot
@@ -72,6 +75,7 @@ class Model:
     condition: dict[str, float]
     provenance: Provenance
     local: tuple[LocalValue, ...] = ()
+    error_budget: tuple[ErrorTerm, ...] = ()
 
     @classmethod
     def load(cls, path: Path | str) -> Model:
@@ -97,6 +101,7 @@ class Model:
             residual=np.array([np.nan if r is None else r for r in kept.residual]),
             condition=kept.condition,
             provenance=kept.provenance,
+            error_budget=tuple(term.read() for term in kept.error_budget),
         )
 
     def save(self, path: Path | str) -> None:

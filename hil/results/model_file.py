@@ -19,6 +19,7 @@ from checked_files.yaml_file import FileError, FileModel
 from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
+from hil.results.error_budget import ErrorTerm
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -68,6 +69,31 @@ class Provenance(FileModel):
     version: str
 
 
+class CauseOfError(FileModel):
+    """One term of the error budget, see `hil.results.error_budget`; axes count from 1."""
+
+    cause: str
+    axes: tuple[int, ...]
+    found: str
+    torque: float
+    share: float
+    accounted: bool
+
+    @classmethod
+    def of(cls, term: ErrorTerm) -> CauseOfError:
+        """What the file says of a term."""
+        axes = tuple(axis + 1 for axis in term.axes)
+        return cls(
+            cause=term.cause, axes=axes, found=term.detail, torque=term.torque,
+            share=term.share, accounted=term.accounted,
+        )  # fmt: skip
+
+    def read(self) -> ErrorTerm:
+        """The term."""
+        axes = tuple(axis - 1 for axis in self.axes)
+        return ErrorTerm(self.cause, axes, self.found, self.torque, self.share, self.accounted)
+
+
 class ModelFile(FileModel):
     """Content of `model.yaml`.
 
@@ -83,6 +109,8 @@ class ModelFile(FileModel):
         Root mean square of what the method's models leave of each axis's torque [N m].
     condition : dict
         Condition number of each group's observation matrix, or of all parameters' (``all``).
+    error_budget : tuple of CauseOfError
+        The largest first.
     robot_file : str, optional
         The robot file, verbatim.
     """
@@ -95,6 +123,7 @@ class ModelFile(FileModel):
     degrees_of_freedom: tuple[float, ...] | None = None
     residual: tuple[float | None, ...]
     condition: dict[str, float]
+    error_budget: tuple[CauseOfError, ...] = ()
     robot_file: str | None = None
 
     @model_validator(mode="after")
@@ -123,6 +152,7 @@ class ModelFile(FileModel):
             degrees_of_freedom=tuple(model.degrees_of_freedom.tolist()),
             residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
             condition=model.condition,
+            error_budget=tuple(map(CauseOfError.of, model.error_budget)),
             robot_file=model.robot.text,
         )
 

@@ -54,8 +54,13 @@ def ripple(const: Array, i: int, q: float) -> float:
     s2, c2 = 2.0 * s1 * c1, c1 * c1 - s1 * s1
     s4, c4 = 2.0 * s2 * c2, c2 * c2 - s2 * s2
     s6, c6 = s4 * c2 + c4 * s2, c4 * c2 - s4 * s2
+    other = 0.0
+    if const[i, st.OTHER_ORDER] != 0.0:
+        s, c = sin_cos(const[i, st.OTHER_ORDER] * const[i, st.GEAR] * q)
+        other = const[i, st.OTHER_SIN] * s + const[i, st.OTHER_COS] * c
     return float(
-        const[i, st.RIPPLE_SIN[0]] * s1
+        other
+        + const[i, st.RIPPLE_SIN[0]] * s1
         + const[i, st.RIPPLE_COS[0]] * c1
         + const[i, st.RIPPLE_SIN[1]] * s2
         + const[i, st.RIPPLE_COS[1]] * c2

@@ -36,6 +36,8 @@ HEAT_TIME = next(_c)
 RIPPLE_SIN = tuple(next(_c) for _ in range(3))
 RIPPLE_COS = tuple(next(_c) for _ in range(3))
 """Torque ripple of orders 1, 2 and 6 of the motor angle: sine and cosine amplitudes [N m]."""
+OTHER_ORDER, OTHER_SIN, OTHER_COS = next(_c), next(_c), next(_c)
+"""Torque ripple of one more order, 0 for none, and its amplitudes [N m]."""
 DRIFT = next(_c)
 """1 when friction drifts, 0 when it stays as it was at the start."""
 COUNTS_PER_RAD, ZERO = next(_c), next(_c)

@@ -10,7 +10,7 @@ import pytest
 from sim_plant.machine_protocol import AxisEvent, Reading
 from sim_plant.physics import state as st
 from sim_plant.plant import Plant
-from sim_plant.plant_file import Noise, load_plant_file
+from sim_plant.plant_file import Noise, OtherRipple, load_plant_file
 
 STILL = Noise(torque=0.0, ripple=0.0)
 DIRECTION = (1, 1, -1, 1, -1, 1)
@@ -247,9 +247,12 @@ def test_current_noise_is_white_with_a_quarter_of_a_percent_of_peak_torque() -> 
     assert abs(np.corrcoef(noise[1:, 0], noise[:-1, 0])[0, 1]) < 0.05
 
 
-def test_a_servo_that_moves_evenly_works_against_the_ripple_of_its_motor() -> None:
-    """Orders 1, 2 and 6 of the motor's angle, each with 0.3 % of peak torque, and no other."""
-    plant = machine(noise=Noise(torque=0.0), drift=False)
+@pytest.mark.parametrize("other", [None, OtherRipple(order=4, amplitude=0.005)])
+def test_a_servo_that_moves_evenly_works_against_the_ripple_of_its_motor(
+    other: OtherRipple | None,
+) -> None:
+    """Orders 1, 2 and 6 of the motor's angle, each with 0.3 % of peak torque, and one at will."""
+    plant = machine(noise=Noise(torque=0.0, other_ripple=other), drift=False)
     move(plant, 0, 2.0, 0.01, 1.0)  # slow, so that the velocity loop keeps the speed
     plant.advance(1.0)
     turn = math.tau / GEAR[0]
@@ -261,5 +264,6 @@ def test_a_servo_that_moves_evenly_works_against_the_ripple_of_its_motor() -> No
     orders = np.outer(angle, range(1, 9))
     columns = np.column_stack([np.cos(orders), np.sin(orders), np.ones(len(angle))])
     cosine, sine = np.linalg.lstsq(columns, np.array(torque), rcond=None)[0][:-1].reshape(2, 8)
-    expected = 0.003 * PEAK[0] * np.array([1, 1, 0, 0, 0, 1, 0, 0])
+    fourth = other.amplitude if other else 0.0
+    expected = PEAK[0] * np.array([0.003, 0.003, 0, fourth, 0, 0.003, 0, 0])
     assert np.hypot(cosine, sine) == pytest.approx(expected, abs=0.02 * expected.max())

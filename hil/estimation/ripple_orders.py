@@ -1,0 +1,136 @@
+"""Torque ripple of orders that the regression does not hold.
+
+The regression holds the first six multiples of the motor's angle theta. Further orders n are looked
+for in what it leaves of each axis: cos n theta and sin n theta, smoothed like everything else and
+with friction of each measurement projected out, are fitted to the residuals order by order. An
+order counts if the measurements agree on it better than chance would have them (Hotelling's T^2),
+all orders and axes that are looked at being counted (Bonferroni).
+
+Fast motion hides ripple, because the window passes none of it. What it does pass is a share of the
+residual variance, and to first order changes the base parameters by
+
+    N^-1 sum over samples of w X' Z a,
+
+with N the information, Z the smoothed columns and a their amplitudes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hil.regression.least_squares import fitted, inverse
+from hil.regression.terms import RIPPLE_ORDERS, place
+from hil.regression.thinned import smoothed_at
+from hil.regression.window import half_window
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.condensed import Stacked
+    from hil.estimation.signals import Signals
+    from hil.estimation.simultaneous import SimultaneousFit
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+ORDERS = np.arange(RIPPLE_ORDERS[-1] + 1, 25)
+"""That are looked for: higher ones pass the window only where axes creep."""
+CHANCE = 1e-3
+"""Probability of a single false order among all axes."""
+_FEWEST = 5
+"""Measurements of an axis that a test needs."""
+
+
+class UnmodelledRipple(NamedTuple):
+    """What was found.
+
+    Attributes
+    ----------
+    largest : dict
+        Order and amplitude at the joint [N m] of the largest, by the index of its axis.
+    share : ndarray, shape (n_joints,)
+        Of each axis's residual variance.
+    change : ndarray, shape (n_base,)
+        Of the base parameters.
+    """
+
+    largest: dict[int, tuple[int, float]]
+    share: Array
+    change: Array
+
+
+def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
+    """Look for ripple of further orders in the measurements of a fit."""
+    side, share = np.zeros(len(fit.information)), np.zeros(robot.n_joints)
+    solution, largest = fit.solution, {}
+    for axis in range(robot.n_joints):
+        own = [(s, each) for s, stacked in fit.stacked for each in stacked if each.axis == axis]
+        if len(own) < _FEWEST:
+            continue
+        columns = [_columns(robot, s, each) for s, each in own]
+        residuals = [each.torques[:, 0] - each.X @ solution[place(robot, axis)] for _, each in own]
+        found, a = _orders(columns, residuals, robot.n_joints * len(ORDERS))
+        if not found.size:
+            continue
+        sizes = np.linalg.norm(a, axis=1)
+        largest[axis] = int(ORDERS[found[sizes.argmax()]]), float(sizes.max())
+        ripple = [Z[:, found].real @ a[:, 0] + Z[:, found].imag @ a[:, 1] for Z in columns]
+        used = sum(len(r) for r in ripple)
+        share[axis] = min(1.0, fit.weight[axis] * sum(r @ r for r in ripple) / used)
+        side[place(robot, axis)] += fit.weight[axis] * sum(
+            each.each * each.X.T @ r for (_, each), r in zip(own, ripple, strict=True)
+        )
+    return UnmodelledRipple(largest, share, (inverse(fit.information) @ side)[: fit.n_base])
+
+
+def _columns(robot: Robot, s: Signals, each: Stacked) -> Array:
+    """Z of one measurement, shape (n, n_orders): cosines, and sines as imaginary parts."""
+    reach = half_window(s.period)
+    own = slice(each.index[0] - reach, each.index[-1] + reach + 1)
+    angle = robot.gear_ratio[each.axis] * s.q[own, each.axis]
+    once = np.exp(1j * angle)
+    powers = np.empty((len(once), len(ORDERS)), complex)
+    powers[:, 0] = once ** ORDERS[0]
+    for k in range(1, len(ORDERS)):
+        np.multiply(powers[:, k - 1], once, out=powers[:, k])
+    columns = smoothed_at(each.index - own.start, powers, s.period)
+    free = np.linalg.qr(each.friction / np.linalg.norm(each.friction, axis=0).clip(1e-300))[0]
+    left: Array = columns - free @ (free.T @ columns)
+    return left
+
+
+def _orders(
+    columns: Sequence[Array], residuals: Sequence[Array], looked_at: int
+) -> tuple[NDArray[np.intp], Array]:
+    """Orders found on an axis, by their places, and their amplitudes [N m], shape (n, 2)."""
+    both = np.array([Z.T @ r for Z, r in zip(columns, residuals, strict=True)])
+    scores = np.stack([both.real, both.imag], axis=-1)
+    found = np.flatnonzero(_chance(scores) < CHANCE / looked_at)
+    a = np.empty((len(found), 2))
+    for row, k in zip(a, found, strict=True):
+        Z = np.concatenate([each[:, k] for each in columns])
+        row[:] = fitted(np.column_stack([Z.real, Z.imag]), np.concatenate(residuals))
+    return found, a
+
+
+def _chance(scores: Array) -> Array:
+    """Probability of scores that agree as well, shape (n_orders,).
+
+    Parameters
+    ----------
+    scores : ndarray, shape (n_measurements, n_orders, 2)
+    """
+    n, total = len(scores), scores.sum(axis=0)
+    spread = np.einsum("mki,mkj->kij", scores, scores)
+    heard = np.linalg.det(spread) > 0
+    spread[~heard] = np.eye(2)
+    squares = np.einsum("ki,ki->k", total, np.linalg.solve(spread, total[..., np.newaxis])[..., 0])
+    # of scores that agree entirely, n; F has 2 and n - 2 degrees of freedom
+    ratio = squares / np.maximum(n - squares, 1e-12) * (n - 2) / 2
+    chance: Array = np.where(heard, special.fdtrc(2, n - 2, ratio), 1.0)
+    return chance
