@@ -29,6 +29,7 @@ from hil.model.motors import motor_torque
 from hil.regression.least_squares import eliminated
 from hil.regression.terms import FEWEST, LOAD, term_columns, usable
 from hil.regression.thinned import smoothed_at
+from hil.regression.window import APART
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,9 +42,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
-
-APART = 0.012
-"""Between samples that are used: the window leaves nothing in between [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _CHUNK = 2048
 """Samples at a time, so that intermediate values stay in the cache."""
-_UNCOMPILED = 100_000
+_UNCOMPILED = 200_000
 """Rows that a process computes before it loads the compiled recursion, which takes longer."""
 
 

@@ -1,7 +1,7 @@
 """The Newton-Euler recursion with NumPy's arrays: regressors of few samples, without a compiler.
 
 Equations and their order are those of `hil.model.recursion`, so that the results are the same to
-the last bit. Loading what is compiled there takes longer than a hundred thousand rows take here.
+the last bit. Loading what is compiled there takes longer than two hundred thousand rows take here.
 Nothing is shared: what is compiled stands in one file, by which its cache is kept, and imports the
 compiler.
 """

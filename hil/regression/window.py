@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 HALF_WIDTH = 0.024
 """Of the window [s]."""
+APART = 0.012
+"""Between samples that are used: the window leaves nothing in between [s]."""
 
 
 def smooth(x: Array, period: float) -> Array:

@@ -90,7 +90,7 @@ def read_measured(path: Path) -> Measured:
     """
     try:
         with h5py.File(path, "r") as file:
-            arrays = {field.name: np.asarray(file[field.name]) for field in fields(Recording)}
+            arrays = {field.name: _array(file, field.name) for field in fields(Recording)}
             attributes = dict(file.attrs)
         return _decode(path, arrays, attributes)
     except FileNotFoundError as error:
@@ -99,6 +99,14 @@ def read_measured(path: Path) -> Measured:
         raise FileError(
             f"{path}: is damaged: {str(error).splitlines()[0]}; measure it again with --resume"
         ) from error
+
+
+def _array(file: h5py.File, name: str) -> np.ndarray:
+    """Read a whole array; by HDF5's own calls, which take half as long as a view of it."""
+    dataset = h5py.h5d.open(file.id, name.encode())
+    array = np.empty(dataset.shape, dataset.dtype)
+    dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, array)
+    return array
 
 
 def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, object]) -> Measured:

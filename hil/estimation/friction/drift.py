@@ -20,7 +20,7 @@ by bounded least squares. Residuals wander, so standard errors are widened by th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import accumulate, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.history import History
 
     Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
 
 REFERENCE = 0.5
 """Mean speed, as share of the limit, that the time constant of motion is stated for."""
@@ -200,17 +201,12 @@ class _Fit:
         """Warmth and settled share at the times of the levels, shape (n, 2)."""
         warm_up, settling, stirring = np.exp(taus)
         ends = np.append(self._begin, self._ends)
-        states = np.empty((len(ends), 2))
-        warmth, settled = 0.0, 1.0
-        states[0] = warmth, settled
-        for k, (span, x) in enumerate(zip(np.diff(ends), self._speed, strict=True), start=1):
-            warmth = x + (warmth - x) * np.exp(-span / warm_up)
-            if x < AT_REST:
-                settled = 1.0 + (settled - 1.0) * np.exp(-span / settling)
-            else:
-                settled *= np.exp(-span * x / REFERENCE / stirring)
-            states[k] = warmth, settled
-        return np.column_stack([np.interp(self._time, ends, states[:, k]) for k in (0, 1)])
+        spans, x = np.diff(ends), self._speed
+        resting = x < AT_REST
+        rate = np.where(resting, 1.0 / settling, x / REFERENCE / stirring)
+        warmth = _relaxed(0.0, x, np.exp(-spans / warm_up))
+        settled = _relaxed(1.0, resting, np.exp(-spans * rate))
+        return np.column_stack([np.interp(self._time, ends, s) for s in (warmth, settled)])
 
     def _solve(self, taus: Array) -> tuple[Array, Array, Array]:
         """Columns, coefficients and residuals for given time constants."""
@@ -230,6 +226,15 @@ class _Fit:
             for d in step * np.eye(len(taus))
         ]
         return classical(np.column_stack([X, *by_tau]), variance)
+
+
+def _relaxed(start: float, goals: Array | Mask, left: Array) -> list[float]:
+    """A state that goes from `start` to one goal after the other, shape (1 + n_goals,).
+
+    Of its distance from each goal the share `left` remains.
+    """
+    steps = zip(left.tolist(), ((1.0 - left) * goals).tolist(), strict=True)
+    return list(accumulate(steps, lambda state, step: step[0] * state + step[1], initial=start))
 
 
 def _wandering(left: Array) -> float:

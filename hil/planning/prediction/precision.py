@@ -17,7 +17,8 @@ Not counted is what no plan can predict: uncertain torque constants, and a lag o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,7 @@ from hil.planning.prediction.information import shares
 from hil.regression.least_squares import inverse, undetermined, without_nuisance
 from hil.regression.terms import n_unknowns, place
 from hil.regression.uncertainty import sandwich
+from hil.regression.window import APART
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -135,10 +137,17 @@ def precision(robot: Robot, known: Information, source: str) -> Precision:
 def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
-    """Information of those `measurements` that the simultaneous estimator uses."""
+    """Information of those `measurements` that the simultaneous estimator uses.
+
+    Strokes are judged by means of as many samples as the estimator takes for one, which says the
+    same in less time; trajectories, whose corners are everywhere, sample by sample.
+    """
+    each = max(1, round(APART / period))
+    mean = replace(noise, torque=noise.torque / math.sqrt(each))
     useful = [m for m in measurements if shows_parameters(m)]
-    found = (share for m in useful for share in shares(robot, m, period))
-    return added_up(robot, found, noise)
+    strokes = (s for m in useful if not m.streamed for s in shares(robot, m, each * period))
+    trajectories = (s for m in useful if m.streamed for s in shares(robot, m, period))
+    return added_up(robot, strokes, mean) + added_up(robot, trajectories, noise)
 
 
 def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:

@@ -86,9 +86,12 @@ def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
 def _add(motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, since: Array) -> None:
     """Let one axis follow `profile`, and stay where it leads to."""
     q, qd, qdd = motion
-    q[since >= 0, axis] = profile.q(since[since >= 0])
-    qd[:, axis] += profile.qd(since)
-    qdd[:, axis] += profile.qdd(since)
+    q[since >= 0, axis] = profile.end
+    under_way = (since >= 0) & (since < profile.duration)
+    now = since[under_way]
+    q[under_way, axis] = profile.q(now)
+    qd[under_way, axis] = profile.qd(now)
+    qdd[under_way, axis] = profile.qdd(now)
 
 
 def _add_partner(
