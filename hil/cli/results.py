@@ -38,7 +38,7 @@ def identify(
     from hil.results import identification, model_file
     from hil.results.tables.error_budget import error_budget
     from hil.results.tables.friction import symmetry
-    from hil.results.tables.terminal import show
+    from hil.results.tables.terminal import show, show_sentence
     from hil.runs.pooling import open_runs
 
     begun = perf_counter()
@@ -50,6 +50,8 @@ def identify(
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
     show(error_budget(found.error_budget), out)
+    for term in found.error_budget:
+        show_sentence(f"{term.cause}: {term.detail}", out)
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"

@@ -14,6 +14,7 @@ Only what is significant counts as a cause. What each means in torques is for
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,8 +59,8 @@ COARSE = 0.9
 FEWEST_IN_WINDOW = 4.0
 """Samples on either side of the window's middle below which SYNC counts as slow."""
 _EVERY = 100
-_FOURTH = 70.0
-"""Variance of the fourth difference of white noise of variance one."""
+_ORDER = 8
+"""Of differences."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,17 +202,19 @@ def _part(robot: Robot, fit: SimultaneousFit, share: Array, covariance: Array) -
 def _encoder_noise(robot: Robot, raw: Prepared, p: Array) -> Array:
     """Variance of each axis's smoothed torque that noise of accelerations would need [(N m)^2].
 
-    It is what the fourth differences of positions show in steady motion.
+    It is what eighth differences of positions show in steady motion, which leave nothing of motion.
     """
     variance, count = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
     for m, s in raw:
         gain = np.sum(np.convolve(SECOND, weights(s.period)) ** 2) / s.period**4
-        fourth = np.diff(s.q, 4, axis=0)
+        differences = np.diff(s.q, _ORDER, axis=0)
         noise = np.zeros(robot.n_joints)
         for joint in m.moved:
-            steady = (s.valid & usable(robot, s, joint))[2:-2]
+            steady = (s.valid & usable(robot, s, joint))[_ORDER // 2 : -_ORDER // 2]
             if steady.any():
-                noise[joint] = np.mean(fourth[steady, joint] ** 2) / _FOURTH * gain
+                noise[joint] = (
+                    np.mean(differences[steady, joint] ** 2) * gain / comb(2 * _ORDER, _ORDER)
+                )
         some = s.q[::_EVERY]
         inertia = mass_matrix(robot, p, some) + motor_inertia(robot, s.q[0])
         for axis in m.moved:

@@ -3,8 +3,8 @@
 The regression holds the first six multiples of the motor's angle theta. Further orders n are looked
 for in what it leaves of each axis: cos n theta and sin n theta, smoothed like everything else and
 with friction of each measurement projected out, are fitted to the residuals order by order. An
-order counts if the measurements agree on it better than chance would have them (Hotelling's T^2),
-all orders and axes that are looked at being counted (Bonferroni).
+order counts if noise would hardly explain as much (chi-square of two degrees of freedom), all
+orders and axes that are looked at being counted (Bonferroni).
 
 Fast motion hides ripple, because the window passes none of it. What it does pass is a share of the
 residual variance, and to first order changes the base parameters by
@@ -19,7 +19,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import special
 
 from hil.regression.least_squares import fitted, inverse
 from hil.regression.terms import RIPPLE_ORDERS, place
@@ -27,8 +26,6 @@ from hil.regression.thinned import smoothed_at
 from hil.regression.window import half_window
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from hil.estimation.condensed import Stacked
@@ -42,8 +39,6 @@ ORDERS = np.arange(RIPPLE_ORDERS[-1] + 1, 25)
 """That are looked for: higher ones pass the window only where axes creep."""
 CHANCE = 1e-3
 """Probability of a single false order among all axes."""
-_FEWEST = 5
-"""Measurements of an axis that a test needs."""
 
 
 class UnmodelledRipple(NamedTuple):
@@ -70,11 +65,12 @@ def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
     solution, largest = fit.solution, {}
     for axis in range(robot.n_joints):
         own = [(s, each) for s, stacked in fit.stacked for each in stacked if each.axis == axis]
-        if len(own) < _FEWEST:
+        if not own:
             continue
         columns = [_columns(robot, s, each) for s, each in own]
         residuals = [each.torques[:, 0] - each.X @ solution[place(robot, axis)] for _, each in own]
-        found, a = _orders(columns, residuals, robot.n_joints * len(ORDERS))
+        allowed = CHANCE / (robot.n_joints * len(ORDERS))
+        found, a = _orders(np.concatenate(columns), np.concatenate(residuals), allowed)
         if not found.size:
             continue
         sizes = np.linalg.norm(a, axis=1)
@@ -104,33 +100,14 @@ def _columns(robot: Robot, s: Signals, each: Stacked) -> Array:
     return left
 
 
-def _orders(
-    columns: Sequence[Array], residuals: Sequence[Array], looked_at: int
-) -> tuple[NDArray[np.intp], Array]:
+def _orders(columns: Array, residual: Array, chance: float) -> tuple[NDArray[np.intp], Array]:
     """Orders found on an axis, by their places, and their amplitudes [N m], shape (n, 2)."""
-    both = np.array([Z.T @ r for Z, r in zip(columns, residuals, strict=True)])
-    scores = np.stack([both.real, both.imag], axis=-1)
-    found = np.flatnonzero(_chance(scores) < CHANCE / looked_at)
-    a = np.empty((len(found), 2))
-    for row, k in zip(a, found, strict=True):
-        Z = np.concatenate([each[:, k] for each in columns])
-        row[:] = fitted(np.column_stack([Z.real, Z.imag]), np.concatenate(residuals))
-    return found, a
-
-
-def _chance(scores: Array) -> Array:
-    """Probability of scores that agree as well, shape (n_orders,).
-
-    Parameters
-    ----------
-    scores : ndarray, shape (n_measurements, n_orders, 2)
-    """
-    n, total = len(scores), scores.sum(axis=0)
-    spread = np.einsum("mki,mkj->kij", scores, scores)
-    heard = np.linalg.det(spread) > 0
-    spread[~heard] = np.eye(2)
-    squares = np.einsum("ki,ki->k", total, np.linalg.solve(spread, total[..., np.newaxis])[..., 0])
-    # of scores that agree entirely, n; F has 2 and n - 2 degrees of freedom
-    ratio = squares / np.maximum(n - squares, 1e-12) * (n - 2) / 2
-    chance: Array = np.where(heard, special.fdtrc(2, n - 2, ratio), 1.0)
-    return chance
+    a = np.empty((len(ORDERS), 2))
+    explained = np.empty(len(ORDERS))
+    for k, Z in enumerate(columns.T):
+        both = np.column_stack([Z.real, Z.imag])
+        a[k] = fitted(both, residual)
+        explained[k] = np.sum((both @ a[k]) ** 2)
+    # exp(-x / 2) is the probability of a chi-square above x
+    found = np.flatnonzero(explained > -2 * np.log(chance) * np.mean(residual**2))
+    return found, a[found]

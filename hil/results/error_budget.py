@@ -4,8 +4,8 @@ What a cause does to the base parameters (`hil.estimation.causes`) is carried to
 free motion, which makes all of them comparable. Squares of torques add up: to what the scatter of
 the measurements leaves, that is noise and friction that wanders, come the causes that are not taken
 into account, and those that are, with what ignoring them would do. A cause is named if its share of
-that sum is worth it. Scatter itself is a cause where it is large: then the motion hardly excites
-some parameters.
+that sum is worth it. Scatter itself is a cause where it is large and nothing else explains it: then
+the motion hardly excites some parameters.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
         (c.name, c.axes, c.detail, np.hypot(size(np.outer(c.change, c.change)), part), c.accounted)
         for c, part in zip(estimate.causes, parts, strict=True)
     ]
-    if rest > WEAK:
+    if rest > WEAK and not any(parts):
         detail = f"torques are uncertain by {100 * rest:.2g} %"
         found.append((WEAK_EXCITATION, (), detail, rest, False))
         rest = 0.0

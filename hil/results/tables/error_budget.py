@@ -19,10 +19,9 @@ def error_budget(terms: Sequence[ErrorTerm]) -> Table:
     return Table(
         title="Largest causes of error",
         columns=(
-            Column("cause", folds=True),
+            Column("cause"),
             Column("axes"),
             *figures("torque, %", "share, %"),
-            Column("found", folds=True),
             Column("accounted for"),
         ),
         parts=(Part(tuple(map(_row, terms))),) if terms else (),
@@ -39,6 +38,5 @@ def _row(term: ErrorTerm) -> Row:
         ", ".join(str(axis + 1) for axis in term.axes) or "all",
         significant(100 * term.torque, 2),
         f"{100 * term.share:.0f}",
-        term.detail,
         "yes" if term.accounted else "no",
     )

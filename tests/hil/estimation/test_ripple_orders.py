@@ -1,0 +1,79 @@
+"""Torque ripple of orders that the regression does not hold is found with order and amplitude."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from synthetic import TABLE_3_A, Friction, record
+
+from hil.estimation.ripple_orders import unmodelled_ripple
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.model.robot import parse_robot
+from hil.planning.design.by_counts import design
+
+if TYPE_CHECKING:
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+
+    Prepared = list[tuple[Measurement, Signals]]
+
+SHARE = 0.01
+"""Amplitude over the torque limit."""
+
+
+@pytest.fixture(scope="module")
+def slow_motors(manutec: Robot) -> Robot:
+    """With a tenth of the gear ratios, so that the window passes what the motors do."""
+    text = re.sub(
+        r"gear_ratio: ([\d.]+)", lambda found: f"gear_ratio: {float(found[1]) / 10}", manutec.text
+    )
+    return parse_robot(text, "slow motors")
+
+
+@pytest.fixture(scope="module")
+def prepared(slow_motors: Robot) -> Prepared:
+    plan = design(slow_motors, {"gravity": 24, "inertia": 36, "coupling": 3})
+    rng = np.random.default_rng(4)
+    return [
+        (m, signals(record(slow_motors, m, TABLE_3_A, Friction(), noise=0.0025, rng=rng)))
+        for m in plan.measurements
+    ]
+
+
+def rippled(robot: Robot, s: Signals, order: int) -> Signals:
+    return replace(
+        s, tau=s.tau + SHARE * robot.torque_limit * np.cos(order * robot.gear_ratio * s.q)
+    )
+
+
+def test_its_order_and_amplitude_are_found(slow_motors: Robot, prepared: Prepared) -> None:
+    fit = SimultaneousFit(slow_motors, [(m, rippled(slow_motors, s, 8)) for m, s in prepared])
+    found = unmodelled_ripple(slow_motors, fit)
+    assert set(found.largest) >= {0, 1, 2}  # strokes of the others are shorter than a revolution
+    for axis, (order, amplitude) in found.largest.items():
+        assert order == 8
+        assert amplitude == pytest.approx(SHARE * slow_motors.torque_limit[axis], rel=0.1)
+    assert (found.share[:3] > 0.3).all()
+
+
+def test_what_it_does_to_the_parameters_is_foreseen(slow_motors: Robot, prepared: Prepared) -> None:
+    plain = SimultaneousFit(slow_motors, prepared)
+    fit = SimultaneousFit(slow_motors, [(m, rippled(slow_motors, s, 8)) for m, s in prepared])
+    foreseen = unmodelled_ripple(slow_motors, fit).change
+    happened = fit.solve() - plain.solve()
+    assert np.linalg.norm(happened - foreseen) < 0.3 * np.linalg.norm(happened)
+
+
+@pytest.mark.parametrize("order", [None, 2, 6])
+def test_orders_that_the_regression_holds_are_not_among_them(
+    slow_motors: Robot, prepared: Prepared, order: int | None
+) -> None:
+    if order is not None:
+        prepared = [(m, rippled(slow_motors, s, order)) for m, s in prepared]
+    assert unmodelled_ripple(slow_motors, SimultaneousFit(slow_motors, prepared)).largest == {}
