@@ -78,6 +78,8 @@ class Estimate:
         Friction that grows with the transmitted torque; None where the method knows of none.
     causes : tuple of Cause
         What matters to the estimate, or would if it were not taken into account.
+    noise_covariance : ndarray, shape (n_base, n_base), optional
+        What the covariance would be if the residuals were white noise.
     """
 
     method: str
@@ -94,6 +96,7 @@ class Estimate:
     drive_train: DriveTrain | None = None
     load_friction: LoadFriction | None = None
     causes: tuple[Cause, ...] = ()
+    noise_covariance: Array | None = None
 
     @property
     def standard_error(self) -> Array:

@@ -4,8 +4,9 @@ What a cause does to the base parameters (`hil.estimation.causes`) is carried to
 free motion, which makes all of them comparable. Squares of torques add up: to what the scatter of
 the measurements leaves, that is noise and friction that wanders, come the causes that are not taken
 into account, and those that are, with what ignoring them would do. A cause is named if its share of
-that sum is worth it. Scatter itself is a cause where it is large and nothing else explains it: then
-the motion hardly excites some parameters.
+that sum is worth it. Scatter itself is a cause where it is large and nothing else explains most of
+it: then the motion hardly excites some parameters, or, if noise alone would not make them as
+uncertain, measurements disagree.
 """
 
 from __future__ import annotations
@@ -35,8 +36,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 WEAK_EXCITATION = "weak excitation"
-WEAK = 0.005
-"""Scatter, as share of the torques, from which on the motion excites too little."""
+DISAGREEMENT = "measurements that disagree"
+LARGE = 0.005
+"""Scatter, as share of the torques, from which on it is a cause."""
+OF_NOISE = 0.25
+"""Share of it, in torques, that white noise would make in motion that excites too little."""
 NAMED = 0.1
 """Share of the sum from which on a cause is named."""
 REMEDIES = {
@@ -47,6 +51,8 @@ REMEDIES = {
     RIPPLE: "strokes at higher speeds, whose ripple the window takes away",
     ENCODERS: "encoders of more increments, or longer measurements",
     SLOW_SYNC: "a shorter SYNC period, in drives file and plan alike, or longer measurements",
+    DISAGREEMENT: "a look at what differs between them: a hand that touches something, a machine"
+    " that warms up, a motor that ripples",
     WEAK_EXCITATION: "measurements that move more joints through more of their ranges (hil plan,"
     " hil trajectory plan)",
 }
@@ -104,9 +110,11 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
         (c.name, c.axes, c.detail, np.hypot(size(np.outer(c.change, c.change)), part), c.accounted)
         for c, part in zip(estimate.causes, parts, strict=True)
     ]
-    if rest > WEAK and not any(parts):
-        detail = f"torques are uncertain by {100 * rest:.2g} %"
-        found.append((WEAK_EXCITATION, (), detail, rest, False))
+    if rest > LARGE and rest**2 > sum(part**2 for part in parts):
+        noise = estimate.noise_covariance
+        weak = noise is not None and size(noise) > OF_NOISE * rest
+        name = WEAK_EXCITATION if weak else DISAGREEMENT
+        found.append((name, (), f"torques are uncertain by {100 * rest:.2g} %", rest, False))
         rest = 0.0
     total = rest**2 + sum(torque**2 for *_, torque, _ in found)
     terms = [

@@ -24,12 +24,10 @@ def drive_train(estimate: Estimate) -> Table:
     Marked are compliances and friction of the load that the estimate takes into account.
     """
     return Table(
-        title="Drive trains",
+        title="Drive trains, with standard errors",
         columns=(
             Column("axis"),
-            *figures("torque lag, ms", "std. error"),
-            *figures("compliance, µrad/(N m)", "std. error"),
-            *figures("friction per load, %", "std. error"),
+            *figures("lag, ms", "±", "compliance, µrad/(N m)", "±", "load friction, %", "±"),
         ),
         parts=(Part(tuple(_axes(estimate))),) if estimate.drive_train else (),
     )
