@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.causes import ASYMMETRY
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
@@ -235,7 +236,9 @@ def _drives(robot: Robot) -> Iterator[Advice]:
 
 
 def _offsets(estimate: Estimate) -> Iterator[Advice]:
-    """Half-sums that miss the model by the same amount everywhere."""
+    """Half-sums that miss the model by the same amount everywhere, if that is no cause of error."""
+    if any(cause.name == ASYMMETRY for cause in estimate.causes):
+        return
     found = {}
     gravity = [v for v in estimate.local if v.symbol == "g"]
     for axis in sorted({v.axis for v in gravity}):

@@ -12,7 +12,8 @@ from small_run import as_on_hardware, empty_plots, write_run
 
 from hil import cli
 from hil.errors import NotIdentifiable
-from hil.estimation.estimate import LeftOut, LoadFriction
+from hil.estimation.causes import Cause
+from hil.estimation.estimate import LeftOut
 from hil.estimation.identify import estimates
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
@@ -208,21 +209,20 @@ class TestAdvice:
         as_many = self.advised(folder, found["improved"])
         assert set(self.advised(folder, few)) == set(as_many)
 
-    def test_soft_gears_and_friction_of_the_load_are_to_be_known(self, folder, found):
-        best = found["improved"]
-        train = replace(
-            best.drive_train,
-            compliance=np.full(6, 4e-7),
-            compliance_error=np.full(6, 1e-7),
-            soft=np.array([True, False, True, False, False, False]),
+    def test_causes_of_error_come_first_those_accounted_for_as_notes(self, folder, found):
+        best, none = found["improved"], np.zeros((14, 14))
+        causes = (
+            Cause("coarse encoders", (2,), "much noise", np.zeros(14), 0.9 * best.covariance),
+            Cause("soft gears", (0, 2), "compliances", 0.02 * best.p, none, accounted=True),
         )
-        load = LoadFriction(np.array([0.0, 0.05, 0, 0, 0, 0]), np.full(6, 0.001))
-        items = self.advised(folder, replace(best, drive_train=train, load_friction=load))
-        soft, loaded = items["axis 1, axis 3"], items["axis 2"]
-        assert "give way by 0.4 +- 0.1, 0.4 +- 0.1 µrad per N m" in soft.what
-        assert "friction grows with the transmitted torque, by 5 % of it" in loaded.what
-        assert not soft.urgent
-        assert not loaded.urgent
+        items = self.advised(folder, replace(best, causes=causes))
+        assert next(iter(items)) == "axis 1, axis 3"
+        gears = items["axis 1, axis 3"]
+        assert re.fullmatch(r"soft gears: compliances; ignored, \d+ % of the error", gears.what)
+        assert not gears.urgent
+        alone = self.advised(folder, replace(best, causes=causes[:1]))["axis 3"]
+        assert re.fullmatch(r"coarse encoders: much noise; \d+ % of the error", alone.what)
+        assert alone.urgent
 
     def test_a_measurement_that_scatters_stands_out(self, folder, found):
         local = found["improved"].local
@@ -259,7 +259,7 @@ class TestAdvice:
         assert "−0.97" in items["p1, p2"].what
 
     def test_friction_that_differs_by_direction_is_to_be_known(self, folder, found):
-        items = self.advised(folder, found["improved"])
+        items = self.advised(folder, replace(found["improved"], causes=()))
         (subject,) = [s for s in items if s.startswith("axis 2")]
         assert "−2.0" in items[subject].what
         assert not items[subject].urgent
