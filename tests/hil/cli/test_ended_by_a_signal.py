@@ -96,7 +96,10 @@ class Terminal:
     def read(self) -> None:
         """Take what is shown, so that the program can go on."""
         while select.select([self.master], [], [], 0.005)[0]:
-            self.shown += os.read(self.master, 4096)
+            try:
+                self.shown += os.read(self.master, 4096)
+            except OSError as error:  # the program has ended
+                raise AssertionError(self.shown.decode()) from error
 
     def await_text(self, text: bytes) -> None:
         while text not in self.shown:
