@@ -27,7 +27,7 @@ demo: $(RUNTIME)
 	@sh examples/demo.sh $(BIN)/hil
 
 test: lint
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist loadfile  # a fixture of a file is made once
 
 # by itself, because it doubles the time of the tests
 coverage: $(DEV)

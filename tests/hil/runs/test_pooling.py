@@ -120,7 +120,7 @@ def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
         ((), "give a robot, or a run with --refine"),
         (("manutec-r15", "--minutes", "20", "--gravity", "9"), "leave them out with"),
         (("manutec-r15", "--refine", "runs/x"), "one of the two"),
-        (("--refine", "runs/x", "--with-trajectories"), "chooses among strokes"),
+        (("--refine", "runs/x", "--with-trajectories"), "--with-trajectories does not go with"),
         (("manutec-r15", "--with-trajectories"), "--with-trajectories needs --minutes"),
         (("--refine", "runs/x", "--warm-up", "60"), "--refine takes workspace and noise from the"),
         (("manutec-r15", "--noise-from", "runs/x"), "a plan by counts uses no noise"),
