@@ -26,12 +26,13 @@ help:
 demo: $(RUNTIME)
 	@sh examples/demo.sh $(BIN)/hil
 
+# the tests of a file share a worker, and so what is made once for all of them
 test: lint
-	$(BIN)/pytest -n auto --dist loadfile  # a fixture of a file is made once
+	$(BIN)/pytest -n auto --dist loadfile
 
 # by itself, because it doubles the time of the tests
 coverage: $(DEV)
-	$(BIN)/pytest -n auto --cov --cov-report=
+	$(BIN)/pytest -n auto --dist loadfile --cov --cov-report=
 	@for package in checked_files hil drivers sim_plant; do \
 		echo "lines covered of $$package: $$($(BIN)/coverage report --include="$$package/*" --format=total) %"; \
 	done
