@@ -23,6 +23,8 @@ def main() -> None:
     """Entry point of ``hil`` and ``python -m hil``."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, _leave)
+    # matrices are small here: threads would wait for one another, at a third more processor time
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from hil.cli import main as command_line  # noqa: PLC0415 - takes a while, see above
 
