@@ -66,7 +66,7 @@ def wake(place: Place) -> None:
 
 
 def slow_drives(period: float) -> DrivesFile:
-    """The plant's drives with a SYNC period and a heartbeat that a slow machine keeps [s]."""
+    """The plant's drives with a SYNC period that a slow machine keeps [s]."""
     return load_drives(DRIVES).model_copy(
-        update={"sync_period": period, "heartbeat_timeout": 5.0, "sdo_timeout": 5.0}
+        update={"sync_period": period, "heartbeat_timeout": 2.0, "sdo_timeout": 5.0}
     )
