@@ -40,20 +40,14 @@ import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, rms
 
 from hil.cli.robot_drives import packaged_drives
-from hil.estimation.causes import (
-    ASYMMETRY,
-    ENCODERS,
-    LOAD_FRICTION,
-    SLOW_SYNC,
-    SOFT_GEARS,
-)
+from hil.estimation.causes import CauseName
 from hil.estimation.cramer_rao import cramer_rao
 from hil.estimation.identify import TWO_STEP_METHODS, estimates
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
 from hil.results.diagnosis import diagnose, evidence_for
-from hil.results.error_budget import DISAGREEMENT, WEAK_EXCITATION, error_budget
+from hil.results.error_budget import error_budget
 from hil.results.payload import find_payload
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -97,7 +91,7 @@ class Case:
         What differs from it in every seed.
     targets : dict
         Relative errors of the improved method, rms over seeds [%].
-    cause : str, optional
+    cause : CauseName, optional
         To be named first; by default nothing is to be named.
     """
 
@@ -107,7 +101,7 @@ class Case:
     targets: dict[str, float] = field(default_factory=dict)
     sync: float | None = None
     increments: int | None = None
-    cause: str | None = None
+    cause: CauseName | None = None
 
 
 PLANS = {
@@ -124,21 +118,21 @@ CASES = {
     "still": Case(change=SCENARIOS["off"]),
     "lag": Case(targets={"diagonal": 0.1}),
     "bodies": Case(plant=f"{ROBOT}-bodies", targets={"diagonal": 0.1}),
-    "load": Case(change=SCENARIOS["load"], targets={"torque": 0.1}, cause=LOAD_FRICTION),
+    "load": Case(change=SCENARIOS["load"], targets={"torque": 0.1}, cause=CauseName.LOAD_FRICTION),
     "load-10": Case(
         change=Scenario("10 % of load as friction", {"drift": True}, {"load": 0.1}),
         targets={"torque": 0.1},
-        cause=LOAD_FRICTION,
+        cause=CauseName.LOAD_FRICTION,
     ),
     "strong": Case(change=SCENARIOS["strong"], targets={"torque": 0.15}),
-    "gears": Case(targets={"torque": 0.12}, cause=SOFT_GEARS),
-    "sync-8": Case(sync=0.008, targets={"torque": 0.12}, cause=SLOW_SYNC),
-    "sync-12": Case(sync=0.012, targets={"torque": 0.12}, cause=SLOW_SYNC),
-    "encoder": Case(increments=1024, targets={"torque": 0.12}, cause=ENCODERS),
+    "gears": Case(targets={"torque": 0.12}, cause=CauseName.SOFT_GEARS),
+    "sync-8": Case(sync=0.008, targets={"torque": 0.12}, cause=CauseName.SLOW_SYNC),
+    "sync-12": Case(sync=0.012, targets={"torque": 0.12}, cause=CauseName.SLOW_SYNC),
+    "encoder": Case(increments=1024, targets={"torque": 0.12}, cause=CauseName.ENCODERS),
     "ten": Case(plan="ten", targets={"diagonal": 0.015, "torque": 0.05}),
-    "asymmetry": Case(cause=ASYMMETRY),
-    "ripple": Case(cause=DISAGREEMENT),
-    "weak": Case(plan="weak", cause=WEAK_EXCITATION),
+    "asymmetry": Case(cause=CauseName.ASYMMETRY),
+    "ripple": Case(cause=CauseName.RIPPLE),
+    "weak": Case(plan="weak", cause=CauseName.WEAK_EXCITATION),
     "payload": Case(
         change=Scenario(
             "a load",

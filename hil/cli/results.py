@@ -51,7 +51,7 @@ def identify(
     show(symmetry(of_local_values(found.local)), out)
     show(error_budget(found.error_budget), out)
     for term in found.error_budget:
-        show_sentence(f"{term.cause}: {term.detail}", out)
+        show_sentence(f"{term.cause}: {term.found}", out)
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"

@@ -14,6 +14,7 @@ Only what is significant counts as a cause. What each means in torques is for
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from math import comb
 from typing import TYPE_CHECKING
 
@@ -25,8 +26,7 @@ from hil.estimation.signals import SECOND
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.dynamics import mass_matrix
 from hil.model.motors import motor_inertia
-from hil.regression.least_squares import inverse
-from hil.regression.terms import ASYMMETRIC, place, usable
+from hil.regression.terms import ASYMMETRIC, usable
 from hil.regression.window import HALF_WIDTH, weights
 
 if TYPE_CHECKING:
@@ -43,13 +43,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMeasurement, Signals]]
 
-SOFT_GEARS = "soft gears"
-LOAD_FRICTION = "friction of the load"
-ASYMMETRY = "friction that differs by direction"
-RIPPLE = "torque ripple of further orders"
-ENCODERS = "coarse encoders"
-SLOW_SYNC = "slow SYNC"
-
 CERTAIN = 5.0
 """Compliance or friction of the load over its standard error from which on it counts."""
 ORDINARY = 0.01
@@ -59,8 +52,22 @@ COARSE = 0.9
 FEWEST_IN_WINDOW = 4.0
 """Samples on either side of the window's middle below which SYNC counts as slow."""
 _EVERY = 100
+"""Samples from one at which inertias are looked at to the next."""
 _ORDER = 8
 """Of differences."""
+
+
+class CauseName(StrEnum):
+    """What may spoil a result; the last two are named where nothing else explains its scatter."""
+
+    SOFT_GEARS = "soft gears"
+    LOAD_FRICTION = "friction of the load"
+    ASYMMETRY = "friction that differs by direction"
+    RIPPLE = "torque ripple of further orders"
+    ENCODERS = "coarse encoders"
+    SLOW_SYNC = "slow SYNC"
+    WEAK_EXCITATION = "weak excitation"
+    DISAGREEMENT = "measurements that disagree"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +76,7 @@ class Cause:
 
     Attributes
     ----------
-    name : str
+    name : CauseName
     axes : tuple of int
         From 0; none where it concerns all.
     detail : str
@@ -83,7 +90,7 @@ class Cause:
         Whether the estimate takes it into account.
     """
 
-    name: str
+    name: CauseName
     axes: tuple[int, ...]
     detail: str
     change: Array
@@ -141,7 +148,7 @@ def _soft_gears(
         for axis in soft
     )
     detail = f"compliances of {each} µrad/(N m)"
-    yield _accounted(SOFT_GEARS, soft, detail, ignored.solve() - fit.solve())
+    yield _accounted(CauseName.SOFT_GEARS, soft, detail, ignored.solve() - fit.solve())
 
 
 def _load_friction(fit: SimultaneousFit, ignored: Array) -> Iterator[Cause]:
@@ -150,7 +157,7 @@ def _load_friction(fit: SimultaneousFit, ignored: Array) -> Iterator[Cause]:
     if axes.size:
         each = ", ".join(f"{100 * mu[axis]:.2g} ± {100 * error[axis]:.1g}" for axis in axes)
         detail = f"{each} % of the transmitted torque"
-        yield _accounted(LOAD_FRICTION, axes, detail, ignored - fit.solve())
+        yield _accounted(CauseName.LOAD_FRICTION, axes, detail, ignored - fit.solve())
 
 
 def _asymmetry(fit: SimultaneousFit, local: Sequence[LocalValue]) -> Iterator[Cause]:
@@ -159,10 +166,10 @@ def _asymmetry(fit: SimultaneousFit, local: Sequence[LocalValue]) -> Iterator[Ca
         each = ", ".join(f"{100 * test.asymmetry:.2g}" for test in failed)
         axes, ignored = [test.axis for test in failed], fit.without_terms(ASYMMETRIC)
         detail = f"{each} % of it, or offsets of the current"
-        yield _accounted(ASYMMETRY, axes, detail, ignored - fit.solve())
+        yield _accounted(CauseName.ASYMMETRY, axes, detail, ignored - fit.solve())
 
 
-def _accounted(name: str, axes: Iterable[int], detail: str, change: Array) -> Cause:
+def _accounted(name: CauseName, axes: Iterable[int], detail: str, change: Array) -> Cause:
     n = len(change)
     return Cause(name, tuple(map(int, axes)), detail, change, np.zeros((n, n)), accounted=True)
 
@@ -171,8 +178,9 @@ def _ripple(robot: Robot, fit: SimultaneousFit, covariance: Array) -> Iterator[C
     found = unmodelled_ripple(robot, fit)
     if found.largest:
         each = ", ".join(f"{order} with {a:.2g} N m" for order, a in found.largest.values())
-        part = _part(robot, fit, found.share, covariance)
-        yield Cause(RIPPLE, tuple(found.largest), f"largest are {each}", found.change, part)
+        part = _part(fit, found.share, covariance)
+        axes, detail = tuple(found.largest), f"largest are {each}"
+        yield Cause(CauseName.RIPPLE, axes, detail, found.change, part)
 
 
 def _encoders(
@@ -181,21 +189,17 @@ def _encoders(
     share = np.clip(_encoder_noise(robot, raw, fit.solve()) * fit.weight, 0.0, 1.0)
     axes = np.flatnonzero(share > COARSE)
     if axes.size:
-        detail = "accelerations are noisier than what the fit leaves"
-        part = _part(robot, fit, share, covariance)
-        yield Cause(ENCODERS, tuple(axes.tolist()), detail, np.zeros(fit.n_base), part)
+        found, detail = tuple(axes.tolist()), "accelerations are noisier than what the fit leaves"
+        part = _part(fit, share, covariance)
+        yield Cause(CauseName.ENCODERS, found, detail, np.zeros(fit.n_base), part)
 
 
-def _part(robot: Robot, fit: SimultaneousFit, share: Array, covariance: Array) -> Array:
+def _part(fit: SimultaneousFit, share: Array, covariance: Array) -> Array:
     """Part of `covariance` that is due to a share of each axis's residual variance."""
-    n, total = fit.n_base, fit.information
-    G, due = inverse(total)[:n], np.zeros_like(total)
-    for item in (item for items in fit.items for item in items):
-        at = place(robot, item.axis)
-        due[np.ix_(at, at)] += share[item.axis] * fit.weight[item.axis] * item.information
-    white = np.diag(G[:, :n])
+    G = fit.noise_covariance[: fit.n_base]
+    white = np.diag(G)
     scale = np.sqrt(np.diag(covariance) / np.where(white > 0, white, np.inf))
-    part: Array = (G @ due @ G.T) * np.outer(scale, scale)
+    part: Array = (G @ fit.information_of(share) @ G.T) * np.outer(scale, scale)
     return part
 
 
@@ -229,4 +233,6 @@ def _slow_sync(raw: Prepared, covariance: Array) -> Iterator[Cause]:
     if period > enough * (1 + 1e-9):
         detail = f"{1e3 * period:g} ms where {1e3 * enough:g} ms would do"
         n = len(covariance)
-        yield Cause(SLOW_SYNC, (), detail, np.zeros(n), (1.0 - enough / period) * covariance)
+        yield Cause(
+            CauseName.SLOW_SYNC, (), detail, np.zeros(n), (1.0 - enough / period) * covariance
+        )

@@ -29,7 +29,7 @@ import numpy as np
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
 from hil.estimation.causes import find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
-from hil.estimation.drive_train import find_drive_train
+from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import signals
@@ -38,7 +38,7 @@ from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
-from hil.regression.least_squares import inverse, undetermined
+from hil.regression.least_squares import undetermined
 from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
         causes=find_causes(
             robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
         ),
-        noise_covariance=inverse(solver.information)[: len(p), : len(p)],
+        noise_covariance=solver.noise_covariance[: len(p), : len(p)],
     )
 
 

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.regression.least_squares import fitted, inverse
-from hil.regression.terms import RIPPLE_ORDERS, place
+from hil.regression.least_squares import fitted, orthonormal
+from hil.regression.terms import RIPPLE_ORDERS, multiples, place
 from hil.regression.thinned import smoothed_at
 from hil.regression.window import half_window
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-ORDERS = np.arange(RIPPLE_ORDERS[-1] + 1, 25)
+ORDERS = range(RIPPLE_ORDERS[-1] + 1, 25)
 """That are looked for: higher ones pass the window only where axes creep."""
 CHANCE = 1e-3
 """Probability of a single false order among all axes."""
@@ -74,29 +74,24 @@ def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
         if not found.size:
             continue
         sizes = np.linalg.norm(a, axis=1)
-        largest[axis] = int(ORDERS[found[sizes.argmax()]]), float(sizes.max())
+        largest[axis] = ORDERS[found[sizes.argmax()]], float(sizes.max())
         ripple = [Z[:, found].real @ a[:, 0] + Z[:, found].imag @ a[:, 1] for Z in columns]
         used = sum(len(r) for r in ripple)
         share[axis] = min(1.0, fit.weight[axis] * sum(r @ r for r in ripple) / used)
         side[place(robot, axis)] += fit.weight[axis] * sum(
             each.each * each.X.T @ r for (_, each), r in zip(own, ripple, strict=True)
         )
-    return UnmodelledRipple(largest, share, (inverse(fit.information) @ side)[: fit.n_base])
+    return UnmodelledRipple(largest, share, (fit.noise_covariance @ side)[: fit.n_base])
 
 
-def _columns(robot: Robot, s: Signals, each: Stacked) -> Array:
+def _columns(robot: Robot, s: Signals, each: Stacked) -> NDArray[np.complex128]:
     """Z of one measurement, shape (n, n_orders): cosines, and sines as imaginary parts."""
     reach = half_window(s.period)
     own = slice(each.index[0] - reach, each.index[-1] + reach + 1)
     angle = robot.gear_ratio[each.axis] * s.q[own, each.axis]
-    once = np.exp(1j * angle)
-    powers = np.empty((len(once), len(ORDERS)), complex)
-    powers[:, 0] = once ** ORDERS[0]
-    for k in range(1, len(ORDERS)):
-        np.multiply(powers[:, k - 1], once, out=powers[:, k])
-    columns = smoothed_at(each.index - own.start, powers, s.period)
-    free = np.linalg.qr(each.friction / np.linalg.norm(each.friction, axis=0).clip(1e-300))[0]
-    left: Array = columns - free @ (free.T @ columns)
+    columns = smoothed_at(each.index - own.start, multiples(angle, ORDERS).T, s.period)
+    free, _ = orthonormal(each.friction)
+    left: NDArray[np.complex128] = columns - free @ (free.T @ columns)
     return left
 
 

@@ -125,6 +125,11 @@ class SimultaneousFit:
         return self._sum[0]
 
     @property
+    def noise_covariance(self) -> Array:
+        """Covariance of all unknowns if the residuals were white noise."""
+        return inverse(self.information)
+
+    @property
     def solution(self) -> Array:
         """All unknowns: base parameters and, axis by axis, the common terms."""
         return solved(*self._sum)
@@ -145,6 +150,10 @@ class SimultaneousFit:
             vector = vector - self._shares[without][1]
         return solved(information, vector)[: self._n_base]
 
+    def information_of(self, share: Array) -> Array:
+        """Information of all measurements with each axis's times `share`, shape (n_joints,)."""
+        return self._added_up(self._axes(), share * self._weight)[0]
+
     def undetermined(self) -> NDArray[np.bool_]:
         """Base parameters that all measurements together leave open, shape (n_base,)."""
         N, n = self._sum[0], self._n_base
@@ -153,8 +162,8 @@ class SimultaneousFit:
 
     def _load_friction(self) -> LoadFriction:
         """Mu of every axis, with its standard error from the measurements' scores."""
-        information, vector = self._sum
-        root = inverse(information)
+        vector = self._sum[1]
+        root = self.noise_covariance
         places = [place(self._robot, axis)[self._n_base + LOAD] for axis in range(self._n_joints)]
         x = root @ vector
         scores = np.array([v - N @ x for N, v in self._shares])
@@ -191,14 +200,16 @@ class SimultaneousFit:
             found.append(Condensed(axis, product, sum(item.n for item in own)))
         return found
 
-    def _added_up(self, items: Sequence[Condensed]) -> tuple[Array, Array]:
-        """Weighted information and vector of `items`, over all unknowns."""
-        n = n_unknowns(self._robot)
+    def _added_up(
+        self, items: Sequence[Condensed], weight: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Information and vector of `items`, over all unknowns; weighted as the fit is."""
+        n, weight = n_unknowns(self._robot), self._weight if weight is None else weight
         information, vector = np.zeros((n, n)), np.zeros(n)
         for item in items:
-            at, weight = place(self._robot, item.axis), self._weight[item.axis]
-            information[np.ix_(at, at)] += weight * item.information
-            vector[at] += weight * item.vector
+            at = place(self._robot, item.axis)
+            information[np.ix_(at, at)] += weight[item.axis] * item.information
+            vector[at] += weight[item.axis] * item.vector
         return information, vector
 
     def _residual_variance(self, axes: Sequence[Condensed], solution: Array) -> Array:

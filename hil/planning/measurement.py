@@ -208,14 +208,14 @@ class ElementKind(Kind):
 
 _TABLE = (
     ElementKind(
-        Gravity, GRAVITY, "g", 64, "g", "torque", "N m", pair=False, colour="#1f5fa8", marker="o",
+        Gravity, GRAVITY, "g", 56, "g", "torque", "N m", pair=False, colour="#1f5fa8", marker="o",
         elements="gravity torques",
         figure="the paper's Fig. 5",
         caption="Gravity torques (the paper's Fig. 5): half-sums of both directions at constant"
         " velocity, eq. (14), against g(q) of the model.",
     ),
     ElementKind(
-        Inertia, DIAGONAL, "i", 92, "M", "inertia", "kg m²", pair=False, colour="#d9730d",
+        Inertia, DIAGONAL, "i", 80, "M", "inertia", "kg m²", pair=False, colour="#d9730d",
         marker="s",
         elements="moments of inertia",
         figure="Fig. 6",
@@ -223,7 +223,7 @@ _TABLE = (
         " inertias and gravity compensated, against the model.",
     ),
     ElementKind(
-        Coupling, OFF_DIAGONAL, "c", 9, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
+        Coupling, OFF_DIAGONAL, "c", 15, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
         marker="^",
         elements="coupling inertias",
         figure="",

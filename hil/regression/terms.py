@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
 
-RIPPLE_ORDERS = (1, 2, 3, 4, 5, 6)
+RIPPLE_ORDERS = range(1, 7)
 """Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
 ASYMMETRIC = (0, 1)
 """Places of the columns of G by which friction differs by direction."""
@@ -144,8 +144,16 @@ def n_unknowns(robot: Robot) -> int:
     return len(base_parameters(robot)) + robot.n_joints * N_COMMON
 
 
+def multiples(angle: Array, orders: range) -> NDArray[np.complex128]:
+    """exp(j n angle) of successive orders n, shape (n_orders, n): cosines and sines."""
+    once = np.exp(1j * angle)
+    factors = np.tile(once, (len(orders), 1))
+    factors[0] = once ** orders[0]
+    return np.cumprod(factors, axis=0)
+
+
 def _common(angle: Array, v: Array) -> Array:
-    ripple = np.cumprod(np.tile(np.exp(1j * angle), (len(RIPPLE_ORDERS), 1)), axis=0)
+    ripple = multiples(angle, RIPPLE_ORDERS)
     columns = np.zeros((N_COMMON, len(v)))
     columns[0], columns[1] = 1.0, np.abs(v)
     columns[2:LOAD] = *ripple.real, *ripple.imag

@@ -7,7 +7,7 @@ nothing in between. Means are taken there alone, which is a product with a matri
 from __future__ import annotations
 
 from functools import reduce
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from scipy import sparse
@@ -17,10 +17,12 @@ from hil.regression.window import weights
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+Number = TypeVar("Number", np.float64, np.complex128)
 
 
-def smoothed_at(index: NDArray[np.intp], x: Array, period: float, passes: int = 1) -> Array:
+def smoothed_at(
+    index: NDArray[np.intp], x: NDArray[Number], period: float, passes: int = 1
+) -> NDArray[Number]:
     """Weighted means over the window at the samples `index` of `x`.
 
     Parameters

@@ -112,15 +112,17 @@ def identified(run: ReportedRun) -> IdentifiedRun:
     with named(run.source):
         found = estimates(run.robot, run.recordings)
     best = found["improved"]
-    prediction = predict(best, run.robot)
+    prediction, model = predict(best, run.robot), model_of(run.source, best)
     return IdentifiedRun(
         source=run.source,
         campaign=run.campaign,
         recordings=run.recordings,
         friction=run.friction,
         estimate=best,
-        model=model_of(run.source, best),
+        model=model,
         check=model_of(run.source, found["printed"]),
         prediction=prediction,
-        advice=advice(best, prediction, run.robot, run.source.plan, run.campaign),
+        advice=advice(
+            best, prediction, model.error_budget, run.robot, run.source.plan, run.campaign
+        ),
     )

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.causes import ASYMMETRY
+from hil.estimation.causes import CauseName
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
 from hil.regression.least_squares import inverse
-from hil.results.error_budget import error_budget
 from hil.results.rounding import signed
 from hil.results.tables.cells import unit
 
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.results.error_budget import ErrorTerm
     from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
 
@@ -76,6 +76,7 @@ class Advice:
 def advice(
     estimate: Estimate,
     prediction: Prediction,
+    budget: Sequence[ErrorTerm],
     robot: Robot,
     plan: Plan,
     campaign: Sequence[Measured],
@@ -85,7 +86,7 @@ def advice(
     Weak parameters are those whose uncertainty shows in the torques of a free motion.
     """
     return (
-        *_causes(estimate, robot),
+        *_causes(budget),
         *_campaign(estimate, plan, campaign),
         *_outliers(estimate),
         *_misfit(estimate, robot),
@@ -114,19 +115,20 @@ def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> I
         )
 
 
-def _causes(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+def _causes(budget: Sequence[ErrorTerm]) -> Iterator[Advice]:
     """Causes of error, the largest first; those taken into account are notes."""
-    for term in error_budget(estimate, robot):
+    for term in budget:
         if term.accounted:
-            what = f"{term.cause}: {term.detail}; ignored, {100 * term.share:.0f} % of the error"
+            what = f"{term.cause}: {term.found}; ignored, {100 * term.share:.0f} % of the error"
         else:
-            what = f"{term.cause}: {term.detail}; {100 * term.share:.0f} % of the error"
+            what = f"{term.cause}: {term.found}; {100 * term.share:.0f} % of the error"
         subject = _axes(term.axes) if term.axes else "all axes"
         yield Advice(subject, what, term.remedy, urgent=not term.accounted)
 
 
 def _axes(axes: Sequence[int]) -> str:
-    return _listed([f"axis {axis + 1}" for axis in axes])
+    """Name axes, counted from 1."""
+    return _listed([f"axis {axis}" for axis in axes])
 
 
 def _outliers(estimate: Estimate) -> Iterator[Advice]:
@@ -152,7 +154,7 @@ def _misfit(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     if axes.size:
         left = ", ".join(f"{100 * share[axis]:.1f} %" for axis in axes)
         yield Advice(
-            _axes(axes.tolist()),
+            _axes((axes + 1).tolist()),
             f"local models leave {left} of the torque limit: something is not modelled, and neither"
             " standard errors nor hil diagnose know of it",
             "look in recordings for torques that ring after the corners of a motion, and for"
@@ -237,7 +239,7 @@ def _drives(robot: Robot) -> Iterator[Advice]:
 
 def _offsets(estimate: Estimate) -> Iterator[Advice]:
     """Half-sums that miss the model by the same amount everywhere, if that is no cause of error."""
-    if any(cause.name == ASYMMETRY for cause in estimate.causes):
+    if any(cause.name == CauseName.ASYMMETRY for cause in estimate.causes):
         return
     found = {}
     gravity = [v for v in estimate.local if v.symbol == "g"]

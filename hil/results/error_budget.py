@@ -11,21 +11,13 @@ uncertain, measurements disagree.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.causes import (
-    ASYMMETRY,
-    ENCODERS,
-    LOAD_FRICTION,
-    RIPPLE,
-    SLOW_SYNC,
-    SOFT_GEARS,
-)
-from hil.model.dynamics import regressor
-from hil.results.validation_motion import free_motion
+from checked_files.yaml_file import FileModel
+from hil.estimation.causes import Cause, CauseName
+from hil.results.prediction import FreeTorques
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,8 +27,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-WEAK_EXCITATION = "weak excitation"
-DISAGREEMENT = "measurements that disagree"
 LARGE = 0.005
 """Scatter, as share of the torques, from which on it is a cause."""
 OF_NOISE = 0.25
@@ -44,31 +34,31 @@ OF_NOISE = 0.25
 NAMED = 0.1
 """Share of the sum from which on a cause is named."""
 REMEDIES = {
-    SOFT_GEARS: "nothing: links are placed where the gears let them be; a simulator or a"
+    CauseName.SOFT_GEARS: "nothing: links are placed where the gears let them be; a simulator or a"
     " feed-forward needs the compliances too",
-    LOAD_FRICTION: "nothing: it is fitted; methods without it find other parameters",
-    ASYMMETRY: "nothing: it is fitted; it shifts what the printed method finds",
-    RIPPLE: "strokes at higher speeds, whose ripple the window takes away",
-    ENCODERS: "encoders of more increments, or longer measurements",
-    SLOW_SYNC: "a shorter SYNC period, in drives file and plan alike, or longer measurements",
-    DISAGREEMENT: "a look at what differs between them: a hand that touches something, a machine"
-    " that warms up, a motor that ripples",
-    WEAK_EXCITATION: "measurements that move more joints through more of their ranges (hil plan,"
-    " hil trajectory plan)",
+    CauseName.LOAD_FRICTION: "nothing: it is fitted; methods without it find other parameters",
+    CauseName.ASYMMETRY: "nothing: it is fitted; it shifts what the printed method finds",
+    CauseName.RIPPLE: "strokes at higher speeds, whose ripple the window takes away",
+    CauseName.ENCODERS: "encoders of more increments, or longer measurements",
+    CauseName.SLOW_SYNC: "a shorter SYNC period, in drives file and plan alike, or longer"
+    " measurements",
+    CauseName.WEAK_EXCITATION: "measurements that move more joints through more of their ranges"
+    " (hil plan, hil trajectory plan)",
+    CauseName.DISAGREEMENT: "a look at what differs between them: a hand that touches something, a"
+    " machine that warms up, a motor that ripples",
 }
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorTerm:
-    """One cause of error.
+class ErrorTerm(FileModel):
+    """One cause of error, as `model.yaml` states it.
 
     Attributes
     ----------
-    cause : str
+    cause : CauseName
     axes : tuple of int
-        From 0; none where it concerns all.
-    detail : str
-        What was found.
+        From 1; none where it concerns all.
+    found : str
+        What was found, with its figure.
     torque : float
         Error of the torques on a free motion, mean over joints of its root mean square over that of
         the torque; if the cause is accounted for, the error without that.
@@ -78,9 +68,9 @@ class ErrorTerm:
         Whether the estimate takes it into account.
     """
 
-    cause: str
+    cause: CauseName
     axes: tuple[int, ...]
-    detail: str
+    found: str
     torque: float
     share: float
     accounted: bool
@@ -92,33 +82,44 @@ class ErrorTerm:
 
 
 def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
-    """Name the causes that matter, the largest first; none where all is noise."""
-    motion = free_motion(robot)
-    A = regressor(robot, motion.q, motion.qd, motion.qdd)
-    rms = np.sqrt(np.mean((A @ estimate.p) ** 2, axis=0))
-    moved = rms > 0
+    """Name the causes that matter, the largest first.
 
-    def size(square: Array) -> float:
-        """Mean over joints; `square` is a change of p times itself, or a covariance."""
-        variance = np.einsum("njk,kl,njl->j", A, square, A, optimize=True) / len(A)
-        return float(np.mean(np.sqrt(np.maximum(variance, 0.0))[moved] / rms[moved]))
+    None where all is noise, and for methods that look for no causes.
+    """
+    if estimate.noise_covariance is None:
+        return ()
+    free = FreeTorques(robot)
+    rms = free.rms(estimate.p)
 
-    scatter = size(estimate.covariance)
-    parts = [size(cause.covariance) for cause in estimate.causes]
-    rest = np.sqrt(max(0.0, scatter**2 - sum(part**2 for part in parts)))
-    found = [
-        (c.name, c.axes, c.detail, np.hypot(size(np.outer(c.change, c.change)), part), c.accounted)
-        for c, part in zip(estimate.causes, parts, strict=True)
+    def relative(torques: Array) -> float:
+        return float(np.mean(torques[rms > 0] / rms[rms > 0]))
+
+    def scatter(covariance: Array) -> float:
+        return relative(free.standard_error(covariance))
+
+    causes = list(estimate.causes)
+    explained = [scatter(cause.covariance) for cause in causes]
+    torques = [
+        float(np.hypot(relative(free.rms(cause.change)), own))
+        for cause, own in zip(causes, explained, strict=True)
     ]
-    if rest > LARGE and rest**2 > sum(part**2 for part in parts):
-        noise = estimate.noise_covariance
-        weak = noise is not None and size(noise) > OF_NOISE * rest
-        name = WEAK_EXCITATION if weak else DISAGREEMENT
-        found.append((name, (), f"torques are uncertain by {100 * rest:.2g} %", rest, False))
+    square = sum(own**2 for own in explained)
+    rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
+    if rest > LARGE and rest**2 > square:
+        weak = scatter(estimate.noise_covariance) > OF_NOISE * rest
+        name = CauseName.WEAK_EXCITATION if weak else CauseName.DISAGREEMENT
+        none = np.zeros_like(estimate.p)
+        detail = f"torques are uncertain by {100 * rest:.2g} %"
+        causes.append(Cause(name, (), detail, none, estimate.covariance))
+        torques.append(rest)
         rest = 0.0
-    total = rest**2 + sum(torque**2 for *_, torque, _ in found)
+    total = rest**2 + sum(torque**2 for torque in torques)
     terms = [
-        ErrorTerm(name, axes, detail, float(torque), float(torque**2 / total), accounted)
-        for name, axes, detail, torque, accounted in found
-    ]
-    return tuple(sorted((t for t in terms if t.share > NAMED), key=lambda t: -t.share))
+        ErrorTerm(
+            cause=cause.name, axes=tuple(axis + 1 for axis in cause.axes), found=cause.detail,
+            torque=torque, share=torque**2 / total, accounted=cause.accounted,
+        )
+        for cause, torque in zip(causes, torques, strict=True)
+        if torque**2 > NAMED * total
+    ]  # fmt: skip
+    return tuple(sorted(terms, key=lambda term: -term.share))

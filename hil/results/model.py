@@ -101,7 +101,7 @@ class Model:
             residual=np.array([np.nan if r is None else r for r in kept.residual]),
             condition=kept.condition,
             provenance=kept.provenance,
-            error_budget=tuple(term.read() for term in kept.error_budget),
+            error_budget=kept.error_budget,
         )
 
     def save(self, path: Path | str) -> None:

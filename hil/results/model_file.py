@@ -69,31 +69,6 @@ class Provenance(FileModel):
     version: str
 
 
-class CauseOfError(FileModel):
-    """One term of the error budget, see `hil.results.error_budget`; axes count from 1."""
-
-    cause: str
-    axes: tuple[int, ...]
-    found: str
-    torque: float
-    share: float
-    accounted: bool
-
-    @classmethod
-    def of(cls, term: ErrorTerm) -> CauseOfError:
-        """What the file says of a term."""
-        axes = tuple(axis + 1 for axis in term.axes)
-        return cls(
-            cause=term.cause, axes=axes, found=term.detail, torque=term.torque,
-            share=term.share, accounted=term.accounted,
-        )  # fmt: skip
-
-    def read(self) -> ErrorTerm:
-        """The term."""
-        axes = tuple(axis - 1 for axis in self.axes)
-        return ErrorTerm(self.cause, axes, self.found, self.torque, self.share, self.accounted)
-
-
 class ModelFile(FileModel):
     """Content of `model.yaml`.
 
@@ -109,7 +84,7 @@ class ModelFile(FileModel):
         Root mean square of what the method's models leave of each axis's torque [N m].
     condition : dict
         Condition number of each group's observation matrix, or of all parameters' (``all``).
-    error_budget : tuple of CauseOfError
+    error_budget : tuple of ErrorTerm
         The largest first.
     robot_file : str, optional
         The robot file, verbatim.
@@ -123,7 +98,7 @@ class ModelFile(FileModel):
     degrees_of_freedom: tuple[float, ...] | None = None
     residual: tuple[float | None, ...]
     condition: dict[str, float]
-    error_budget: tuple[CauseOfError, ...] = ()
+    error_budget: tuple[ErrorTerm, ...] = ()
     robot_file: str | None = None
 
     @model_validator(mode="after")
@@ -152,7 +127,7 @@ class ModelFile(FileModel):
             degrees_of_freedom=tuple(model.degrees_of_freedom.tolist()),
             residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
             condition=model.condition,
-            error_budget=tuple(map(CauseOfError.of, model.error_budget)),
+            error_budget=model.error_budget,
             robot_file=model.robot.text,
         )
 

@@ -24,6 +24,30 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
+class FreeTorques:
+    """Rigid-body torques on a free motion by what they are linear in, as root mean squares."""
+
+    def __init__(self, robot: Robot) -> None:
+        motion = free_motion(robot)
+        self._A = regressor(robot, motion.q, motion.qd, motion.qdd)
+
+    def rms(self, p: Array) -> Array:
+        """Of base parameters or a change of them, shape (n_joints,) [N m]."""
+        torques: Array = np.sqrt(np.mean((self._A @ p) ** 2, axis=0))
+        return torques
+
+    def of_each(self, p: Array) -> Array:
+        """Of each base parameter by itself, shape (n_joints, n_base) [N m]."""
+        torques: Array = np.sqrt(np.mean(self._A**2, axis=0)) * p
+        return torques
+
+    def standard_error(self, covariance: Array) -> Array:
+        """From the covariance of base parameters, shape (n_joints,) [N m]."""
+        variance = np.einsum("njk,kl,njl->j", self._A, covariance, self._A, optimize=True)
+        torques: Array = np.sqrt(np.maximum(variance, 0.0) / len(self._A))
+        return torques
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
     """Rigid-body torques on a free motion, as root mean squares over it.
@@ -59,12 +83,9 @@ class Prediction:
 
 def predict(estimate: Estimate, robot: Robot) -> Prediction:
     """Predict the torques of a free motion with their uncertainty."""
-    motion = free_motion(robot)
-    A = regressor(robot, motion.q, motion.qd, motion.qdd)
-    covariance = estimate.covariance + estimate.drive_covariance
-    variance = np.einsum("njk,kl,njl->nj", A, covariance, A, optimize=True)
+    torques = FreeTorques(robot)
     return Prediction(
-        torque=np.sqrt(np.mean((A @ estimate.p) ** 2, axis=0)),
-        standard_error=np.sqrt(np.maximum(variance.mean(axis=0), 0.0)),
-        effect=np.sqrt(np.mean(A**2, axis=0)) * estimate.standard_error,
+        torque=torques.rms(estimate.p),
+        standard_error=torques.standard_error(estimate.covariance + estimate.drive_covariance),
+        effect=torques.of_each(estimate.standard_error),
     )

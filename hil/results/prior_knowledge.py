@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.errors import NotEnoughData
-from hil.estimation.drive_train import find_drive_train
+from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.identify import prepare
 from hil.estimation.noise_levels import noise_levels
 from hil.planning.measurement import shows_element

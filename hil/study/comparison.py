@@ -16,13 +16,12 @@ import numpy as np
 from hil.errors import Mismatch
 from hil.estimation.identify import estimate
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import inverse_dynamics
 from hil.results.naming import named
+from hil.results.prediction import FreeTorques
 from hil.results.rounding import clock, rounded, signed
 from hil.results.tables.cells import unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.results.tables.terminal import show
-from hil.results.validation_motion import free_motion
 from hil.runs.pooling import recorded
 from hil.study.truth import true_parameters
 
@@ -189,12 +188,9 @@ def _parameter(result: Comparison, base: BaseParameters, k: int) -> Row:
 
 def _torque_error(robot: Robot, error: Array, truth: Array) -> Array:
     """Relative errors of the torques that p predicts; they are linear in p."""
-    motion = free_motion(robot)
-    wrong, true = (
-        np.sqrt(np.mean(inverse_dynamics(robot, p, motion.q, motion.qd, motion.qdd) ** 2, axis=0))
-        for p in (error, truth)
-    )
-    relative: Array = wrong / np.where(true > 0, true, np.nan)
+    torques = FreeTorques(robot)
+    true = torques.rms(truth)
+    relative: Array = torques.rms(error) / np.where(true > 0, true, np.nan)
     return relative
 
 

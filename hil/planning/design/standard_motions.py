@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_CYCLES = 0.10, 2.0, 3
 """Share of the speed limit, duration of a window [s], back-and-forth motions."""
-INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.7, 0.4, 0.15, 5
+INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.15, 6
 """Shares of the limits, shortest ramp [s]."""
 LONGEST_STROKE = 1.0
 """So that a measurement stays in the neighbourhood of its configuration [rad]."""

@@ -35,7 +35,7 @@ def error_budget(terms: Sequence[ErrorTerm]) -> Table:
 def _row(term: ErrorTerm) -> Row:
     return (
         term.cause,
-        ", ".join(str(axis + 1) for axis in term.axes) or "all",
+        ", ".join(map(str, term.axes)) or "all",
         significant(100 * term.torque, 2),
         f"{100 * term.share:.0f}",
         "yes" if term.accounted else "no",

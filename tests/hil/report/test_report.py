@@ -12,13 +12,14 @@ from small_run import as_on_hardware, empty_plots, write_run
 
 from hil import cli
 from hil.errors import NotIdentifiable
-from hil.estimation.causes import Cause
+from hil.estimation.causes import Cause, CauseName
 from hil.estimation.estimate import LeftOut
 from hil.estimation.identify import estimates
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.page import report
 from hil.results.advice import advice
+from hil.results.error_budget import error_budget
 from hil.results.identification import identify
 from hil.results.prediction import predict
 from hil.results.rounding import decimals, percent, rounded, significant
@@ -190,7 +191,8 @@ class TestAdvice:
     def advised(self, folder, estimate, campaign=None):
         prediction = predict(estimate, folder.robot)
         campaign = list(folder) if campaign is None else campaign
-        found = advice(estimate, prediction, folder.robot, folder.plan, campaign)
+        budget = error_budget(estimate, folder.robot)
+        found = advice(estimate, prediction, budget, folder.robot, folder.plan, campaign)
         return {item.subject: item for item in found}
 
     def test_a_parameter_that_spoils_the_torques_is_weak(self, folder, found):
@@ -212,8 +214,8 @@ class TestAdvice:
     def test_causes_of_error_come_first_those_accounted_for_as_notes(self, folder, found):
         best, none = found["improved"], np.zeros((14, 14))
         causes = (
-            Cause("coarse encoders", (2,), "much noise", np.zeros(14), 0.9 * best.covariance),
-            Cause("soft gears", (0, 2), "compliances", 0.02 * best.p, none, accounted=True),
+            Cause(CauseName.ENCODERS, (2,), "much noise", np.zeros(14), 0.9 * best.covariance),
+            Cause(CauseName.SOFT_GEARS, (0, 2), "compliances", 0.02 * best.p, none, accounted=True),
         )
         items = self.advised(folder, replace(best, causes=causes))
         assert next(iter(items)) == "axis 1, axis 3"
