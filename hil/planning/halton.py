@@ -7,6 +7,7 @@ takes longer than the design of a plan.
 
 from __future__ import annotations
 
+import math
 from itertools import count, islice
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
+
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+"""Step of the sequence k GOLDEN mod 1, which does the same for a single coordinate."""
 
 
 def halton(n: int, dimensions: int) -> Array:

@@ -23,12 +23,13 @@ kind: how it moves (`hil.measuring.motion`), what its recordings must show
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Literal, TypeGuard, TypeVar
 
 from pydantic import Field, model_validator
 
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
+from hil.planning.halton import GOLDEN
 from hil.planning.plan_values import Positive
 from hil.planning.strokes import PARTNER_TURN, SETTLED, Cruise, Partner, Strokes
 from hil.planning.trajectory import Trajectory
@@ -36,6 +37,8 @@ from hil.planning.trajectory import Trajectory
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Self
+
+    from hil.planning.trapezoid import Trapezoid
 
 
 class Gravity(Strokes):
@@ -45,9 +48,25 @@ class Gravity(Strokes):
 
 
 class Inertia(Strokes):
-    """Acceleration back and forth: diagonal element of the mass matrix at q."""
+    """Acceleration back and forth: diagonal element of the mass matrix at q.
+
+    Attributes
+    ----------
+    spread : float
+        Instants over which the cycles spread the end of their first ramp, by less acceleration than
+        is stated [s]. Cycles that are all alike see the same increments of the encoder at the same
+        instants, and repeat its error instead of averaging it.
+    """
 
     kind: Literal["inertia"] = "inertia"
+    spread: float = Field(default=0.0, ge=0.0)
+
+    def profile(self, stroke: int) -> Trapezoid:
+        """Profile of stroke number `stroke` (from 0); both strokes of a cycle accelerate alike."""
+        stated = super().profile(stroke)
+        later = self.spread * (stroke // 2 * GOLDEN % 1.0)
+        ramp = self.velocity / self.acceleration + later
+        return replace(stated, acceleration=self.velocity / ramp)
 
     @property
     def unit_acceleration(self) -> tuple[float, ...]:
@@ -142,7 +161,7 @@ T = TypeVar("T")
 
 KEYS = (
     *("id", "kind", "axis", "q", "stroke", "velocity", "acceleration", "partner", "cycles"),
-    *("rest", "exercise", "period", "sine", "cosine"),
+    *("spread", "rest", "exercise", "period", "sine", "cosine"),
 )
 """Keys of all kinds in the order in which a plan's file has them."""
 

@@ -8,6 +8,7 @@ overrides what is special about it.
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
@@ -166,8 +167,13 @@ class Strokes(FileModel):
     @property
     def duration(self) -> float:
         """Expected time from rest at the start to rest after the last stroke, preparation too."""
-        strokes = self.n_strokes * (self.profile(0).duration + TURN)
-        return self.preparation + (2 * REST + strokes)
+        return self.preparation + self.beginnings[-1] + REST
+
+    @property
+    def beginnings(self) -> tuple[float, ...]:
+        """When each stroke is expected to begin, and the rest after the last one [s]."""
+        durations = (self.profile(number).duration + TURN for number in range(self.n_strokes))
+        return tuple(accumulate(durations, initial=REST))
 
     def _at_end(self, sign: int) -> tuple[float, ...]:
         q = list(self.q)

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hil.planning.clearance import are_clear
-from hil.planning.halton import halton
+from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Friction
 from hil.planning.path_clearance import JointBoxes
 from hil.planning.plan import Plan, PlannedRobot
@@ -73,7 +73,6 @@ EASY, HARDEST = 0.4, 0.8
 WINDOW, SHORT_WINDOW = 1.0, 0.5
 """Constant velocity, transient after the ramp included: wanted, and at least [s]."""
 CANDIDATES = 64
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 def sweep(

@@ -29,7 +29,7 @@ from hil.planning.design.standard_motions import (
     inertia_motion,
     partner_motion,
 )
-from hil.planning.halton import halton
+from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.path_clearance import JointBoxes
 
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
 CANDIDATES = 512
 RANGE = 0.95
 """Share of each joint's range that configurations use."""
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 @dataclass(frozen=True, eq=False)

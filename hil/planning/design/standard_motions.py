@@ -31,7 +31,8 @@ CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
 RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity [s]."""
 SPREAD = 0.012
-"""Instants over which corners of profiles are spread [s]: the longest usual SYNC period."""
+"""Instants over which corners of profiles are spread, from one measurement to the next and from
+one cycle to the next [s]: the longest usual SYNC period."""
 _PLASTIC = 1.324717957244746
 SEQUENCE = (1 / _PLASTIC, 1 / _PLASTIC**2)
 """Steps of the two-dimensional low-discrepancy sequence of Roberts: acceleration, stroke."""
@@ -61,6 +62,7 @@ def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
         "velocity": velocity,
         "acceleration": velocity / (velocity / acceleration + later),
         "cycles": INERTIA_CYCLES,
+        "spread": SPREAD,
     }
 
 

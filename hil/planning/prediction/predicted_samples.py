@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.strokes import PARTNER_TURN, REST, SETTLED, TURN
+from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 from hil.regression.window import smooth, widened
 
 if TYPE_CHECKING:
@@ -70,16 +70,16 @@ def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
     if measurement.streamed:
         instants = np.arange(0.0, measurement.period, period)
         return Forecast(period, instants, *measurement.motion(instants))
-    stroke = measurement.profile(0).duration + TURN
-    n = round((2 * REST + measurement.n_strokes * stroke) / period)
+    beginnings = measurement.beginnings
+    n = round((beginnings[-1] + REST) / period)
     time = period * np.arange(n, dtype=np.float64)
     q = np.tile(np.array(measurement.start), (n, 1))
     motion = (q, np.zeros_like(q), np.zeros_like(q))
     for number in range(measurement.n_strokes):
-        begin = REST + number * stroke
-        _add(motion, measurement.index, measurement.profile(number), time - begin)
+        profile = measurement.profile(number)
+        _add(motion, measurement.index, profile, time - beginnings[number])
     for partner in measurement.partners:
-        _add_partner(motion, measurement, partner, time, stroke)
+        _add_partner(motion, measurement, partner, time)
     return Forecast(period, time, *motion)
 
 
@@ -99,12 +99,12 @@ def _add_partner(
     measurement: Strokes,
     partner: Partner,
     time: Array,
-    stroke: float,
 ) -> None:
     """Strokes of the partner while the other axis creeps, as many as fit."""
     number = 0
     for each in range(measurement.n_strokes):
-        first, last = (REST + each * stroke + t for t in measurement.profile(each).window)
+        begin = measurement.beginnings[each]
+        first, last = (begin + t for t in measurement.profile(each).window)
         due = first + SETTLED
         duration = partner.profile(measurement.q, 0).duration
         while due <= last - duration - PARTNER_TURN:
