@@ -92,15 +92,15 @@ def plan(
     ] = None,
     gravity: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of gravity measurements.", show_default="64"),
+        typer.Option(min=1, max=MOST, help="Number of gravity measurements.", show_default="56"),
     ] = None,
     inertia: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of inertia measurements.", show_default="92"),
+        typer.Option(min=1, max=MOST, help="Number of inertia measurements.", show_default="80"),
     ] = None,
     coupling: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of coupling measurements.", show_default="9"),
+        typer.Option(min=1, max=MOST, help="Number of coupling measurements.", show_default="15"),
     ] = None,
     minutes: Annotated[
         float | None,

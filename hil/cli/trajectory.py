@@ -36,7 +36,14 @@ def plan(
     minutes: Annotated[
         float, typer.Option(min=0.1, help="Duration of all periods together \\[min].")
     ] = 5.0,
-    period: Annotated[float, typer.Option(min=1.0, help="Period of the trajectory \\[s].")] = 10.0,
+    period: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0,
+            help="Period of the trajectory \\[s]; better no multiple of the SYNC period.",
+            show_default="10.0023",
+        ),
+    ] = None,
     criterion: Annotated[
         Criterion,
         typer.Option(
@@ -45,8 +52,11 @@ def plan(
         ),
     ] = Criterion.DET,
     harmonics: Annotated[
-        int, typer.Option(min=2, max=50, help="Number of harmonics of each joint's motion.")
-    ] = 15,
+        int | None,
+        typer.Option(
+            min=2, max=50, help="Number of harmonics of each joint's motion.", show_default="15"
+        ),
+    ] = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the search; the same seed gives the same trajectory.")
     ] = 0,
@@ -56,14 +66,17 @@ def plan(
 ) -> None:
     """Optimise a trajectory within the limits."""
     from hil.model.robot import load_robot
-    from hil.planning.design.trajectories import condition, design_trajectory
+    from hil.planning.design.trajectories import HARMONICS, PERIOD, condition, design_trajectory
     from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan
     from hil.runs.atomic_file import write_file
 
     robot = load_robot(name)
     refuse_existing(output)
+    period = PERIOD if period is None else period
     cycles = max(1, round(60 * minutes / period))
-    found = design_trajectory(robot, period, cycles, criterion.value, seed, harmonics=harmonics)
+    found = design_trajectory(
+        robot, period, cycles, criterion.value, seed, harmonics=harmonics or HARMONICS
+    )
     designed = Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         warm_up=WarmUp(duration=warm_up) if warm_up else None,

@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 
 SOFT = 2.0
 """A compliance over its standard error from which on a gear counts as soft."""
+MOST_TWIST = 0.05
+"""At the torque limit [rad]: more is no gear, but what few measurements make of their noise."""
 PASSES = 2
 """How often everything is smoothed: K holds the fourth derivative of positions, whose noise the
 motor's part shares."""
@@ -155,4 +157,5 @@ def _judged(robot: Robot, found: DriveTrain, measured: Prepared, period: float) 
         sampled = period**2 / 24 * np.where(links > 0, (links + motors) / links**2, np.inf)
     error = np.hypot(found.compliance_error, sampled)
     soft = np.nan_to_num(found.compliance / error) > SOFT
+    soft &= np.nan_to_num(found.compliance) * robot.torque_limit < MOST_TWIST
     return replace(found, compliance_error=error, soft=soft)

@@ -42,9 +42,9 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
     """
     recorder = Recorder()
     first = round(REST / bus.period)
-    length = round(trajectory.period / bus.period)
-    marks = {first + k * length: k for k in range(trajectory.cycles)}
-    marks[first + trajectory.cycles * length] = -1
+    begins = [first + round(k * trajectory.period / bus.period) for k in range(trajectory.cycles)]
+    marks = {begin: k for k, begin in enumerate(begins)}
+    marks[first + round(trajectory.cycles * trajectory.period / bus.period)] = -1
     for number, sample in enumerate(_followed(bus, trajectory, 1.0)):
         if number in marks:
             recorder.stroke(marks[number])

@@ -52,18 +52,20 @@ class Inertia(Strokes):
 
     Attributes
     ----------
-    spread : float
+    spread : float, optional
         Instants over which the cycles spread the end of their first ramp, by less acceleration than
         is stated [s]. Cycles that are all alike see the same increments of the encoder at the same
         instants, and repeat its error instead of averaging it.
     """
 
     kind: Literal["inertia"] = "inertia"
-    spread: float = Field(default=0.0, ge=0.0)
+    spread: Positive | None = None
 
     def profile(self, stroke: int) -> Trapezoid:
         """Profile of stroke number `stroke` (from 0); both strokes of a cycle accelerate alike."""
         stated = super().profile(stroke)
+        if self.spread is None:
+            return stated
         later = self.spread * (stroke // 2 * GOLDEN % 1.0)
         ramp = self.velocity / self.acceleration + later
         return replace(stated, acceleration=self.velocity / ramp)
@@ -189,7 +191,8 @@ class ElementKind(Kind):
     letter : str
         First letter of the ids that `hil plan` gives.
     count : int
-        Measurements of a plan by counts unless asked for: those of section 8.
+        Measurements of a plan by counts unless asked for. Section 8 has 64, 92 and 9; of the last,
+        which the off-diagonal group depends on, that was too few.
     symbol : {"g", "M"}
         Vector or matrix that the element stands in.
     quantity, unit : str

@@ -26,7 +26,7 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.design.by_counts import design
 from hil.planning.design.by_minutes import design_within
 from hil.planning.design.friction import sweep
-from hil.planning.design.trajectories import design_trajectory
+from hil.planning.design.trajectories import PERIOD, design_trajectory
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
 from hil.planning.prediction.noise import stated_noise
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from hil.planning.trajectory import Trajectory
 
 KINDS = ("two-step", "mixed", "trajectory", "compensated", "warmed")
-PERIOD = 10.0
-"""Of the trajectory [s]."""
 SPEEDS, SLOWEST = 12, 0.01
 """Of the sweep beforehand: creep shows the peak at standstill, which no compensation uses."""
 WARM_UP = 1800.0
@@ -95,7 +93,7 @@ def _designed(
     """All plans; without `minutes` all take as long as the two-step plan, given or not."""
     two_step = given or _two_step(robot, share, minutes)
     beforehand = sweep(robot, speeds=SPEEDS, slowest=SLOWEST)
-    wave = design_trajectory(robot, PERIOD, name="t1")
+    wave = design_trajectory(robot, name="t1")
     time = duration(robot, two_step) if minutes is None else 60 * minutes
     left = time - duration(robot, beforehand)
     if minutes is not None and left < time / 2:

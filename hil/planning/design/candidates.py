@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 
 EACH = 64
 """Configurations of every element."""
-DIFFERENT, PERIOD, BLOCK = 2, 10.0, 3
-"""Trajectories, period [s] and periods of a block."""
+DIFFERENT, BLOCK = 2, 3
+"""Trajectories, and periods of a block."""
 SEARCH = Search(random=100, refined=2)
 INSTANTS = 1000
 """Of a period at which boxes are looked at."""
@@ -118,7 +118,7 @@ def trajectories(
     found: list[Option] = []
     for seed in range(DIFFERENT):
         wave = design_trajectory(
-            robot, PERIOD, BLOCK, seed=seed, search=SEARCH, name=f"t{seed + 1:02d}"
+            robot, cycles=BLOCK, seed=seed, search=SEARCH, name=f"t{seed + 1:02d}"
         )
         if workspace and not _keeps_clear(robot, workspace, wave):
             continue

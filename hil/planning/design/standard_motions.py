@@ -2,7 +2,7 @@
 
 Gravity is read at constant velocity, slowly, with a window of some seconds; inertias with as much
 acceleration as leaves room for the load; couplings with an axis that creeps while its partner
-accelerates.
+accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples where SYNC is slow.
 
 Measurements of the same axis differ a little in stroke and acceleration, so that the corners of
 their profiles fall anywhere between two samples. Strokes begin with a SYNC; were all alike, every

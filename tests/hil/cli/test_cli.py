@@ -13,6 +13,8 @@ from drivers.drive_bus import DriveFault, NodeSilent, Sample, SampleFlag
 from hil import cli
 from hil.cli.arguments import bus_options
 from hil.model.robot import ROBOTS
+from hil.planning.design.by_counts import COUNTS
+from hil.planning.design.trajectories import HARMONICS, PERIOD
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
@@ -291,6 +293,21 @@ def test_a_bus_option_without_a_value_is_wrong_usage(
 def test_bus_options_become_numbers_and_switches() -> None:
     options = bus_options(["bitrate=500000", "timeout=0.5", "fd=false", "name=can0"])
     assert options == {"bitrate": 500_000, "timeout": 0.5, "fd": False, "name": "can0"}
+
+
+@pytest.mark.parametrize(
+    ("command", "defaults"),
+    [
+        (("plan",), {f"--{kind}": count for kind, count in COUNTS.items()}),
+        (("trajectory", "plan"), {"--period": PERIOD, "--harmonics": HARMONICS}),
+    ],
+)
+def test_help_states_the_defaults_that_are_taken(
+    hil: Hil, command: tuple[str, ...], defaults: dict[str, float]
+) -> None:
+    printed = " ".join(hil(*command, "--help")[1].replace("│", " ").split())
+    for option, value in defaults.items():
+        assert re.search(rf"{option}\b.*?\[default: \(?([\d.]+)", printed)[1] == str(value)
 
 
 @pytest.mark.parametrize(

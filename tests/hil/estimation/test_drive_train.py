@@ -76,7 +76,10 @@ class TestSoftGears:
         found = find_drive_train(manutec, soft)
         assert found.soft.tolist() == (COMPLIANCE > 0).tolist()
         own = found.soft
-        assert found.compliance[own] == pytest.approx(COMPLIANCE[own], rel=0.1)
+        wrong = np.abs(found.compliance - COMPLIANCE)[own]
+        assert (wrong < found.compliance_error[own]).all()
+        # to first order only, and the acceleration of these motions jumps
+        assert (wrong < 0.12 * COMPLIANCE[own]).all()
 
     def test_no_rigid_gear_is_taken_for_soft(self, manutec: Robot, prepared: Prepared) -> None:
         assert not find_drive_train(manutec, prepared).soft.any()

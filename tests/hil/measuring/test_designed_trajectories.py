@@ -6,6 +6,9 @@ axis by itself run out of torque long before.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
 import pytest
 
 from drivers.drives_file import load_drives
@@ -16,6 +19,9 @@ from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.dry_run import dry_run
 from hil.planning.plan import Plan, PlannedRobot
+
+if TYPE_CHECKING:
+    from hil.planning.trajectory import Trajectory
 
 
 @pytest.mark.parametrize(
@@ -30,11 +36,34 @@ def test_a_designed_trajectory_is_measured_at_the_first_attempt(
     manutec: Robot, period: float, harmonics: int, search: Search
 ) -> None:
     wave = design_trajectory(manutec, period, 1, "det", search=search, harmonics=harmonics)
-    identity = PlannedRobot(name=manutec.name, digest=manutec.digest)
-    plan = Plan(robot=identity, measurements=(wave,))
+    plan = plan_of(manutec, wave)
     assert not dry_run(plan, manutec).problems
     drives = load_drives(ROBOTS / "manutec-r15.drives.yaml")
     with open_drive_bus(drives, "sim_plant", "manutec-r15") as bus:
         events = list(measure(plan, manutec, bus))
     (recorded,) = (event for event in events if isinstance(event, Recorded))
     assert (recorded.attempts, recorded.findings) == (1, ())
+
+
+def test_periods_that_are_no_multiple_of_sync_begin_at_the_sample_nearest_to_them(
+    manutec: Robot,
+) -> None:
+    search = Search(random=4, refined=1, steps=5)
+    wave = design_trajectory(manutec, 3.0013, 4, search=search, harmonics=3)
+    drives = load_drives(ROBOTS / "manutec-r15.drives.yaml")
+    with open_drive_bus(drives, "sim_plant", "manutec-r15") as bus:
+        (recorded,) = (
+            event
+            for event in measure(plan_of(manutec, wave), manutec, bus)
+            if isinstance(event, Recorded)
+        )
+    recording = recorded.recording
+    first = np.flatnonzero(recording.stroke == 0)[0]
+    begins = [np.flatnonzero(recording.stroke == k)[0] - first for k in range(4)]
+    assert begins == [round(k * 3.0013 / drives.sync_period) for k in range(4)]
+    assert recorded.findings == ()
+
+
+def plan_of(robot: Robot, wave: Trajectory) -> Plan:
+    identity = PlannedRobot(name=robot.name, digest=robot.digest)
+    return Plan(robot=identity, measurements=(wave,))

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -82,6 +83,18 @@ def test_strokes_go_from_half_a_stroke_before_q_to_half_a_stroke_behind_it(
     assert gravity.profile(0).end == gravity.profile(1).start == gravity.end[1]
     assert coupling.start[:2] == pytest.approx((0.025, -0.25))
     assert coupling.end[:2] == pytest.approx((0.175, -0.15))
+
+
+@given(st.builds(Inertia, id=st.just("m"), axis=st.just(1), spread=st.floats(1e-4, 0.1), **common))
+def test_cycles_are_spread_by_less_acceleration_and_both_strokes_of_each_alike(m: Inertia) -> None:
+    accelerations = [m.profile(number).acceleration for number in range(m.n_strokes)]
+    assert accelerations[::2] == accelerations[1::2]
+    assert len(set(accelerations[::2])) == m.cycles
+    assert accelerations[0] == pytest.approx(m.acceleration) == max(accelerations)
+    later = m.velocity / np.array(accelerations) - m.velocity / m.acceleration
+    assert later.max() <= m.spread
+    alike = m.model_copy(update={"spread": None})
+    assert {alike.profile(number).acceleration for number in range(m.n_strokes)} == {m.acceleration}
 
 
 def test_layout_and_comments_do_not_change_the_digest(small_plan: Plan) -> None:
