@@ -29,6 +29,8 @@ from hil.study.truth import true_parameters
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from hil.estimation.estimate import Estimate
+
 ROBOT = "manutec-r15"
 SIDE_BY_SIDE = 2
 TARGETS = {"gravity": 0.03, "diagonal": 0.3, "off_diagonal": 2.0}
@@ -55,19 +57,22 @@ def measure(seed: int, folder: Path) -> Path:
 
 
 def judge(
-    run: Path, methods: Sequence[TwoStepMethod], plant: Path | str = ROBOT
-) -> tuple[dict[TwoStepMethod, Comparison], str]:
-    """Set every method's estimate against the truth; also state measurements and robot time."""
-    folder = Run.open(run)
-    recordings = list(recorded(folder))
+    folder: Run, methods: Sequence[TwoStepMethod], plant: Path | str = ROBOT
+) -> dict[TwoStepMethod, tuple[Estimate, Comparison]]:
+    """Every method's estimate from a run, and how far it is from the truth."""
     truth = true_parameters(folder.robot, plant)
-    found = {
-        method: comparison(found, folder.robot, truth)
-        for method, found in estimates(folder.robot, recordings, methods).items()
+    return {
+        method: (found, comparison(found, folder.robot, truth))
+        for method, found in estimates(folder.robot, list(recorded(folder)), methods).items()
     }
-    kinds = [m.kind for m, _ in recordings]
+
+
+def extent(folder: Run) -> str:
+    """Measurements of a run and its robot time, in words."""
+    measured = list(recorded(folder))
+    kinds = [m.kind for m, _ in measured]
     counts = " + ".join(str(kinds.count(kind)) for kind in ("gravity", "inertia", "coupling"))
-    return found, f"{counts} measurements in {clock(recordings[-1][1].time[-1])} of robot time"
+    return f"{counts} measurements in {clock(measured[-1][1].time[-1])} of robot time"
 
 
 def summarise(method: TwoStepMethod, results: list[Comparison]) -> None:
@@ -109,11 +114,12 @@ def main() -> None:
             hil("plan", ROBOT, "-o", folder / "plan.yaml")
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             runs = list(pool.map(lambda seed: measure(seed, folder), range(1, given.seeds + 1)))
-        judged = [judge(run, methods) for run in runs]
-    for seed, (_, extent) in enumerate(judged, start=1):
-        print(f"seed {seed}: {extent}")
+        folders = [Run.open(run) for run in runs]
+        judged = [judge(each, methods) for each in folders]
+        for seed, each in enumerate(folders, start=1):
+            print(f"seed {seed}: {extent(each)}")
     for method in methods:
-        summarise(method, [found[method] for found, _ in judged])
+        summarise(method, [each[method][1] for each in judged])
 
 
 if __name__ == "__main__":

@@ -37,12 +37,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
-from accuracy import ROBOT, SIDE_BY_SIDE, hil, rms
+from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 
 from hil.cli.robot_drives import packaged_drives
 from hil.estimation.causes import CauseName
 from hil.estimation.cramer_rao import cramer_rao
-from hil.estimation.identify import TWO_STEP_METHODS, estimates
+from hil.estimation.identify import TWO_STEP_METHODS
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
@@ -51,7 +51,6 @@ from hil.results.error_budget import error_budget
 from hil.results.payload import find_payload
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.study.comparison import comparison
 from hil.study.scenarios import SCENARIOS, Scenario, write_plant
 from hil.study.summary import GROUPS
 from hil.study.truth import true_parameters
@@ -222,14 +221,11 @@ def settings(folder: Path, name: str) -> tuple[Path, Path]:
 def assess(run: Path) -> tuple[dict[str, Comparison], list[str]]:
     """How far each method is from the truth, and the causes of error that are named."""
     folder = Run.open(run)
-    truth = true_parameters(folder.robot, run.with_suffix(".yaml"))
-    recordings = list(recorded(folder))
-    strokes = any(shows_element(m) for m, _ in recordings)
-    found = estimates(
-        folder.robot, recordings, TWO_STEP_METHODS if strokes else TWO_STEP_METHODS[:1]
-    )
-    judged = {method: comparison(each, folder.robot, truth) for method, each in found.items()}
-    return judged, [term.cause for term in error_budget(found["improved"], folder.robot)]
+    strokes = any(shows_element(m) for m in folder.plan.measurements)
+    methods = TWO_STEP_METHODS if strokes else TWO_STEP_METHODS[:1]
+    judged = judge(folder, methods, run.with_suffix(".yaml"))
+    budget = error_budget(judged["improved"][0], folder.robot)
+    return {method: each for method, (_, each) in judged.items()}, [term.cause for term in budget]
 
 
 def print_errors(name: str, runs: Sequence[Path]) -> None:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import yaml
 from accuracy import ROBOT, hil, judge
 
+from hil.runs.run import Run
 from sim_plant.plant_file import PlantFile, load_plant_file
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def main() -> None:
             hil("plan", ROBOT, "-o", plan)
         for name, file in plants().items():
             run = measure(name, file, plan, folder, given.seed)
-            for method, found in judge(run, ["improved", "printed"])[0].items():
+            for method, (_, found) in judge(Run.open(run), ["improved", "printed"]).items():
                 print(row(f"{name}, {method}", found), flush=True)
 
 
