@@ -81,8 +81,8 @@ class TestScenarios:
 class TestCampaigns:
     @pytest.fixture(autouse=True)
     def _quickly_designed(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def cheap(robot: Robot, period: float, *, name: str) -> Trajectory:
-            return some_trajectory(robot, 0, period).model_copy(update={"id": name})
+        def cheap(robot: Robot, *, name: str) -> Trajectory:
+            return some_trajectory(robot, 0, PERIOD).model_copy(update={"id": name})
 
         def mixed(robot: Robot, minutes: float, _: Noise, **how: bool) -> Plan:
             assert how == {"with_trajectories": True}
