@@ -72,11 +72,9 @@ def plan(
 
     robot = load_robot(name)
     refuse_existing(output)
-    period = PERIOD if period is None else period
+    period, harmonics = period or PERIOD, harmonics or HARMONICS
     cycles = max(1, round(60 * minutes / period))
-    found = design_trajectory(
-        robot, period, cycles, criterion.value, seed, harmonics=harmonics or HARMONICS
-    )
+    found = design_trajectory(robot, period, cycles, criterion.value, seed, harmonics=harmonics)
     designed = Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         warm_up=WarmUp(duration=warm_up) if warm_up else None,

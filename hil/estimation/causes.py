@@ -232,7 +232,5 @@ def _slow_sync(raw: Prepared, covariance: Array) -> Iterator[Cause]:
     enough = HALF_WIDTH / FEWEST_IN_WINDOW
     if period > enough * (1 + 1e-9):
         detail = f"{1e3 * period:g} ms where {1e3 * enough:g} ms would do"
-        n = len(covariance)
-        yield Cause(
-            CauseName.SLOW_SYNC, (), detail, np.zeros(n), (1.0 - enough / period) * covariance
-        )
+        none, part = np.zeros(len(covariance)), (1.0 - enough / period) * covariance
+        yield Cause(CauseName.SLOW_SYNC, (), detail, none, part)

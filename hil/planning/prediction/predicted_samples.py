@@ -75,9 +75,8 @@ def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
     time = period * np.arange(n, dtype=np.float64)
     q = np.tile(np.array(measurement.start), (n, 1))
     motion = (q, np.zeros_like(q), np.zeros_like(q))
-    for number in range(measurement.n_strokes):
-        profile = measurement.profile(number)
-        _add(motion, measurement.index, profile, time - beginnings[number])
+    for number, begin in enumerate(beginnings[:-1]):
+        _add(motion, measurement.index, measurement.profile(number), time - begin)
     for partner in measurement.partners:
         _add_partner(motion, measurement, partner, time)
     return Forecast(period, time, *motion)
@@ -102,8 +101,7 @@ def _add_partner(
 ) -> None:
     """Strokes of the partner while the other axis creeps, as many as fit."""
     number = 0
-    for each in range(measurement.n_strokes):
-        begin = measurement.beginnings[each]
+    for each, begin in enumerate(measurement.beginnings[:-1]):
         first, last = (begin + t for t in measurement.profile(each).window)
         due = first + SETTLED
         duration = partner.profile(measurement.q, 0).duration

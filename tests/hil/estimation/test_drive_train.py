@@ -39,11 +39,22 @@ COMPLIANCE = 1e-6 * np.array([0.0, 0.5, 1.2, 0.0, 0.0, 0.0])
 @pytest.fixture(scope="module")
 def recorded(manutec: Robot) -> list[tuple[Measurement, Recording]]:
     plan = design(manutec, {"gravity": 12, "inertia": 36, "coupling": 3})
+    return recordings(manutec, plan.measurements)
+
+
+def recordings(
+    robot: Robot, measurements: Sequence[Measurement]
+) -> list[tuple[Measurement, Recording]]:
     rng = np.random.default_rng(3)
     return [
-        (m, record(manutec, m, TABLE_3_A, Friction(), noise=0.0005, rng=rng))
-        for m in plan.measurements
+        (m, record(robot, m, TABLE_3_A, Friction(), noise=0.0005, rng=rng)) for m in measurements
     ]
+
+
+def gentler(m: Measurement) -> Measurement:
+    if m.kind != "inertia":
+        return m
+    return m.model_copy(update={"acceleration": m.acceleration / 1.5})
 
 
 @pytest.fixture(scope="module")
@@ -72,14 +83,20 @@ def soft(manutec: Robot, prepared: Prepared) -> Prepared:
 
 
 class TestSoftGears:
-    def test_they_are_found_with_their_compliance(self, manutec: Robot, soft: Prepared) -> None:
+    def test_they_are_found_with_their_compliance(
+        self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]
+    ) -> None:
+        """At 0.4 of the acceleration limits, to first order: at 0.6 they come out 11 % too large.
+
+        Accelerations jump here.
+        """
+        gentle = recordings(manutec, [gentler(m) for m, _ in recorded])
+        soft = [(m, softened(manutec, signals(r))) for m, r in gentle]
         found = find_drive_train(manutec, soft)
         assert found.soft.tolist() == (COMPLIANCE > 0).tolist()
         own = found.soft
-        wrong = np.abs(found.compliance - COMPLIANCE)[own]
-        assert (wrong < found.compliance_error[own]).all()
-        # to first order only, and the acceleration of these motions jumps
-        assert (wrong < 0.12 * COMPLIANCE[own]).all()
+        assert found.compliance[own] == pytest.approx(COMPLIANCE[own], rel=0.1)
+        assert (np.abs(found.compliance - COMPLIANCE)[own] < found.compliance_error[own]).all()
 
     def test_no_rigid_gear_is_taken_for_soft(self, manutec: Robot, prepared: Prepared) -> None:
         assert not find_drive_train(manutec, prepared).soft.any()

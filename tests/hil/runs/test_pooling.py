@@ -61,13 +61,14 @@ def together(run, again):
 def test_the_same_recordings_twice_give_the_same_model_surer(again, together):
     """By the root of two at least: with few measurements the jackknife is careful.
 
-    What is uncertain by the sampling of a gear that counts as soft does not average out.
+    Only p14 shows the gear of axis 6, which counts as soft here: what is uncertain of that by the
+    sampling does not average out.
     """
     alone = identify(Run.open(again))
     assert together.values == pytest.approx(alone.values, rel=1e-3, abs=1e-3)
     ratio = np.sqrt(np.diag(alone.covariance) / np.diag(together.covariance))
-    assert np.median(ratio) > np.sqrt(2)
-    assert ratio.min() > 1.1
+    assert ratio[:-1].min() > 0.95 * np.sqrt(2)
+    assert ratio[-1] > 1.1
 
 
 def test_the_model_says_which_runs_it_was_made_from(again, together):
