@@ -245,7 +245,7 @@ _TABLE = (
         " inertias and gravity compensated, against the model.",
     ),
     ElementKind(
-        Coupling, OFF_DIAGONAL, "c", 15, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
+        Coupling, OFF_DIAGONAL, "c", 16, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
         marker="^",
         elements="coupling inertias",
         figure="",

@@ -1,8 +1,10 @@
 """How each kind of measurement moves: shares of the limits that suit what it is to show.
 
-Gravity is read at constant velocity, slowly, with a window of some seconds; inertias with as much
-acceleration as leaves room for the load; couplings with an axis that creeps while its partner
-accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples where SYNC is slow.
+Gravity is read at constant velocity, slowly. The sooner the axis comes back the less has friction
+wandered meanwhile, so a window lasts a second; but a stroke is at least `GRAVITY_STROKE` long, over
+which torque ripple and the encoder's error average out, unless that takes too long. Inertias are
+read with as much acceleration as leaves room for the load; couplings with an axis that creeps while
+its partner accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples where SYNC is slow.
 
 Measurements of the same axis differ a little in stroke and acceleration, so that the corners of
 their profiles fall anywhere between two samples. Strokes begin with a SYNC; were all alike, every
@@ -12,6 +14,7 @@ the torque, by 0.08 ms of 4 ms, instead of averaging out.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from hil.planning.strokes import Partner
@@ -19,8 +22,10 @@ from hil.planning.strokes import Partner
 if TYPE_CHECKING:
     from hil.model.robot import Robot
 
-GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_CYCLES = 0.10, 2.0, 3
-"""Share of the speed limit, duration of a window [s], back-and-forth motions."""
+GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_STROKE = 0.10, (1.0, 2.0), 0.3
+"""Share of the speed limit, shortest and longest window [s], way for which one is prolonged [rad]."""
+GRAVITY_WINDOWS = 5.0
+"""What the windows of one measurement last together, at least and in each direction [s]."""
 INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.15, 6
 """Shares of the limits, shortest ramp [s]."""
 LONGEST_STROKE = 1.0
@@ -41,11 +46,13 @@ SEQUENCE = (1 / _PLASTIC, 1 / _PLASTIC**2)
 def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
     """Stroke, velocity, acceleration and cycles of a gravity measurement; `axis` from 0."""
     velocity = GRAVITY_SPEED * float(robot.velocity_limit[axis])
+    shortest, longest = GRAVITY_TIME
+    window = min(max(GRAVITY_STROKE / velocity, shortest), longest)
     return {
-        "stroke": min(velocity * GRAVITY_TIME, LONGEST_STROKE),
+        "stroke": min(velocity * window, LONGEST_STROKE),
         "velocity": velocity,
         "acceleration": velocity / RAMP_OF_CREEP,
-        "cycles": GRAVITY_CYCLES,
+        "cycles": math.ceil(GRAVITY_WINDOWS / window),
     }
 
 
