@@ -10,6 +10,7 @@ from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot
 from hil.planning.design.by_counts import design
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import Noise, stated_noise
 from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
@@ -57,12 +58,14 @@ def test_the_information_foreseen_is_what_the_estimator_takes_from_an_ideal_moti
     assert [item.axis for item in planned] == [item.axis for item in taken]
     for before, after in zip(planned, taken, strict=True):
         assert before.n == pytest.approx(after.n, rel=0.03)
-        n_base = len(base_parameters(manutec))
-        expected, found = np.diag(before.information)[:n_base], np.diag(after.information)[:n_base]
-        shown = found > 1e-6 * found.max()
-        assert shown.any()
-        ratio = expected[shown] / found[shown]
-        assert ratio == pytest.approx(1.0, abs=0.05)
+        base = base_parameters(manutec)
+        expected, found = np.diag(before.information), np.diag(after.information)
+        shown = np.flatnonzero(found[: len(base)] > 1e-6 * found[: len(base)].max())
+        meant = np.intersect1d(shown, base.groups[ELEMENT_KINDS[kind].group])
+        assert shown.size
+        assert expected[meant] / found[meant] == pytest.approx(1.0, abs=0.02)
+        # what only a ramp shows, beside constant velocity, changes with one sample more or less
+        assert expected[shown] / found[shown] == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("what", ["white", "wander"])
