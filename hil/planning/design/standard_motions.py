@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_STROKE = 0.10, (1.0, 2.0), 0.3
-"""Share of the speed limit, shortest and longest window [s], way for which one is prolonged [rad]."""
+"""Share of the speed limit, shortest and longest window [s], way that prolongs one [rad]."""
 GRAVITY_WINDOWS = 5.0
 """What the windows of one measurement last together, at least and in each direction [s]."""
 INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.15, 6
