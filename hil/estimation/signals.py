@@ -28,10 +28,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import fft, ndimage
 
 from hil.errors import NotEnoughData
-from hil.regression.window import half_window, smooth, widened
+from hil.regression.window import correlated, half_window, smooth, widened
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -96,10 +95,10 @@ class Signals:
         if self.period * CUTOFF >= 0.5:
             return x
         first = round(RINGING / self.period)
-        n = fft.next_fast_len(len(x) + 2 * first, real=True)
+        n = _quickly_transformed(len(x) + 2 * first)
         ends = [(first, n - len(x) - first)] + [(0, 0)] * (x.ndim - 1)
-        spectrum = fft.rfft(np.pad(x, ends, mode="edge").T)
-        filtered: Array = fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
+        spectrum = np.fft.rfft(np.pad(x, ends, mode="edge").T)
+        filtered: Array = np.fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
         return filtered[first : first + len(x)]
 
     def smoothed(self, x: Array) -> Array:
@@ -183,15 +182,17 @@ def interpolation(shift: float) -> tuple[int, Array]:
 
 def derivatives(x: Array, period: float) -> tuple[Array, Array]:
     """First and second derivative along the first axis."""
-    return (
-        ndimage.correlate1d(x, _FIRST / period, axis=0, mode="nearest"),
-        ndimage.correlate1d(x, SECOND / period**2, axis=0, mode="nearest"),
-    )
+    return correlated(x, _FIRST / period), correlated(x, SECOND / period**2)
+
+
+def _quickly_transformed(n: int) -> int:
+    """Next length of at least `n` whose only prime factors are 2 and one of 3, 5 and 7."""
+    return min(odd << max(0, (-(-n // odd) - 1).bit_length()) for odd in (1, 3, 5, 7))
 
 
 def _forth_and_back(n: int, period: float) -> Array:
     """What the Butterworth filter, run forth and back, leaves of the spectrum of `n` samples."""
-    frequencies = np.tan(np.pi * fft.rfftfreq(n)) / np.tan(np.pi * CUTOFF * period)
+    frequencies = np.tan(np.pi * np.fft.rfftfreq(n)) / np.tan(np.pi * CUTOFF * period)
     return np.asarray(1.0 / (1.0 + frequencies ** (2 * ORDER)))
 
 

@@ -72,20 +72,24 @@ class Trapezoid:
     def _sign(self) -> float:
         return math.copysign(1.0, self.end - self.start)
 
-    def q(self, t: ArrayLike) -> NDArray[np.float64]:
-        """Position at times `t` (any shape) since the start [rad]; at rest outside the move."""
+    def motion(self, t: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """q, qd and qdd at times `t` (any shape) since the start."""
         first, second, third = self._phases(t)
         way = (
             self.acceleration * first**2 / 2
             + self.peak * (second + third)
             - self.acceleration * third**2 / 2
         )
-        return self.start + self._sign * way
+        q = self.start + self._sign * way
+        return q, self._sign * self.acceleration * (first - third), self.qdd(t)
+
+    def q(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Position at times `t` (any shape) since the start [rad]; at rest outside the move."""
+        return self.motion(t)[0]
 
     def qd(self, t: ArrayLike) -> NDArray[np.float64]:
         """Velocity at times `t` (any shape) since the start [rad/s]."""
-        first, _, third = self._phases(t)
-        return self._sign * self.acceleration * (first - third)
+        return self.motion(t)[1]
 
     def qdd(self, t: ArrayLike) -> NDArray[np.float64]:
         """Acceleration at times `t` (any shape) since the start [rad/s^2]."""

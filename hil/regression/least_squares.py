@@ -25,7 +25,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,7 +44,7 @@ _PART = 1e-3
 def solved(N: Array, side: Array) -> Array:
     """Solve normal equations ``N x = side``; unknowns that nothing excites stay zero.
 
-    By Cholesky's decomposition: quick enough to leave out one measurement after the other.
+    Quick enough to leave out one measurement after the other.
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ def solved(N: Array, side: Array) -> Array:
     """
     scale = _to_unit(np.diag(N))
     scaled = N * np.outer(scale, scale) + RIDGE * np.eye(len(N))
-    solution: Array = (linalg.cho_solve(linalg.cho_factor(scaled), (side.T * scale).T).T * scale).T
+    solution: Array = (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
     return solution
 
 

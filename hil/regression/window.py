@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,13 +24,24 @@ APART = 0.012
 
 def smooth(x: Array, period: float) -> Array:
     """Weighted mean over the window along the first axis, of samples every `period` [s]."""
-    mean: Array = ndimage.correlate1d(x, weights(period), axis=0, mode="nearest")
-    return mean
+    return correlated(x, weights(period))
+
+
+def correlated(x: Array, taps: Array) -> Array:
+    """Sum of each sample and its neighbours times `taps`; those beyond an end are like the end."""
+    reach = len(taps) // 2
+    ends = [(reach, reach)] + [(0, 0)] * (x.ndim - 1)
+    columns = np.ascontiguousarray(np.pad(x, ends, mode="edge").reshape(len(x) + 2 * reach, -1).T)
+    sums = np.empty((len(x), len(columns)))
+    for k, column in enumerate(columns):
+        sums[:, k] = np.correlate(column, taps, mode="valid")
+    return sums.reshape(x.shape)
 
 
 def widened(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
     """Samples within `reach` of those of a mask; `beyond`: what the mask is outside its ends."""
-    found: Mask = ndimage.maximum_filter1d(mask, 2 * reach + 1, mode="constant", cval=beyond)
+    count = np.cumsum(np.pad(mask, (reach + 1, reach), constant_values=beyond))
+    found: Mask = count[2 * reach + 1 :] > count[: -2 * reach - 1]
     return found
 
 

@@ -11,6 +11,9 @@ the covariance of X'e is X' E(e e') X, with e
 - white in the torque as it is read, but smoothed like everything (`white`), and
 - friction that wanders: sign(v) times a random walk of the level, of which sign(v) and sign(v) t
   take the larger part away (`wander`, for a walk of unit intensity).
+
+As the estimator does, this takes one of the samples within `APART`. Smoothed are not the columns
+but the motion that they are functions of, which comes to the same where samples count.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ import numpy as np
 from hil.planning.prediction.predicted_samples import forecast
 from hil.regression.least_squares import orthonormal
 from hil.regression.terms import FEWEST, term_columns, usable
+from hil.regression.window import APART, weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,22 +76,32 @@ def shares(robot: Robot, measurement: ParameterMeasurement, period: float) -> li
 
 
 def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
-    used = usable(robot, planned, axis)
-    if used.sum() < FEWEST:
+    every = max(1, round(APART / planned.period))
+    used = usable(robot, planned, axis)[::every]
+    if every * used.sum() < FEWEST:
         return None
-    rows, common, friction = term_columns(robot, planned, axis)
-    stacked = planned.smoothed(np.column_stack([rows, common, friction]))[used]
-    kept = stacked.shape[1] - friction.shape[1]
-    basis, _ = orthonormal(stacked[:, kept:])
-    left = stacked[:, :kept] - basis @ (basis.T @ stacked[:, :kept])
-    X = np.zeros((len(used), kept))
-    X[used] = left
-    smoothed = planned.smoothed(X)
+    taken = planned.thinned(every)
+    rows, common, friction = term_columns(robot, taken, axis)
+    columns = np.column_stack([rows, common])
+    basis, _ = orthonormal(friction[used])
+    X = np.zeros_like(columns)
+    X[used] = columns[used] - basis @ (basis.T @ columns[used])
     later = np.cumsum((X * friction[:, :1])[::-1], axis=0)
     return Share(
         axis=axis,
-        n=len(left) - basis.shape[1],
-        information=left.T @ left,
-        white=smoothed.T @ smoothed,
-        wander=planned.period * later.T @ later,
+        n=every * int(used.sum()) - basis.shape[1],
+        information=every * X.T @ X,
+        white=every**2 * _smoothed_noise(X, planned.period, every),
+        wander=every**2 * taken.period * later.T @ later,
     )
+
+
+def _smoothed_noise(X: Array, period: float, every: int) -> Array:
+    """Covariance of X'e for white noise that passed the window, one of `every` samples taken."""
+    window = weights(period)
+    alike = np.correlate(window, window, mode="full")[len(window) - 1 :: every]
+    total = alike[0] * X.T @ X
+    for apart, share in enumerate(alike[1:], start=1):
+        product = share * X[:-apart].T @ X[apart:]
+        total += product + product.T
+    return np.asarray(total)

@@ -56,6 +56,12 @@ class Forecast:
         """q, qd and qdd of the links: gears count as rigid."""
         return self.q, self.qd, self.qdd
 
+    def thinned(self, every: int) -> Forecast:
+        """One of `every` samples, smoothed; of positions the window leaves what they are."""
+        kept = np.s_[::every]
+        moved = self.q[kept], self.smoothed(self.qd)[kept], self.smoothed(self.qdd)[kept]
+        return Forecast(every * self.period, self.time[kept], *moved)
+
     def smoothed(self, x: Array) -> Array:
         """Weighted mean over the estimator's window along the first axis."""
         return smooth(x, self.period)
@@ -76,21 +82,20 @@ def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
     q = np.tile(np.array(measurement.start), (n, 1))
     motion = (q, np.zeros_like(q), np.zeros_like(q))
     for number, begin in enumerate(beginnings[:-1]):
-        _add(motion, measurement.index, measurement.profile(number), time - begin)
+        _add(motion, measurement.index, measurement.profile(number), time, begin)
     for partner in measurement.partners:
         _add_partner(motion, measurement, partner, time)
     return Forecast(period, time, *motion)
 
 
-def _add(motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, since: Array) -> None:
-    """Let one axis follow `profile`, and stay where it leads to."""
-    q, qd, qdd = motion
-    q[since >= 0, axis] = profile.end
-    under_way = (since >= 0) & (since < profile.duration)
-    now = since[under_way]
-    q[under_way, axis] = profile.q(now)
-    qd[under_way, axis] = profile.qd(now)
-    qdd[under_way, axis] = profile.qdd(now)
+def _add(
+    motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, time: Array, begin: float
+) -> None:
+    """Let one axis follow `profile` from `begin` on, and stay where it leads to."""
+    first, last = np.searchsorted(time, (begin, begin + profile.duration))
+    motion[0][last:, axis] = profile.end
+    for wanted, found in zip(motion, profile.motion(time[first:last] - begin), strict=True):
+        wanted[first:last, axis] = found
 
 
 def _add_partner(
@@ -107,6 +112,6 @@ def _add_partner(
         duration = partner.profile(measurement.q, 0).duration
         while due <= last - duration - PARTNER_TURN:
             profile = partner.profile(measurement.q, number)
-            _add(motion, partner.index, profile, time - due)
+            _add(motion, partner.index, profile, time, due)
             due += duration + PARTNER_TURN
             number += 1
