@@ -1,7 +1,7 @@
 """The low-pass of the improved method at some samples only, for all columns at once.
 
 Of samples that follow each other faster than the window is wide, few are used: the window leaves
-nothing in between. Means are taken there alone.
+nothing in between. Means are taken there alone, which is a product with a matrix of few elements.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from functools import reduce
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from scipy import sparse
 
 from hil.regression.window import weights
 
@@ -39,5 +40,9 @@ def smoothed_at(
     """
     window = reduce(np.convolve, [weights(period)] * passes)
     first = index[:, np.newaxis] - len(window) // 2
-    around = x[first + np.arange(len(window))]
-    return np.asarray(window @ around)
+    places = (first + np.arange(len(window))).ravel()
+    rows = len(window) * np.arange(len(index) + 1)
+    matrix = sparse.csr_array(
+        (np.tile(window, len(index)), places, rows), shape=(len(index), len(x))
+    )
+    return np.asarray(matrix @ x)
