@@ -29,7 +29,7 @@ class _Command(NamedTuple):
 PANELS = {
     "Robot and plan": {
         "robot": _Command(
-            "planning", "Show base parameters, their groups, and where they occur in M and g."
+            "robots", "Show base parameters, their groups, and where they occur in M and g."
         ),
         "plan": _Command("planning", "Choose configurations and motions from g(q) and M(q)."),
         "dry-run": _Command(

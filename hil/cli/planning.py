@@ -1,4 +1,4 @@
-"""Before anything moves: a robot's base parameters, a plan chosen for them, a plan's dry run."""
+"""Before anything moves: a plan, chosen for a robot's base parameters, and its dry run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from hil.cli.arguments import (
     NoiseFrom,
     PlanFile,
     PlanWorkspace,
-    RobotName,
     RobotOption,
     RobotsDrives,
     WorkspaceOption,
@@ -34,15 +33,6 @@ MOST = 2000
 """Measurements of a kind; choosing among more takes longer than measuring them."""
 REFINEMENT = 10.0
 """Duration of a refinement unless another is asked for [min]."""
-
-
-@commands.command()
-def robot(name: RobotName) -> None:
-    """Show base parameters, their groups, and where they occur in M and g."""
-    from hil.cli import robot_view
-    from hil.model.robot import load_robot
-
-    robot_view.render(load_robot(name), out)
 
 
 @commands.command("dry-run")
@@ -100,7 +90,7 @@ def plan(
     ] = None,
     coupling: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of coupling measurements.", show_default="15"),
+        typer.Option(min=1, max=MOST, help="Number of coupling measurements.", show_default="16"),
     ] = None,
     minutes: Annotated[
         float | None,

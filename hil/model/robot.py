@@ -265,6 +265,11 @@ def load_robot(name_or_path: str | Path) -> Robot:
         A file that cannot be used: one line for each problem, with its place.
     """
     path = Path(name_or_path)
+    if path.suffix == ".urdf":
+        raise FileError(
+            f"{path}: a URDF states no gears, rotors and accelerations; write a robot file from it"
+            f" with: hil robot new --urdf {path} -o {path.stem}.yaml"
+        )
     is_path = path.suffix in {".yaml", ".yml"} or len(path.parts) > 1
     return Robot.from_file(path) if is_path else Robot.load(str(name_or_path))
 

@@ -50,6 +50,41 @@ def test_robot_prints_parameters_groups_and_dependencies(hil: Hil) -> None:
     assert "10, 11, 14" in out
 
 
+URDF = """<robot name="pan tilt">
+<link name="base"/><link name="yoke"/><link name="head"/>
+<joint name="pan" type="continuous"><parent link="base"/><child link="yoke"/>
+<axis xyz="0 0 1"/><limit effort="4" velocity="2"/></joint>
+<joint name="tilt" type="revolute"><parent link="yoke"/><child link="head"/>
+<origin xyz="0 0 0.2" rpy="1.5708 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="3" velocity="2"/></joint>
+</robot>"""
+
+
+def test_a_first_robot_file_comes_from_a_urdf(hil: Hil, tmp_path: Path) -> None:
+    urdf, robot = tmp_path / "head.urdf", tmp_path / "head.yaml"
+    urdf.write_text(URDF)
+    status, out, _ = hil("robot", "new", "--urdf", urdf, "-o", robot)
+    assert status == 0
+    assert "2 joints from base to head: pan, tilt" in out
+    assert "angles within 3.7e-06 rad of quarter turns were taken for these" in out
+    assert "10 lines marked !state are yours to fill in" in out
+    assert "frame: {alpha: pi/2} # tilt" in robot.read_text()
+    status, _, err = hil("robot", robot)
+    assert status == 1
+    assert "joints.0.q_min: must be stated: least position [rad]" in err
+    status, _, err = hil("robot", "new", "--urdf", urdf, "-o", robot)
+    assert status != 0
+    assert "is there already" in err
+
+
+def test_gravity_is_stated_in_the_link_that_stands_still(hil: Hil, tmp_path: Path) -> None:
+    urdf, robot = tmp_path / "wall.urdf", tmp_path / "wall.yaml"
+    urdf.write_text(URDF)
+    status, _, _ = hil("robot", "new", "--urdf", urdf, "-o", robot, "--gravity", "9.81", "0", "0")
+    assert status == 0
+    assert "gravity: [9.81, 0, 0]" in robot.read_text()
+
+
 def test_an_unknown_robot_is_refused_with_the_known_ones(hil: Hil) -> None:
     status, _, err = hil("robot", "puma")
     assert status == 1

@@ -1,0 +1,168 @@
+"""From where a chain's axes lie to frames in modified Denavit-Hartenberg notation.
+
+Frame j has z along axis j and x along the common normal to axis j+1 (Khalil and Kleinfinger 1986),
+so that four numbers take it to the next one. What the notation leaves open is settled so that few
+lengths are left: frame 0 is frame 1 at q = 0, the last frame turns and shifts about z by nothing,
+and of the common normals of parallel axes that one is taken which begins where the last one ended.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.urdf import QUARTER
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.model.urdf import UrdfChain
+
+    Array = NDArray[np.float64]
+
+PARALLEL = 1e-9
+"""Sine of the angle between axes below which they are parallel, length that is none [m], and
+difference from a quarter turn that rounding leaves [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """Frames of a chain.
+
+    Attributes
+    ----------
+    alpha, d, theta, r : ndarray, shape (n_joints,)
+        [rad], [m], [rad], [m].
+    base : ndarray, shape (4, 4)
+        Frame 0 in the base link.
+    """
+
+    alpha: Array
+    d: Array
+    theta: Array
+    r: Array
+    base: Array
+
+    def poses(self, q: Array, revolute: NDArray[np.bool_]) -> Array:
+        """All frames in the base link, shape (n_joints, 4, 4)."""
+        here, found = self.base, []
+        theta, r = self.theta + q * revolute, self.r + q * ~revolute
+        for each in zip(self.alpha, self.d, theta, r, strict=True):
+            here = here @ _pose(*each)
+            found.append(here)
+        return np.array(found)
+
+
+def frames_of(chain: UrdfChain) -> Frames:
+    """Frames for the axes of a chain."""
+    n = len(chain.joints)
+    still = chain.frames(np.zeros(n))
+    points = still[:, :3, 3]
+    z = np.array([T[:3, :3] @ j.axis for T, j in zip(still, chain.joints, strict=True)])
+    placed: list[Array] = []
+    x = _any_normal(z[0])
+    for j in range(n):
+        origin = points[0] if not placed else _foot(placed[-1], points[j], z[j])
+        if j + 1 < n:
+            normal, meets = _common_normal(points[j], z[j], points[j + 1], z[j + 1], origin)
+            if normal is not None:
+                # the way round that turns least; the length between the axes may be negative
+                x, origin = (-normal if normal @ x < -PARALLEL else normal), meets
+        else:
+            x = placed[-1][:3, 0] if placed else x
+        placed.append(_placed(origin, x, z[j]))
+    base = placed[0]
+    if n > 1:
+        placed[-1] = placed[-2] @ _last(np.linalg.inv(placed[-2]) @ placed[-1])
+    before = [base, *placed[:-1]]
+    steps = [np.linalg.inv(a) @ b for a, b in zip(before, placed, strict=True)]
+    alpha, d, theta, r = np.array([_parameters(step) for step in steps]).T
+    return Frames(alpha, d, theta, r, base)
+
+
+def _common_normal(
+    p: Array, z: Array, other: Array, other_z: Array, origin: Array
+) -> tuple[Array | None, Array]:
+    """Direction of the common normal of two axes, and where it meets the first.
+
+    No direction where both are the same line.
+    """
+    between = np.cross(z, other_z)
+    sine = float(np.linalg.norm(between))
+    if sine < PARALLEL:
+        apart = other - origin
+        apart = apart - z * (apart @ z)
+        length = float(np.linalg.norm(apart))
+        return (apart / length if length > PARALLEL else None), origin
+    normal = between / sine
+    apart = other - p
+    along = float(np.cross(apart, other_z) @ between) / sine**2
+    return normal, p + along * z
+
+
+def _foot(frame: Array, p: Array, z: Array) -> Array:
+    """Point of the line through `p` along `z` that lies on the x axis of `frame`, or nearest."""
+    direction = frame[:3, 0]
+    across = np.cross(direction, z)
+    square = float(across @ across)
+    if square < PARALLEL**2:
+        return p
+    along = float(np.cross(frame[:3, 3] - p, direction) @ -across) / square
+    return p + along * z
+
+
+def _placed(origin: Array, x: Array, z: Array) -> Array:
+    x = x - z * (x @ z)
+    x = x / np.linalg.norm(x)
+    frame = np.eye(4)
+    frame[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    frame[:3, 3] = origin
+    return frame
+
+
+def _last(step: Array) -> Array:
+    """The step to the last frame, without turn and shift about its own axis."""
+    alpha, d, _, _ = _parameters(step)
+    return _pose(alpha, d, 0.0, 0.0)
+
+
+def _parameters(step: Array) -> tuple[float, float, float, float]:
+    """alpha, d, theta, r of one frame in the one before."""
+    alpha = float(np.arctan2(-step[1, 2], step[2, 2]))
+    theta = float(np.arctan2(-step[0, 1], step[0, 0]))
+    r = float(step[2, 3] * np.cos(alpha) - step[1, 3] * np.sin(alpha))
+    d, r = _clean_length(float(step[0, 3])), _clean_length(r)
+    return _clean_angle(alpha), d, _clean_angle(theta), r
+
+
+def _clean_angle(angle: float) -> float:
+    exact = round(angle / QUARTER) * QUARTER
+    if abs(angle - exact) > PARALLEL:
+        return angle
+    return QUARTER * 2 if exact == -QUARTER * 2 else exact + 0.0
+
+
+def _clean_length(length: float) -> float:
+    return round(length, 12) + 0.0
+
+
+def _any_normal(z: Array) -> Array:
+    """Some unit vector square to z."""
+    unit = np.eye(3)[int(np.argmin(np.abs(z)))]
+    normal = unit - z * (unit @ z)
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def _pose(alpha: float, d: float, theta: float, r: float) -> Array:
+    """Frame j in frame j-1."""
+    ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
+    return np.array(
+        [
+            [ct, -st, 0.0, d],
+            [st * ca, ct * ca, -sa, -r * sa],
+            [st * sa, ct * sa, ca, r * ca],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )

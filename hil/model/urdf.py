@@ -1,0 +1,357 @@
+"""A chain of joints from a URDF file: where each axis lies, and what limits it.
+
+Read is what the kinematics needs; fixed joints are merged with the next moving one, branches beside
+the chain are left out. Angles that are a rounded multiple of a quarter turn (1.5708) count as that
+multiple: axes that are nearly parallel or square have other base parameters than those that are.
+
+The format: wiki.ros.org/urdf/XML. A xacro file is expanded first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+import numpy as np
+
+from checked_files.yaml_file import FileError, read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+QUARTER = math.pi / 2
+ROUNDED = 1e-3
+"""How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
+MOST_JOINTS = 30
+"""Of a chain: more is no robot, and takes forever."""
+_MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UrdfJoint:
+    """A joint of the chain.
+
+    Attributes
+    ----------
+    name : str
+    type : {"revolute", "prismatic"}
+    before : ndarray, shape (4, 4)
+        Its frame in that of the joint before (the first one's: in the base link) at q = 0.
+    axis : ndarray, shape (3,)
+        Unit vector in its frame.
+    lower, upper, velocity, effort : float
+        Limits as the file states them, NaN where it does not [rad, rad/s, N m, or m, m/s, N].
+    """
+
+    name: str
+    type: Literal["revolute", "prismatic"]
+    before: Array
+    axis: Array
+    lower: float
+    upper: float
+    velocity: float
+    effort: float
+
+    def motion(self, q: float) -> Array:
+        """Transform of its displacement by `q`, shape (4, 4)."""
+        moved = np.eye(4)
+        if self.type == "prismatic":
+            moved[:3, 3] = q * self.axis
+        else:
+            moved[:3, :3] = _turned_about(self.axis, q)
+        return moved
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UrdfChain:
+    """Joints from one link of a URDF to another.
+
+    Attributes
+    ----------
+    robot, base, tip : str
+        Names of the robot and of the two links.
+    joints : tuple of UrdfJoint
+    after : ndarray, shape (4, 4)
+        The tip's frame in that of the last joint.
+    rounded : float
+        Largest difference between an angle as stated and as it was understood [rad].
+    """
+
+    robot: str
+    base: str
+    tip: str
+    joints: tuple[UrdfJoint, ...]
+    after: Array
+    rounded: float
+
+    def frames(self, q: Array) -> Array:
+        """Frames of all joints in the base link, shape (n_joints, 4, 4)."""
+        here, found = np.eye(4), []
+        for joint, angle in zip(self.joints, q, strict=True):
+            here = here @ joint.before @ joint.motion(float(angle))
+            found.append(here)
+        return np.array(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Edge:
+    """A joint between two links, as it stands in the file."""
+
+    element: Element
+    parent: str
+    child: str
+
+
+def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> UrdfChain:
+    """Read the chain between two links.
+
+    Parameters
+    ----------
+    path : path
+    base, tip : str, optional
+        Names of links; by default those of the chain with most joints that move.
+
+    Raises
+    ------
+    FileError
+        No URDF, no such link, or a chain with a joint that cannot be driven by itself.
+    """
+    return _Reader(Path(path)).chain(base, tip)
+
+
+class _Reader:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lines: dict[int, int] = {}
+        self._rounded = 0.0
+        self._root = self._tree(read_text(path))
+        if self._root.tag != "robot":
+            raise self._wrong(self._root, f"<{self._root.tag}> must be <robot>: this is no URDF")
+        self._links = self._named("link")
+        self._edges = {name: self._edge(each) for name, each in self._named("joint").items()}
+        self._below: dict[str, list[_Edge]] = {}
+        self._above: dict[str, _Edge] = {}
+        for edge in self._edges.values():
+            if edge.child in self._above:
+                other = self._above[edge.child].element.get("name")
+                raise self._wrong(
+                    edge.element, f"link {edge.child!r} is the child of joint {other!r} already"
+                )
+            self._above[edge.child] = edge
+            self._below.setdefault(edge.parent, []).append(edge)
+
+    def chain(self, base: str | None, tip: str | None) -> UrdfChain:
+        """Read the chain between two links."""
+        for name in filter(None, (base, tip)):
+            if name not in self._links:
+                raise FileError(
+                    f"{self._path}: no link {name!r}; links are {', '.join(self._links)}"
+                )
+        edges = self._between(base, tip) if tip else self._longest(base)
+        joints: list[UrdfJoint] = []
+        before = np.eye(4)
+        for edge in edges:
+            before = before @ self._origin(edge.element)
+            if edge.element.get("type") == "fixed":
+                continue
+            joints.append(self._joint(edge.element, before))
+            before = np.eye(4)
+        if not 1 <= len(joints) <= MOST_JOINTS:
+            raise FileError(
+                f"{self._path}: {len(joints)} moving joints from {base or 'the root'} to"
+                f" {tip or 'the tip'} must be 1 to {MOST_JOINTS}; name the chain's ends with"
+                " --from and --to"
+            )
+        return UrdfChain(
+            robot=self._root.get("name") or self._path.stem,
+            base=edges[0].parent,
+            tip=edges[-1].child,
+            joints=tuple(joints),
+            after=before,
+            rounded=self._rounded,
+        )
+
+    def _between(self, base: str | None, tip: str) -> list[_Edge]:
+        edges: list[_Edge] = []
+        here = tip
+        while here != base and here in self._above:
+            edges.insert(0, self._above[here])
+            here = edges[0].parent
+            if len(edges) > len(self._links):
+                raise FileError(f"{self._path}: link {here!r} is above itself; joints must not")
+        if base is not None and here != base:
+            raise FileError(
+                f"{self._path}: {tip!r} does not hang on {base!r} but on {here!r}; name a link"
+                " above it with --from"
+            )
+        if not edges:
+            raise FileError(f"{self._path}: there is no joint between {base!r} and {tip!r}")
+        return edges
+
+    def _longest(self, base: str | None) -> list[_Edge]:
+        """Edges of the chain with most moving joints; it ends at the last of them."""
+        chains = {}
+        for tip in self._links:
+            above = self._above.get(tip)
+            if above is None or above.element.get("type") not in _MOVING:
+                continue
+            edges = self._between(None, tip)
+            if base is not None:
+                starts = [k for k, edge in enumerate(edges) if edge.parent == base]
+                edges = edges[starts[0] :] if starts else []
+            own = [e for e in edges if e.element.get("type") in _MOVING]
+            if own and not any(e.element.find("mimic") is not None for e in own):
+                chains[tip] = (len(own), edges)
+        if not chains:
+            raise FileError(f"{self._path}: no chain of joints that move; is it expanded xacro?")
+        most = max(n for n, _ in chains.values())
+        best = [tip for tip, (n, _) in chains.items() if n == most]
+        if len(best) > 1:
+            raise FileError(
+                f"{self._path}: {len(best)} chains have {most} moving joints, to"
+                f" {', '.join(best)}; choose one with --to"
+            )
+        return chains[best[0]][1]
+
+    def _joint(self, element: Element, before: Array) -> UrdfJoint:
+        name, stated = element.get("name", ""), element.get("type", "")
+        if element.find("mimic") is not None:
+            raise self._wrong(
+                element, f"joint {name!r} mimics another one; end the chain before it with --to"
+            )
+        if stated not in _MOVING:
+            raise self._wrong(
+                element,
+                f"joint {name!r}: type {stated!r} must be revolute, continuous, prismatic or"
+                " fixed; choose another chain with --from and --to",
+            )
+        stands = element.find("axis")
+        axis = np.array([1.0, 0.0, 0.0])
+        if stands is not None:
+            axis = self._numbers(stands, "xyz", axis)
+        length = float(np.linalg.norm(axis))
+        if not length > 0:
+            raise self._wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
+        limit = element.find("limit")
+        ranged = limit if stated != "continuous" else None
+        return UrdfJoint(
+            name=name,
+            type="prismatic" if stated == "prismatic" else "revolute",
+            before=before,
+            axis=axis / length,
+            lower=self._number(ranged, "lower"),
+            upper=self._number(ranged, "upper"),
+            velocity=self._number(limit, "velocity"),
+            effort=self._number(limit, "effort"),
+        )
+
+    def _origin(self, element: Element) -> Array:
+        """Transform that a joint's <origin> states."""
+        found, origin = np.eye(4), element.find("origin")
+        if origin is None:
+            return found
+        roll, pitch, yaw = (
+            self._angle(float(angle)) for angle in self._numbers(origin, "rpy", np.zeros(3))
+        )
+        about = np.eye(3)
+        found[:3, :3] = (
+            _turned_about(about[2], yaw)
+            @ _turned_about(about[1], pitch)
+            @ _turned_about(about[0], roll)
+        )
+        found[:3, 3] = self._numbers(origin, "xyz", np.zeros(3))
+        return found
+
+    def _angle(self, stated: float) -> float:
+        """An angle, exact where it stands for a multiple of a quarter turn."""
+        exact = round(stated / QUARTER) * QUARTER
+        if abs(stated - exact) > ROUNDED:
+            return stated
+        self._rounded = max(self._rounded, abs(stated - exact))
+        return exact
+
+    def _edge(self, element: Element) -> _Edge:
+        ends = []
+        for tag in ("parent", "child"):
+            found = element.find(tag)
+            name = None if found is None else found.get("link")
+            if name not in self._links:
+                raise self._wrong(element, f"{tag} {name!r} is no link of this file")
+            ends.append(name)
+        return _Edge(element, *ends)
+
+    def _named(self, tag: str) -> dict[str, Element]:
+        found: dict[str, Element] = {}
+        for element in self._root.findall(tag):
+            name = element.get("name")
+            if not name or name in found:
+                raise self._wrong(element, f"<{tag}> needs a name of its own, not {name!r}")
+            found[name] = element
+        return found
+
+    def _number(self, element: Element | None, key: str) -> float:
+        if element is None or element.get(key) is None:
+            return math.nan
+        return float(self._numbers(element, key, np.zeros(1))[0])
+
+    def _numbers(self, element: Element, key: str, default: Array) -> Array:
+        text = element.get(key)
+        if text is None:
+            return default
+        try:
+            values = np.array([float(word) for word in text.split()])
+        except ValueError:
+            values = np.zeros(0)
+        if values.shape != default.shape or not np.isfinite(values).all():
+            raise self._wrong(element, f"{key} {text!r} must be {default.size} finite numbers")
+        return values
+
+    def _wrong(self, element: Element, what: str) -> FileError:
+        return FileError(f"{self._path}:{self._lines[id(element)]}: {what}")
+
+    def _tree(self, text: str) -> Element:
+        """Elements, whose lines are noted; a file that declares entities is refused."""
+        builder, parser = TreeBuilder(), expat.ParserCreate()
+
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            self._lines[id(builder.start(tag, attributes))] = parser.CurrentLineNumber
+
+        def refused(*_: object) -> None:
+            raise FileError(
+                f"{self._path}:{parser.CurrentLineNumber}: declares an entity; a URDF needs none"
+            )
+
+        handlers: dict[str, Callable[..., object]] = {
+            "StartElementHandler": start,
+            "EndElementHandler": builder.end,
+            "EntityDeclHandler": refused,
+        }
+        for name, handler in handlers.items():
+            setattr(parser, name, handler)
+        try:
+            parser.Parse(text, True)
+            return builder.close()
+        except expat.ExpatError as error:
+            raise FileError(
+                f"{self._path}:{error.lineno}: is no XML: {expat.ErrorString(error.code)}"
+            ) from error
+
+
+def _turned_about(axis: Array, angle: float) -> Array:
+    """Rotation matrix by Rodrigues' formula; quarter turns about a coordinate axis are exact."""
+    c, s = math.cos(angle), math.sin(angle)
+    quarters = round(angle / QUARTER)
+    if angle == quarters * QUARTER:
+        c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Array = np.eye(3) * c + s * cross + (1.0 - c) * np.outer(axis, axis)
+    return turned

@@ -1,0 +1,275 @@
+"""Robot files from a URDF: the same robot, checked against Pinocchio's reading of it."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from checked_files.yaml_file import UNSTATED, FileError
+from hil.model.axes_to_frames import frames_of
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
+from hil.model.robot import load_robot, parse_robot
+from hil.model.robot_draft import draft_robot
+from hil.model.urdf import read_urdf
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.model.urdf import UrdfChain
+
+    Array = NDArray[np.float64]
+
+GRAVITY = (0.0, 0.0, -9.81)
+H = "1.5707963267948966"
+REVOLUTE, PRISMATIC, CONTINUOUS = "revolute", "prismatic", "continuous"
+ROBOTS = {
+    "pan-tilt": [(REVOLUTE, "0 0 0.1", "0 0 0", "0 0 1"), (REVOLUTE, "0 0 0.2", "0 0 0", "0 1 0")],
+    "SCARA": [
+        (REVOLUTE, "0 0 0.3", "0 0 0", "0 0 1"),
+        (REVOLUTE, "0.4 0 0", "0 0 0", "0 0 1"),
+        (PRISMATIC, "0.3 0 0", "3.14159 0 0", "0 0 1"),
+        (CONTINUOUS, "0 0 0.1", "0 0 0", "0 0 1"),
+    ],
+    "Cartesian": [
+        (PRISMATIC, "0 0 0.3", "0 0 0", "1 0 0"),
+        (PRISMATIC, "0.4 0 0", "0 0 0", "0 1 0"),
+        (PRISMATIC, "0.3 0 0", "0 0 0", "0 0 -1"),
+    ],
+    "UR10e": [
+        (REVOLUTE, "0 0 0.1807", "0 0 0", "0 0 1"),
+        (REVOLUTE, "0 0 0", "1.570796327 0 0", "0 0 1"),
+        (REVOLUTE, "-0.6127 0 0", "0 0 0", "0 0 1"),
+        (REVOLUTE, "-0.57155 0 0.17415", "0 0 0", "0 0 1"),
+        (REVOLUTE, "0 -0.11985 0", "1.570796327 0 0", "0 0 1"),
+        (REVOLUTE, "0 0.11655 0", "1.570796327 3.141592654 3.141592654", "0 0 1"),
+    ],
+    "Panda": [
+        (REVOLUTE, "0 0 0.333", "0 0 0", "0 0 1"),
+        (REVOLUTE, "0 0 0", f"-{H} 0 0", "0 0 1"),
+        (REVOLUTE, "0 -0.316 0", f"{H} 0 0", "0 0 1"),
+        (REVOLUTE, "0.0825 0 0", f"{H} 0 0", "0 0 1"),
+        (REVOLUTE, "-0.0825 0.384 0", f"-{H} 0 0", "0 0 1"),
+        (REVOLUTE, "0 0 0", f"{H} 0 0", "0 0 1"),
+        (REVOLUTE, "0.088 0 0", f"{H} 0 0", "0 0 1"),
+    ],
+    "askew": [
+        (REVOLUTE, "0.1 0.2 0.3", "0.3 0.4 0.5", "0.3 1 0.2"),
+        (PRISMATIC, "0.1 0 0.3", "0.3 -0.4 0.5", "1 1 0.2"),
+        (REVOLUTE, "0.1 0.2 0.3", "-0.3 0.4 0.5", "0.3 1 -1.2"),
+        (REVOLUTE, "0 0 0.3", "0 0 0", "0.3 1 -1.2"),
+    ],
+}
+N_BASE = {"pan-tilt": 8, "SCARA": 8, "Cartesian": 3, "UR10e": 36, "Panda": 43}
+"""Of rigid bodies, gravity along the first axis where that is vertical."""
+Joints = list[tuple[str, str, str, str]]
+
+
+def urdf(name: str, joints: Joints, *, rigid_link: bool = False) -> str:
+    """A URDF of these joints: type, xyz, rpy, axis; links have made-up inertias."""
+    lines = [f'<robot name="{name}">', '<link name="base"/>']
+    parent = "base"
+    for k, (kind, xyz, rpy, axis) in enumerate(joints, start=1):
+        place = f'<origin xyz="{xyz}" rpy="{rpy}"/>'
+        if rigid_link and k == 2:
+            lines += [
+                '<link name="flange"/><joint name="weld" type="fixed">'
+                f'<parent link="{parent}"/><child link="flange"/>{place}</joint>'
+            ]
+            parent, place = "flange", ""
+        lines += [
+            f'<link name="link{k}"><inertial><origin xyz="0.0{k} 0.02 -0.03" rpy="0.1 0.2 0.3"/>'
+            f'<mass value="{k}"/><inertia ixx="0.2" iyy="0.3" izz="0.25" ixy="0.01" ixz="0.02"'
+            ' iyz="0.03"/></inertial></link>',
+            f'<joint name="joint{k}" type="{kind}"><parent link="{parent}"/>'
+            f'<child link="link{k}"/>{place}<axis xyz="{axis}"/>'
+            f'<limit lower="-1.{k}" upper="2.{k}" effort="5{k}" velocity="1.{k}"/></joint>',
+        ]
+        parent = f"link{k}"
+    return "\n".join([*lines, "</robot>"])
+
+
+def chain_of(folder: Path, text: str, base: str | None = None, tip: str | None = None) -> UrdfChain:
+    path = folder / "robot.urdf"
+    path.write_text(text)
+    return read_urdf(path, base, tip)
+
+
+def filled(draft: str) -> str:
+    """What nobody but the user knows."""
+    values = {
+        "position": 3, "speed": 1, "acceleration": 5, "torque [": 50, "turns": 100,
+        "of the motor, 0": 0, "of the motor [": 0.1,
+    }  # fmt: skip
+
+    def value(mark: re.Match[str]) -> str:
+        number = next(v for words, v in values.items() if words in mark[2])
+        return f"{mark[1]}{-number if 'least' in mark[2] else number}"
+
+    return re.sub(rf"(?m)^(.*: ){UNSTATED} (.*)$", value, draft)
+
+
+def robot_of(chain: UrdfChain, gravity: tuple[float, float, float] = GRAVITY) -> Robot:
+    return parse_robot(filled(draft_robot(chain, gravity)), "draft")
+
+
+def standard_parameters(model: pin.Model, chain: UrdfChain) -> Array:
+    """Pinocchio's bodies in our frames: inertias about the origins, first moments, masses."""
+    n = len(chain.joints)
+    revolute = np.array([joint.type == "revolute" for joint in chain.joints])
+    ours = frames_of(chain).poses(np.zeros(n), revolute)
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    found = []
+    for k in range(n):
+        theirs = data.oMi[k + 1]
+        body = (pin.SE3(np.linalg.inv(ours[k])) * theirs).act(model.inertias[k + 1])
+        m, s = body.mass, body.mass * body.lever
+        I = body.inertia - m * pin.skew(body.lever) @ pin.skew(body.lever)  # noqa: E741
+        found += [*I[0], I[1, 1], I[1, 2], I[2, 2], *s, m]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_frame_moves_with_its_joint(tmp_path: Path, name: str) -> None:
+    chain = chain_of(tmp_path, urdf(name, ROBOTS[name]))
+    revolute = np.array([joint.type == "revolute" for joint in chain.joints])
+    frames, still = frames_of(chain), np.zeros(len(revolute))
+    fixed = np.linalg.inv(chain.frames(still)) @ frames.poses(still, revolute)
+    for q in np.random.default_rng(1).uniform(-2, 2, (10, len(revolute))):
+        moved = chain.frames(q) @ fixed
+        assert frames.poses(q, revolute) == pytest.approx(moved, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_drafted_robot_has_the_torques_of_the_urdf(tmp_path: Path, name: str) -> None:
+    """With the bodies of the URDF, at random states, against Pinocchio; gravity askew."""
+    text = urdf(name, [(k.replace(CONTINUOUS, REVOLUTE), *rest) for k, *rest in ROBOTS[name]])
+    exact = text.replace("3.141592654", str(math.pi)).replace("3.14159 ", f"{math.pi} ")
+    exact = exact.replace("1.570796327", H)
+    chain, gravity = chain_of(tmp_path, text), (1.0, -2.0, -9.0)
+    robot = robot_of(chain, gravity)
+    model = pin.buildModelFromXML(exact)
+    model.gravity.linear = np.array(gravity)
+    p = base_parameters(robot).matrix @ standard_parameters(model, chain)
+    data = model.createData()
+    for q, qd, qdd in np.random.default_rng(2).uniform(-1, 1, (10, 3, robot.n_joints)):
+        expected = pin.rnea(model, data, q, qd, qdd)
+        found = inverse_dynamics(robot, p, q, qd, qdd)
+        assert found == pytest.approx(expected, abs=1e-9, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "count"), N_BASE.items())
+def test_it_has_the_right_number_of_base_parameters(tmp_path: Path, name: str, count: int) -> None:
+    assert len(base_parameters(robot_of(chain_of(tmp_path, urdf(name, ROBOTS[name]))))) == count
+
+
+def test_limits_and_names_are_taken_over(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, urdf("pan tilt", ROBOTS["pan-tilt"]))
+    robot = robot_of(chain)
+    assert robot.name == "pan-tilt"
+    assert robot.q_min.tolist() == [-1.1, -1.2]
+    assert robot.q_max.tolist() == [2.1, 2.2]
+    assert robot.velocity_limit.tolist() == [1.1, 1.2]
+    assert robot.torque_limit.tolist() == [51, 52]
+    assert "# joint2" in draft_robot(chain, GRAVITY)
+
+
+def test_what_a_urdf_does_not_say_is_to_be_stated(tmp_path: Path) -> None:
+    draft = draft_robot(chain_of(tmp_path, urdf("SCARA", ROBOTS["SCARA"])), GRAVITY)
+    with pytest.raises(FileError, match="acceleration_limit: must be stated") as caught:
+        parse_robot(draft, "draft.yaml")
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 4 * 4 + 2  # four of each joint; a continuous one has no range
+
+
+def test_fixed_joints_are_merged(tmp_path: Path) -> None:
+    plain = chain_of(tmp_path, urdf("x", ROBOTS["UR10e"]))
+    welded = chain_of(tmp_path, urdf("x", ROBOTS["UR10e"], rigid_link=True))
+    q = np.linspace(-1, 1, 6)
+    assert welded.frames(q) == pytest.approx(plain.frames(q))
+
+
+def test_a_rounded_quarter_turn_is_one(tmp_path: Path) -> None:
+    rounded = [(k, xyz, rpy.replace(H, "1.5708"), axis) for k, xyz, rpy, axis in ROBOTS["Panda"]]
+    chain = chain_of(tmp_path, urdf("Panda", rounded))
+    assert chain.rounded == pytest.approx(1.5708 - math.pi / 2)
+    assert len(base_parameters(robot_of(chain))) == N_BASE["Panda"]
+
+
+def test_part_of_a_robot_is_taken_by_its_links(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, urdf("x", ROBOTS["Panda"]), "link2", "link5")
+    assert [joint.name for joint in chain.joints] == ["joint3", "joint4", "joint5"]
+    assert (chain.base, chain.tip) == ("link2", "link5")
+
+
+FINGERS = """
+<link name="left"/><link name="right"/>
+<joint name="finger1" type="prismatic"><parent link="link2"/><child link="left"/></joint>
+<joint name="finger2" type="prismatic"><parent link="link2"/><child link="right"/>{mimic}</joint>
+</robot>"""
+
+
+def with_fingers(mimic: str = "") -> str:
+    text = urdf("x", ROBOTS["pan-tilt"])
+    return text.replace("</robot>", FINGERS.format(mimic=mimic))
+
+
+def test_a_finger_that_follows_another_one_ends_no_chain(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, with_fingers('<mimic joint="finger1"/>'))
+    assert [joint.name for joint in chain.joints] == ["joint1", "joint2", "finger1"]
+
+
+def joint_of_type(kind: str) -> str:
+    return urdf("x", ROBOTS["pan-tilt"]).replace(
+        '<joint name="joint2" type="revolute"', f'<joint name="joint2" type="{kind}"'
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "tip", "message"),
+    [
+        ("", None, "1: is no XML"),
+        ("<robot><link", None, "1: is no XML"),
+        ("<sdf/>", None, "1: <sdf> must be <robot>"),
+        ('<robot><link name="a"/></robot>', None, "no chain of joints that move"),
+        (with_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),
+        (with_fingers('<mimic joint="finger1"/>'), "right", r"10: joint 'finger2' mimics another"),
+        (joint_of_type("floating"), "link2", "6: joint 'joint2': type 'floating' must be"),
+        (urdf("x", ROBOTS["UR10e"]), "tool0", "no link 'tool0'; links are base, link1"),
+        (urdf("x", ROBOTS["UR10e"]), "base", "there is no joint between"),
+        (urdf("x", [(REVOLUTE, "0 0", "0 0 0", "0 0 1")]), None, "4: xyz '0 0' must be 3 finite"),
+        (urdf("x", [(REVOLUTE, "0 0 0", "0 0 0", "0 0 0")]), None, "axis 0 0 0 must have"),
+        (urdf("x", [(REVOLUTE, "0 0 nan", "0 0 0", "0 0 1")]), None, "must be 3 finite numbers"),
+        (
+            urdf("x", ROBOTS["pan-tilt"]).replace('parent link="link1"', 'parent link="lnk1"'),
+            None,
+            "6: parent 'lnk1' is no link of this file",
+        ),
+        ('<!DOCTYPE robot [<!ENTITY a "b">]>\n<robot/>', None, "1: declares an entity"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_with_its_line(
+    tmp_path: Path, text: str, tip: str | None, message: str
+) -> None:
+    with pytest.raises(FileError, match=message):
+        chain_of(tmp_path, text, None, tip)
+
+
+def test_a_loop_of_links_is_refused(tmp_path: Path) -> None:
+    text = urdf("x", ROBOTS["pan-tilt"]).replace('parent link="base"', 'parent link="link2"')
+    with pytest.raises(FileError, match=r"above itself|no chain"):
+        chain_of(tmp_path, text)
+
+
+def test_a_urdf_in_the_place_of_a_robot_file_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="hil robot new --urdf"):
+        load_robot(tmp_path / "arm.urdf")
