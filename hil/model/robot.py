@@ -153,6 +153,10 @@ class Robot:
         """Which joints turn; the others slide. Shape (n_joints,)."""
         return _read_only_flags([joint.type == "revolute" for joint in self.file.joints])
 
+    def position_unit(self, axis: int) -> str:
+        """Unit of q of a joint (from 0): rad or m."""
+        return "rad" if self.revolute[axis] else "m"
+
     @cached_property
     def alpha(self) -> NDArray[np.float64]:
         """Angles between successive axes [rad]."""

@@ -166,7 +166,7 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
         yield from _check_profile(
             (*here, "partner"), where, partner.index, partner.velocity, partner.acceleration, robot
         )
-    yield from _check_window((*here, "stroke"), measurement)
+    yield from _check_window((*here, "stroke"), measurement, robot)
 
 
 def _check_ends(
@@ -178,13 +178,13 @@ def _check_ends(
         beyond = min(first, last) if min(first, last) < low else max(first, last)
         if low <= beyond <= high:
             continue
-        still = first == last
+        still, unit = first == last, robot.position_unit(index)
         stroke = "" if still else ", with half its stroke,"
         yield Problem(
             (*here, "q", index),
-            f"{measurement.id}: joint {index + 1}{stroke} at {beyond:.5g} rad is outside"
-            f" {low:.5g} ... {high:.5g} rad;"
-            f" {_angle_remedy(beyond, low, high, 'choose another configuration or stroke')}",
+            f"{measurement.id}: joint {index + 1}{stroke} at {beyond:.5g} {unit} is outside"
+            f" {low:.5g} ... {high:.5g} {unit};"
+            f" {_remedy(unit, beyond, low, high, 'choose another configuration or stroke')}",
         )
 
 
@@ -196,37 +196,40 @@ def _check_profile(
     acceleration: float,
     robot: Robot,
 ) -> Iterator[Problem]:
-    for key, value, limits, unit in (
-        ("velocity", velocity, robot.velocity_limit, "rad/s"),
-        ("acceleration", acceleration, robot.acceleration_limit, "rad/s^2"),
+    unit = robot.position_unit(index)
+    for key, value, limits, per in (
+        ("velocity", velocity, robot.velocity_limit, "/s"),
+        ("acceleration", acceleration, robot.acceleration_limit, "/s^2"),
     ):
         limit = float(limits[index])
         if value > limit:
             yield Problem(
                 (*here, key),
-                f"{where}: {value:g} {unit} is above the limit of joint {index + 1}, {limit:g}"
-                f" {unit}; {_angle_remedy(value, -limit, limit, 'plan a lower one')}",
+                f"{where}: {value:g} {unit}{per} is above the limit of joint {index + 1}, {limit:g}"
+                f" {unit}{per}; {_remedy(unit, value, -limit, limit, 'plan a lower one')}",
             )
 
 
-def _check_window(here: tuple[str | int, ...], measurement: Strokes) -> Iterator[Problem]:
+def _check_window(
+    here: tuple[str | int, ...], measurement: Strokes, robot: Robot
+) -> Iterator[Problem]:
     """Find a stroke too short for constant velocity, or for the partner's strokes."""
-    if measurement.cruise is None:
+    cruise, lacking = measurement.cruise, measurement.lacking
+    if cruise is None or not lacking:
         return
-    begin, end = measurement.profile(0).window
-    available, (needed, what) = end - begin, measurement.cruise
-    if available < needed:
-        length = measurement.stroke + (needed - available) * measurement.velocity
-        yield Problem(
-            here,
-            f"{measurement.id}: {measurement.stroke:g} rad leaves {available:.3g} s of {what},"
-            f" must be at least {needed:.3g} s; lengthen the stroke to {length:.3g} rad or lower"
-            " the velocity",
-        )
+    unit = robot.position_unit(measurement.index)
+    length = measurement.stroke + lacking * measurement.velocity
+    yield Problem(
+        here,
+        f"{measurement.id}: {measurement.stroke:g} {unit} leaves {cruise.duration - lacking:.3g} s"
+        f" of {cruise.purpose}, must be at least {cruise.duration:.3g} s; lengthen the stroke to"
+        f" {length:.3g} {unit} or lower the velocity",
+    )
 
 
-def _angle_remedy(value: float, low: float, high: float, remedy: str) -> str:
-    """Return `remedy`, or where degrees seem to have been written the value in radians."""
-    if abs(value) > 5 * max(abs(low), abs(high)) and low <= math.radians(value) <= high:
-        return f"is it in degrees? then write {math.radians(value):.5g}"
+def _remedy(unit: str, value: float, low: float, high: float, remedy: str) -> str:
+    """Return `remedy`, or the value in SI where degrees or millimetres seem to stand."""
+    other, si = ("degrees", math.radians(value)) if unit == "rad" else ("millimetres", value / 1e3)
+    if abs(value) > 5 * max(abs(low), abs(high)) and low <= si <= high:
+        return f"is it in {other}? then write {si:.5g}"
     return remedy

@@ -135,6 +135,14 @@ class Strokes(FileModel):
         return Cruise(MARGIN + SHORTEST_WINDOW, "constant velocity")
 
     @property
+    def lacking(self) -> float:
+        """Time by which a stroke falls short of the constant velocity that it needs, or 0 [s]."""
+        if self.cruise is None:
+            return 0.0
+        begin, end = self.profile(0).window
+        return max(self.cruise.duration - (end - begin), 0.0)
+
+    @property
     def n_strokes(self) -> int:
         """Strokes in all; even numbers go forward, odd ones back."""
         return 2 * self.cycles

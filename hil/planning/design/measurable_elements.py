@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 CANDIDATES = 512
 RANGE = 0.95
 """Share of each joint's range that configurations use."""
+TURNED = 0.2
+"""Share of it that turning the motor takes at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ class Element:
         """Configuration `q` of measurement `number` (from 1), its motors turned by their share."""
         moved = q.copy()
         for i in set(self.axes):
-            moved[i] += (number * GOLDEN % 1.0 - 0.5) * math.tau / robot.gear_ratio[i]
+            moved[i] += (number * GOLDEN % 1.0 - 0.5) * _turn(robot, i)
         found: list[float] = moved.tolist()
         return found
 
@@ -120,17 +122,34 @@ def inertia_elements(robot: Robot, columns: list[int]) -> list[Element]:
 
 
 def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
-    """One off-diagonal element of M for each of base parameters `columns`."""
+    """One off-diagonal element of M for each of base parameters `columns`.
+
+    Raises
+    ------
+    ValueError
+        An axis whose range is too short to creep while its partner goes back and forth.
+    """
+    middle = (robot.q_min + robot.q_max) / 2
 
     def element(j: int, i: int) -> Element:
         creep, partner = creep_motion(robot, j), partner_motion(robot, i)
+
+        def measure(name: str, q: Sequence[float], number: int) -> Coupling:
+            other = partner_motion(robot, i, number)
+            return Coupling(id=name, axis=j + 1, q=tuple(q), partner=other, **creep)
+
+        tried = measure("c", middle.tolist(), 0)
+        if tried.cruise and tried.lacking:
+            left = tried.cruise.duration - tried.lacking
+            unit = robot.position_unit(j)
+            raise ValueError(
+                f"axis {j + 1} can creep for {left:.2g} s in {creep['stroke']:.3g} {unit}, must be"
+                f" at least {tried.cruise.duration:.2g} s while axis {i + 1} goes back and forth:"
+                " strokes cannot show their coupling; widen its range, or plan a trajectory (hil"
+                " trajectory plan)"
+            )
         strokes = {j: creep["stroke"], i: partner.stroke}
-        return Element(
-            j, i, strokes, _inertia_row(robot, j, i, columns),
-            lambda name, q, number: Coupling(
-                id=name, axis=j + 1, q=tuple(q), partner=partner_motion(robot, i, number), **creep
-            ),
-        )  # fmt: skip
+        return Element(j, i, strokes, _inertia_row(robot, j, i, columns), measure)
 
     return [element(j, i) for j, i in _pairs(robot, columns)]
 
@@ -199,7 +218,8 @@ def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
     middle = (robot.q_min + robot.q_max) / 2
     half = RANGE * (robot.q_max - robot.q_min) / 2
     for i, stroke in strokes.items():
-        half[i] = max(half[i] - stroke / 2, 0.0)
+        beyond = (1 - RANGE) * (robot.q_max[i] - robot.q_min[i]) / 2
+        half[i] -= stroke / 2 + max(_turn(robot, i) / 2 - beyond, 0.0)
     joints = _influencing(row, middle, half)
     q = np.tile(middle, (CANDIDATES, 1))
     if joints:
@@ -212,7 +232,7 @@ def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Arr
     """Candidates whose strokes keep clear of all boxes, whatever the motors' angles."""
     half = np.zeros(robot.n_joints)
     for i, stroke in strokes.items():
-        half[i] = stroke / 2 + math.pi / robot.gear_ratio[i]
+        half[i] = stroke / 2 + _turn(robot, i) / 2
     clear = q[are_clear(robot, workspace, JointBoxes(q - half, q + half))]
     if not len(clear):
         axes = " and ".join(str(i + 1) for i in strokes)
@@ -221,6 +241,12 @@ def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Arr
             " make boxes or margin smaller"
         )
     return clear
+
+
+def _turn(robot: Robot, axis: int) -> float:
+    """Way over which configurations of an axis spread the motor's angle: a turn, if it fits."""
+    most = TURNED * float(robot.q_max[axis] - robot.q_min[axis])
+    return min(math.tau / float(robot.gear_ratio[axis]), most)
 
 
 def _influencing(row: Row, middle: Array, half: Array) -> list[int]:

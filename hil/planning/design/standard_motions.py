@@ -30,9 +30,12 @@ INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.
 """Shares of the limits, shortest ramp [s]."""
 LONGEST_STROKE = 1.0
 """So that a measurement stays in the neighbourhood of its configuration [rad]."""
+WAY = 0.5
+"""Share of a joint's range that a stroke uses at most; the rest is left to choose from."""
 LONGEST_CREEP = 1.7
 """Way of a creeping axis [rad]."""
-CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
+CREEP_SPEED, SLOWEST_CREEP, CREEP_TIME, CREEP_CYCLES = 0.08, 0.055, 7.0, 2
+"""Shares of the speed limit, usually and where the range is short, duration [s], motions."""
 RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity [s]."""
 SPREAD = 0.012
@@ -49,7 +52,7 @@ def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
     shortest, longest = GRAVITY_TIME
     window = min(max(GRAVITY_STROKE / velocity, shortest), longest)
     return {
-        "stroke": min(velocity * window, LONGEST_STROKE),
+        "stroke": min(velocity * window, LONGEST_STROKE, _room(robot, axis)),
         "velocity": velocity,
         "acceleration": velocity / RAMP_OF_CREEP,
         "cycles": math.ceil(GRAVITY_WINDOWS / window),
@@ -65,7 +68,7 @@ def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
     # the first corner comes up to SPREAD later, the second one up to SPREAD earlier
     later, earlier = (SPREAD * (number * step % 1.0) for step in SEQUENCE)
     return {
-        "stroke": min(3 * ramp, LONGEST_STROKE) - velocity * earlier,
+        "stroke": min(3 * ramp, LONGEST_STROKE, _room(robot, axis)) - velocity * earlier,
         "velocity": velocity,
         "acceleration": velocity / (velocity / acceleration + later),
         "cycles": INERTIA_CYCLES,
@@ -75,9 +78,10 @@ def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
 
 def creep_motion(robot: Robot, axis: int) -> dict[str, Any]:
     """Those of the creeping axis of a coupling measurement."""
-    velocity = CREEP_SPEED * float(robot.velocity_limit[axis])
+    limit, room = float(robot.velocity_limit[axis]), _room(robot, axis)
+    velocity = min(max(room / CREEP_TIME, SLOWEST_CREEP * limit), CREEP_SPEED * limit)
     return {
-        "stroke": min(velocity * CREEP_TIME, LONGEST_CREEP),
+        "stroke": min(velocity * CREEP_TIME, LONGEST_CREEP, room),
         "velocity": velocity,
         "acceleration": velocity / RAMP_OF_CREEP,
         "cycles": CREEP_CYCLES,
@@ -93,3 +97,7 @@ def partner_motion(robot: Robot, axis: int, number: int = 0) -> Partner:
         velocity=motion["velocity"],
         acceleration=motion["acceleration"],
     )
+
+
+def _room(robot: Robot, axis: int) -> float:
+    return WAY * float(robot.q_max[axis] - robot.q_min[axis])
