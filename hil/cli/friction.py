@@ -52,7 +52,7 @@ def plan(
 ) -> None:
     """Plan constant-velocity sweeps, or an experiment on friction's variance in time."""
     from checked_files.yaml_file import FileError
-    from hil.cli.plan_files import load_guard, write_plan
+    from hil.cli.plan_files import load_guard, state_count, write_plan
     from hil.model.robot import load_robot
 
     robot = load_robot(name)
@@ -63,7 +63,8 @@ def plan(
         planned = _planned(experiment, robot, axes, guard)
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
-    write_plan(output, planned)
+    write_plan(output, planned, robot)
+    state_count(output, planned)
 
 
 @friction.command()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from hil.cli import dry_run_view
-from hil.model.robot import load_robot
+from hil.model.robot import ROBOTS, load_robot
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace import load_workspace
 from hil.planning.workspace_check import remarks
@@ -14,8 +16,6 @@ from hil.runs.atomic_file import write_file
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
     from hil.planning.plan import Plan
@@ -31,11 +31,29 @@ def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tup
         One of the files cannot be used, or the plan is of another robot.
     """
     the_plan = load_plan(plan_file)
-    the_robot = load_robot(robot_file or the_plan.robot.name)
+    the_robot = load_robot(robot_file or _robot_file(the_plan, plan_file))
     refuse_other_robot(the_plan, the_robot, str(plan_file))
     the_plan = _with_workspace(the_plan, the_robot, workspace)
     _show_remarks(the_plan.workspace, the_robot)
     return the_plan, the_robot
+
+
+def _robot_file(the_plan: Plan, plan_file: Path) -> str | Path:
+    """Name of the plan's robot, or path of its file.
+
+    Raises
+    ------
+    FileError
+        The file is not where the plan says.
+    """
+    if the_plan.robot.file is None:
+        return the_plan.robot.name
+    path = plan_file.parent / the_plan.robot.file
+    if not path.exists():
+        raise FileError(
+            f"{plan_file}: robot.file: {path} is not there; name the robot file with --robot"
+        )
+    return path
 
 
 def load_guard(path: Path | None, robot: Robot) -> Workspace | None:
@@ -77,7 +95,16 @@ def refuse_problems(result: DryRun, plan_file: Path) -> None:
         raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
 
 
-def write_plan(output: Path, designed: Plan) -> None:
-    """Write a plan, and state how many measurements it has."""
+def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
+    """Write a plan, which remembers where its robot file lies."""
+    source = Path(the_robot.source)
+    if source.parent != ROBOTS:
+        file = Path(os.path.relpath(source.resolve(), output.resolve().parent)).as_posix()
+        remembered = designed.robot.model_copy(update={"file": file})
+        designed = designed.model_copy(update={"robot": remembered})
     write_file(output, dump_plan(designed).encode())
+
+
+def state_count(output: Path, designed: Plan) -> None:
+    """State how many measurements a plan has that was written."""
     out.print(f"{len(designed.measurements)} measurements in {output}", highlight=False)

@@ -65,10 +65,10 @@ def plan(
     ] = 0.0,
 ) -> None:
     """Optimise a trajectory within the limits."""
+    from hil.cli.plan_files import write_plan
     from hil.model.robot import load_robot
     from hil.planning.design.trajectories import HARMONICS, PERIOD, condition, design_trajectory
-    from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan
-    from hil.runs.atomic_file import write_file
+    from hil.planning.plan import Plan, PlannedRobot, WarmUp
 
     robot = load_robot(name)
     refuse_existing(output)
@@ -80,7 +80,7 @@ def plan(
         warm_up=WarmUp(duration=warm_up) if warm_up else None,
         measurements=(found,),
     )
-    write_file(output, dump_plan(designed).encode())
+    write_plan(output, designed, robot)
     out.print(
         f"{cycles} periods of {period:g} s in {output}, condition number"
         f" {condition(robot, found):.3g}",

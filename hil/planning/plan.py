@@ -27,10 +27,19 @@ if TYPE_CHECKING:
 
 
 class PlannedRobot(FileModel):
-    """For which robot the plan was made: its name and the digest of its file."""
+    """For which robot the plan was made.
+
+    Attributes
+    ----------
+    name, digest : str
+        Of the robot, and of its file's content.
+    file : str, optional
+        Path of its file, from the plan's folder; none for a robot that comes along.
+    """
 
     name: str
     digest: str
+    file: str | None = None
 
 
 class WarmUp(FileModel):

@@ -85,6 +85,28 @@ def test_gravity_is_stated_in_the_link_that_stands_still(hil: Hil, tmp_path: Pat
     assert "gravity: [9.81, 0, 0]" in robot.read_text()
 
 
+def test_a_plan_finds_the_file_of_its_robot_again(
+    hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robots, plans = tmp_path / "robots", tmp_path / "plans"
+    robots.mkdir()
+    plans.mkdir()
+    text = (ROBOTS / "manutec-r15.yaml").read_text().replace("name: manutec-r15", "name: mine")
+    (robots / "mine.yaml").write_text(text)
+    plan = plans / "plan.yaml"
+    assert hil("plan", robots / "mine.yaml", "-o", plan, "--gravity", 8)[0] == 0
+    assert "file: ../robots/mine.yaml" in plan.read_text()
+    monkeypatch.chdir(robots)
+    status, out, err = hil("dry-run", plan)
+    assert status == 0, err
+    assert "total" in out
+    (robots / "mine.yaml").rename(robots / "moved.yaml")
+    status, _, err = hil("dry-run", plan)
+    assert status == 1
+    assert "mine.yaml is not there; name the robot file with --robot" in err
+    assert hil("dry-run", plan, "--robot", robots / "moved.yaml")[0] == 0
+
+
 def test_an_unknown_robot_is_refused_with_the_known_ones(hil: Hil) -> None:
     status, _, err = hil("robot", "puma")
     assert status == 1
