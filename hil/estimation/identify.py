@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
-from hil.estimation.causes import find_causes
+from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
 from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
@@ -117,10 +117,13 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
     drive_train = find_drive_train(robot, raw)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
     solver = first = SimultaneousFit(robot, prepared)
-    if drive_train.soft.any() or solver.loaded.any():
+    mu, error = solver.load_friction
+    loaded = np.nan_to_num(mu / error) > CERTAIN
+    if drive_train.soft.any() or loaded.any():
         # what gears transmit is now known better than from measurements of inertia alone, and so is
-        # which of them turn it into friction
-        drive_train = find_drive_train(robot, raw, solver.loaded)
+        # which of them turn it into friction; a doubtful one would take the lag along, since few
+        # measurements of inertia tell the two apart
+        drive_train = find_drive_train(robot, raw, loaded)
         drive_train = replace(drive_train, p=solver.solve())
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
         solver = SimultaneousFit(robot, prepared)
