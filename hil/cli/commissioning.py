@@ -26,7 +26,7 @@ from hil.cli.arguments import (
     Yes,
 )
 from hil.runs import SIMULATED
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -92,7 +92,7 @@ def check(
         ) as verdicts,
     ):
         for line in granted:
-            out.print(line, highlight=False, markup=False, soft_wrap=True)
+            say(line)
         computer = _wake_ups(bus, drives.sync_period, jitter_time, realtime=realtime)
         serves = check_view.show(map(_line, chain(computer, verdicts)), out)
     if not serves:

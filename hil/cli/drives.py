@@ -18,7 +18,7 @@ from hil.cli import restoring, scan_view
 from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_existing, refuse_no_channel
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -104,9 +104,9 @@ def new(
         why = f"from {chosen.place}: {chosen.why}" if chosen else "is to be stated: none was found"
         choices.setdefault(why, []).append(str(number))
     for why, numbers in choices.items():
-        _say(f"joint {', '.join(numbers)}: current {why}")
+        say(f"joint {', '.join(numbers)}: current {why}")
     marks = text.count(f": {UNSTATED} ")
-    _say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
+    say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
 
 
 def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
@@ -241,7 +241,3 @@ def _remarks(found: FoundNode) -> Iterator[scan_view.Remark]:
         return
     for finding in found.review.findings:
         yield scan_view.Remark(str(finding), finding.fatal)
-
-
-def _say(text: str) -> None:
-    out.print(text, highlight=False, markup=False, soft_wrap=True)

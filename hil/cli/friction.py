@@ -52,7 +52,7 @@ def plan(
 ) -> None:
     """Plan constant-velocity sweeps, or an experiment on friction's variance in time."""
     from checked_files.yaml_file import FileError
-    from hil.cli.plan_files import load_guard, state_count, write_plan
+    from hil.cli.plan_files import load_guard, write_plan
     from hil.model.robot import load_robot
 
     robot = load_robot(name)
@@ -64,7 +64,6 @@ def plan(
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
     write_plan(output, planned, robot)
-    state_count(output, planned)
 
 
 @friction.command()

@@ -13,7 +13,7 @@ from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace import load_workspace
 from hil.planning.workspace_check import remarks
 from hil.runs.atomic_file import write_file
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -79,7 +79,7 @@ def _with_workspace(the_plan: Plan, the_robot: Robot, path: Path | None) -> Plan
 def _show_remarks(workspace: Workspace | None, robot: Robot) -> None:
     """Print what is strange about a workspace, though it is accepted."""
     for line in remarks(workspace, robot):
-        out.print(line, style="yellow", highlight=False, markup=False, soft_wrap=True)
+        say(line, style="yellow")
 
 
 def refuse_problems(result: DryRun, plan_file: Path) -> None:
@@ -96,6 +96,12 @@ def refuse_problems(result: DryRun, plan_file: Path) -> None:
 
 
 def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
+    """Write a plan, and state how many measurements it has."""
+    keep_plan(output, designed, the_robot)
+    out.print(f"{len(designed.measurements)} measurements in {output}", highlight=False)
+
+
+def keep_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
     """Write a plan, which remembers where its robot file lies."""
     source = Path(the_robot.source)
     if source.parent != ROBOTS:
@@ -103,8 +109,3 @@ def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
         remembered = designed.robot.model_copy(update={"file": file})
         designed = designed.model_copy(update={"robot": remembered})
     write_file(output, dump_plan(designed).encode())
-
-
-def state_count(output: Path, designed: Plan) -> None:
-    """State how many measurements a plan has that was written."""
-    out.print(f"{len(designed.measurements)} measurements in {output}", highlight=False)

@@ -135,7 +135,7 @@ def plan(
         _refine(run, minutes or REFINEMENT, output)
         return
     from checked_files.yaml_file import FileError
-    from hil.cli.plan_files import load_guard, state_count, write_plan
+    from hil.cli.plan_files import load_guard, write_plan
     from hil.model.robot import load_robot
 
     the_robot = load_robot(str(name))
@@ -154,7 +154,6 @@ def plan(
     except ValueError as error:
         raise FileError(f"{name}: {error}") from error
     write_plan(output, designed, the_robot)
-    state_count(output, designed)
 
 
 def _by_counts(
@@ -169,7 +168,7 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
     from checked_files.yaml_file import FileError
     from hil.cli import precision_view
     from hil.cli.assumed_noise import experience_of
-    from hil.cli.plan_files import state_count, write_plan
+    from hil.cli.plan_files import write_plan
     from hil.planning.design.by_minutes import refine
     from hil.planning.prediction.precision import information, precision
 
@@ -181,7 +180,6 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
     except ValueError as error:
         raise FileError(f"{first.path}: {error}") from error
     write_plan(output, designed, robot)
-    state_count(output, designed)
     more = information(robot, designed.measurements, designed.sample_period, noise)
     now, then = (precision(robot, each, noise.source) for each in (known, known + more))
     precision_view.render_refinement(now, then, robot, out)

@@ -10,7 +10,7 @@ import typer
 
 from hil.cli.arguments import PLANT, BusOptions, refuse_no_channel
 from hil.runs import SIMULATED
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 from hil.terminal.interruption import interruptible
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def restore(
 
     settings = load_found_settings(file)
     if not settings.unrestored:
-        _say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
+        say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
         return
     bus_name = _bus_of(file, settings, interface, channel, other_bus=other_bus)
     with ExitStack() as stack:
@@ -56,7 +56,7 @@ def restore(
         if settings.restored:
             bus_state.forget_run(*_kept_bus(settings, bus_name), file)
     if settings.restored:
-        _say(f"{file}: {_conclusion(settings)}")
+        say(f"{file}: {_conclusion(settings)}")
     if failed:
         raise typer.Exit(1)
 
@@ -72,14 +72,14 @@ def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[Fou
     failed = False
     for drive in settings.unrestored:
         if drive.doubt:
-            _say(f"{drive.name} (node {drive.node}): {drive.doubt}", style="yellow")
+            say(f"{drive.name} (node {drive.node}): {drive.doubt}", style="yellow")
     for each in put_back(bus, settings):
         rows = [changed_row(entry, present, value) for entry, present, value in each.written]
         changes_view.render(each.label, rows, out, "put back")
         settings = settings.with_drives([each.drive])
         write_file(file, dump_found_settings(settings).encode())
         for line in each.left:
-            _say(line, style="yellow")
+            say(line, style="yellow")
         if each.problem:
             typer.echo(each.problem, err=True)
             failed = True
@@ -124,7 +124,3 @@ def _conclusion(settings: FoundSettings) -> str:
         "all drives hold again what they held, but what they do not take back:"
         f" {', '.join(refused)}; set it with the maker's commissioning tool"
     )
-
-
-def _say(text: str, style: str | None = None) -> None:
-    out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.arguments import RobotName, refuse_existing
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 
 EARTH = (0.0, 0.0, -9.81)
 """Gravity where the base link stands upright [m/s^2]."""
@@ -70,12 +70,8 @@ def new(
     text = draft_robot(chain, gravity)
     write_file(output, text.encode())
     joints = ", ".join(joint.name for joint in chain.joints)
-    _say(f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}")
+    say(f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}")
     if chain.rounded > 0:
-        _say(f"angles within {chain.rounded:.2g} rad of quarter turns were taken for these")
+        say(f"angles within {chain.rounded:.2g} rad of quarter turns were taken for these")
     marks = text.count(f": {UNSTATED} ")
-    _say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
-
-
-def _say(text: str) -> None:
-    out.print(text, highlight=False, markup=False, soft_wrap=True)
+    say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")

@@ -65,7 +65,7 @@ def plan(
     ] = 0.0,
 ) -> None:
     """Optimise a trajectory within the limits."""
-    from hil.cli.plan_files import write_plan
+    from hil.cli.plan_files import keep_plan
     from hil.model.robot import load_robot
     from hil.planning.design.trajectories import HARMONICS, PERIOD, condition, design_trajectory
     from hil.planning.plan import Plan, PlannedRobot, WarmUp
@@ -80,7 +80,7 @@ def plan(
         warm_up=WarmUp(duration=warm_up) if warm_up else None,
         measurements=(found,),
     )
-    write_plan(output, designed, robot)
+    keep_plan(output, designed, robot)
     out.print(
         f"{cycles} periods of {period:g} s in {output}, condition number"
         f" {condition(robot, found):.3g}",

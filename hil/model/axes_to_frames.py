@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.model.frames import inverse, pose_of
 from hil.model.urdf import QUARTER
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class Frames:
         here, found = self.base, []
         theta, r = self.theta + q * revolute, self.r + q * ~revolute
         for each in zip(self.alpha, self.d, theta, r, strict=True):
-            here = here @ _pose(*each)
+            here = here @ pose_of(*each)
             found.append(here)
         return np.array(found)
 
@@ -75,9 +76,9 @@ def frames_of(chain: UrdfChain) -> Frames:
         placed.append(_placed(origin, x, z[j]))
     base = placed[0]
     if n > 1:
-        placed[-1] = placed[-2] @ _last(np.linalg.inv(placed[-2]) @ placed[-1])
+        placed[-1] = placed[-2] @ _last(inverse(placed[-2]) @ placed[-1])
     before = [base, *placed[:-1]]
-    steps = [np.linalg.inv(a) @ b for a, b in zip(before, placed, strict=True)]
+    steps = [inverse(a) @ b for a, b in zip(before, placed, strict=True)]
     alpha, d, theta, r = np.array([_parameters(step) for step in steps]).T
     return Frames(alpha, d, theta, r, base)
 
@@ -125,7 +126,7 @@ def _placed(origin: Array, x: Array, z: Array) -> Array:
 def _last(step: Array) -> Array:
     """The step to the last frame, without turn and shift about its own axis."""
     alpha, d, _, _ = _parameters(step)
-    return _pose(alpha, d, 0.0, 0.0)
+    return np.asarray(pose_of(alpha, d, 0.0, 0.0))
 
 
 def _parameters(step: Array) -> tuple[float, float, float, float]:
@@ -153,16 +154,3 @@ def _any_normal(z: Array) -> Array:
     unit = np.eye(3)[int(np.argmin(np.abs(z)))]
     normal = unit - z * (unit @ z)
     return np.asarray(normal / np.linalg.norm(normal))
-
-
-def _pose(alpha: float, d: float, theta: float, r: float) -> Array:
-    """Frame j in frame j-1."""
-    ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
-    return np.array(
-        [
-            [ct, -st, 0.0, d],
-            [st * ca, ct * ca, -sa, -r * sa],
-            [st * sa, ct * sa, ca, r * ca],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )

@@ -30,12 +30,12 @@ _RIGHT_ANGLE = 1e-9
 
 def link_pose(robot: Robot, joint: int) -> Array:
     """Pose of frame j in frame j-1 at q_j + theta_j = 0 (revolute) or q_j = 0 (prismatic)."""
-    return _pose(robot, joint, robot.d[joint], robot.r[joint])
+    return _link_pose(robot, joint, robot.d[joint], robot.r[joint])
 
 
 def symbolic_link_pose(robot: Robot, joint: int) -> NDArray[np.object_]:
     """`link_pose` with entries that are polynomials in the lengths' names."""
-    pose = _pose(robot, joint, robot.d_expressions[joint], robot.r_expressions[joint])
+    pose = _link_pose(robot, joint, robot.d_expressions[joint], robot.r_expressions[joint])
     lifted = [x if isinstance(x, Polynomial) else Polynomial.constant(x) for x in pose.flat]
     return np.array(lifted, dtype=object).reshape(4, 4)
 
@@ -58,9 +58,15 @@ def cos_sin(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-def _pose(robot: Robot, joint: int, d: Any, r: Any) -> NDArray[Any]:
-    ca, sa = cos_sin(robot.alpha[joint])
-    ct, st = (1.0, 0.0) if robot.revolute[joint] else cos_sin(robot.theta[joint])
+def _link_pose(robot: Robot, joint: int, d: Any, r: Any) -> NDArray[Any]:
+    theta = 0.0 if robot.revolute[joint] else robot.theta[joint]
+    return pose_of(robot.alpha[joint], d, theta, r)
+
+
+def pose_of(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
+    """Pose of a frame in the one before, from its four parameters; lengths may be polynomials."""
+    ca, sa = cos_sin(alpha)
+    ct, st = cos_sin(theta)
     rows = [
         [ct, -st, 0.0, d],
         [ca * st, ca * ct, -sa, r * -sa],
