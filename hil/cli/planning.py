@@ -174,9 +174,9 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
 
     folders, (noise, known) = experience_of(runs)
     first, robot = folders[0], folders[0].robot
-    taken = {measurement.id for folder in folders for measurement in folder.plan.measurements}
+    taken = {measurement.id for folder in folders for measurement in folder.motions}
     try:
-        designed = refine(robot, minutes, noise, known, first.plan, taken)
+        designed = refine(robot, minutes, noise, known, first.planned, taken)
     except ValueError as error:
         raise FileError(f"{first.path}: {error}") from error
     write_plan(output, designed, robot)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.signals import Signals
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import ParameterMotion
 
     Array = NDArray[np.float64]
 
@@ -143,7 +143,7 @@ def complete(robot: Robot) -> Robot:
     )
 
 
-def examine(robot: Robot, prepared: Sequence[tuple[ParameterMeasurement, Signals]]) -> ModelErrors:
+def examine(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -> ModelErrors:
     """Test every link parameter that `robot` leaves out, and those that it states."""
     whole = complete(robot)
     K = base_parameters(whole).matrix

@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalValue
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import ParameterMotion
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[ParameterMeasurement, Signals]]
+    Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 CERTAIN = 5.0
 """Compliance or friction of the load over its standard error from which on it counts."""
@@ -111,7 +111,7 @@ def find_causes(
 
     Parameters
     ----------
-    raw : sequence of (ParameterMeasurement, Signals)
+    raw : sequence of (ParameterMotion, Signals)
         As measured.
     drive_train : DriveTrain
         Which was taken into account.

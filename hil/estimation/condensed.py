@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import ParameterMotion
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
@@ -144,7 +144,7 @@ class Stacked:
         return Condensed(self.axis, self.each * product, self.each * len(columns) - rank)
 
 
-def stack(robot: Robot, measurement: ParameterMeasurement, s: Signals) -> list[list[Stacked]]:
+def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[Stacked]]:
     """Stack y, the motor's part and X: of each period or measurement, each axis that moves.
 
     What holds too few usable samples is left out.
@@ -198,7 +198,7 @@ def stack_axis(
         yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index) if enough else None
 
 
-def periods_of(measurement: ParameterMeasurement, s: Signals) -> Iterator[Mask]:
+def periods_of(measurement: ParameterMotion, s: Signals) -> Iterator[Mask]:
     """Which samples belong together: those of each period, or of all strokes."""
     if measurement.streamed:
         yield from (s.stroke == number for number in range(measurement.cycles))

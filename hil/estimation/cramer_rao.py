@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ MOVING = 0.005
 
 def cramer_rao(
     robot: Robot,
-    recorded: Iterable[tuple[Measurement, Recording]],
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
     variance: Array,
     *,
     friction_known: bool = False,
@@ -50,7 +50,7 @@ def cramer_rao(
     Parameters
     ----------
     robot : Robot
-    recorded : iterable of (Measurement, Recording)
+    recorded : iterable of (RecordedMotion, Recording)
         Only the motion of it counts.
     variance : ndarray, shape (n_joints,)
         Of the torque noise, per sample [(N m)^2].

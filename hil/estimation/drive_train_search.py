@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import ParameterMotion
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[ParameterMeasurement, Signals]]
+    Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 SOFT = 2.0
 """A compliance over its standard error from which on a gear counts as soft."""
@@ -85,7 +85,7 @@ def find_drive_train(
     )
 
 
-def _shows_lag(measurement: ParameterMeasurement) -> bool:
+def _shows_lag(measurement: ParameterMotion) -> bool:
     """Whether the axis whose torque is read accelerates."""
     if shows_element(measurement):
         return bool(measurement.unit_acceleration[measurement.index])
@@ -93,7 +93,7 @@ def _shows_lag(measurement: ParameterMeasurement) -> bool:
 
 
 def _stacked(
-    robot: Robot, m: ParameterMeasurement, s: Signals, shifts: NDArray[np.intp]
+    robot: Robot, m: ParameterMotion, s: Signals, shifts: NDArray[np.intp]
 ) -> Iterator[Stacked]:
     """Torques at whole shifts and the motor's part, beside all columns: of every axis read."""
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)

@@ -50,12 +50,12 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalFit, LocalValue
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement, ParameterMeasurement
+    from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[ParameterMeasurement, Signals]]
-    Recorded = Iterable[tuple[Measurement, Recording]]
+    Prepared = Sequence[tuple[ParameterMotion, Signals]]
+    Recorded = Iterable[tuple[RecordedMotion, Recording]]
     Identify = Callable[[Robot, Recorded], Estimate]
 
 TwoStepMethod = Literal["improved", "printed"]
@@ -196,7 +196,7 @@ def _estimate(
 
 def prepare(
     recorded: Recorded,
-) -> tuple[list[tuple[ParameterMeasurement, Signals]], list[LeftOut]]:
+) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
     """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
@@ -211,7 +211,7 @@ def prepare(
 
 def prepared_for(
     robot: Robot, found: Estimate, recorded: Recorded
-) -> list[tuple[ParameterMeasurement, Signals]]:
+) -> list[tuple[ParameterMotion, Signals]]:
     """Signals of the measurements behind an estimate, its drive train taken into account."""
     unused = {left.id for left in found.left_out}
     own = [each for each in prepare(recorded)[0] if each[0].id not in unused]
@@ -339,7 +339,7 @@ def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Esti
     Parameters
     ----------
     robot : Robot
-    recorded : iterable of (Measurement, Recording)
+    recorded : iterable of (RecordedMotion, Recording)
     method : str
         One of `METHODS`.
 

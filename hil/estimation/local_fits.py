@@ -227,5 +227,6 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
 ELSEWHERE = {
     "friction": "",
     "trajectory": "the printed method takes strokes alone; the improved one takes trajectories too",
+    "free": "the printed method takes strokes alone; the improved one takes free motions too",
 }
 """The other kinds, from which no base parameters are identified here: what an estimate remarks."""

@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import fft
 
 from hil.errors import NotEnoughData
 from hil.regression.window import correlated, half_window, smooth, widened
@@ -95,10 +96,10 @@ class Signals:
         if self.period * CUTOFF >= 0.5:
             return x
         first = round(RINGING / self.period)
-        n = _quickly_transformed(len(x) + 2 * first)
+        n = fft.next_fast_len(len(x) + 2 * first, real=True)
         ends = [(first, n - len(x) - first)] + [(0, 0)] * (x.ndim - 1)
-        spectrum = np.fft.rfft(np.pad(x, ends, mode="edge").T)
-        filtered: Array = np.fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
+        spectrum = fft.rfft(np.pad(x, ends, mode="edge").T)
+        filtered: Array = fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
         return filtered[first : first + len(x)]
 
     def smoothed(self, x: Array) -> Array:
@@ -185,14 +186,9 @@ def derivatives(x: Array, period: float) -> tuple[Array, Array]:
     return correlated(x, _FIRST / period), correlated(x, SECOND / period**2)
 
 
-def _quickly_transformed(n: int) -> int:
-    """Next length of at least `n` whose only prime factors are 2 and one of 3, 5 and 7."""
-    return min(odd << max(0, (-(-n // odd) - 1).bit_length()) for odd in (1, 3, 5, 7))
-
-
 def _forth_and_back(n: int, period: float) -> Array:
     """What the Butterworth filter, run forth and back, leaves of the spectrum of `n` samples."""
-    frequencies = np.tan(np.pi * np.fft.rfftfreq(n)) / np.tan(np.pi * CUTOFF * period)
+    frequencies = np.tan(np.pi * fft.rfftfreq(n)) / np.tan(np.pi * CUTOFF * period)
     return np.asarray(1.0 / (1.0 + frequencies ** (2 * ORDER)))
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import ParameterMotion
 
     Array = NDArray[np.float64]
 
@@ -52,9 +52,7 @@ class SimultaneousFit:
         None of them can be used.
     """
 
-    def __init__(
-        self, robot: Robot, prepared: Sequence[tuple[ParameterMeasurement, Signals]]
-    ) -> None:
+    def __init__(self, robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -> None:
         self._robot, self._n_joints = robot, robot.n_joints
         self._n_base = len(base_parameters(robot))
         self._weight = np.ones(robot.n_joints)

@@ -13,15 +13,15 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
-from xml.etree.ElementTree import Element, TreeBuilder
-from xml.parsers import expat
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, read_text
+from checked_files.xml_file import XmlFile
+from checked_files.yaml_file import FileError
+from hil.model.frames import cos_sin, cross_matrix
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from xml.etree.ElementTree import Element
 
     from numpy.typing import NDArray
 
@@ -129,20 +129,20 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
 
 class _Reader:
     def __init__(self, path: Path) -> None:
+        self._file = XmlFile(path)
         self._path = path
-        self._lines: dict[int, int] = {}
         self._rounded = 0.0
-        self._root = self._tree(read_text(path))
-        if self._root.tag != "robot":
-            raise self._wrong(self._root, f"<{self._root.tag}> must be <robot>: this is no URDF")
-        self._links = self._named("link")
-        self._edges = {name: self._edge(each) for name, each in self._named("joint").items()}
+        root = self._file.root
+        if root.tag != "robot":
+            raise self._file.wrong(root, f"<{root.tag}> must be <robot>: this is no URDF")
+        self._links = self._file.named("link")
+        self._edges = {name: self._edge(each) for name, each in self._file.named("joint").items()}
         self._below: dict[str, list[_Edge]] = {}
         self._above: dict[str, _Edge] = {}
         for edge in self._edges.values():
             if edge.child in self._above:
                 other = self._above[edge.child].element.get("name")
-                raise self._wrong(
+                raise self._file.wrong(
                     edge.element, f"link {edge.child!r} is the child of joint {other!r} already"
                 )
             self._above[edge.child] = edge
@@ -171,7 +171,7 @@ class _Reader:
                 " --from and --to"
             )
         return UrdfChain(
-            robot=self._root.get("name") or self._path.stem,
+            robot=self._file.root.get("name") or self._path.stem,
             base=edges[0].parent,
             tip=edges[-1].child,
             joints=tuple(joints),
@@ -224,11 +224,11 @@ class _Reader:
     def _joint(self, element: Element, before: Array) -> UrdfJoint:
         name, stated = element.get("name", ""), element.get("type", "")
         if element.find("mimic") is not None:
-            raise self._wrong(
+            raise self._file.wrong(
                 element, f"joint {name!r} mimics another one; end the chain before it with --to"
             )
         if stated not in _MOVING:
-            raise self._wrong(
+            raise self._file.wrong(
                 element,
                 f"joint {name!r}: type {stated!r} must be revolute, continuous, prismatic or"
                 " fixed; choose another chain with --from and --to",
@@ -236,10 +236,10 @@ class _Reader:
         stands = element.find("axis")
         axis = np.array([1.0, 0.0, 0.0])
         if stands is not None:
-            axis = self._numbers(stands, "xyz", axis)
+            axis = np.array(self._file.numbers(stands, "xyz", 3) or axis)
         length = float(np.linalg.norm(axis))
         if not length > 0:
-            raise self._wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
+            raise self._file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         return UrdfJoint(
@@ -259,7 +259,7 @@ class _Reader:
         if origin is None:
             return found
         roll, pitch, yaw = (
-            self._angle(float(angle)) for angle in self._numbers(origin, "rpy", np.zeros(3))
+            self._angle(angle) for angle in self._file.numbers(origin, "rpy", 3) or (0.0, 0.0, 0.0)
         )
         about = np.eye(3)
         found[:3, :3] = (
@@ -267,7 +267,7 @@ class _Reader:
             @ _turned_about(about[1], pitch)
             @ _turned_about(about[0], roll)
         )
-        found[:3, 3] = self._numbers(origin, "xyz", np.zeros(3))
+        found[:3, 3] = self._file.numbers(origin, "xyz", 3) or np.zeros(3)
         return found
 
     def _angle(self, stated: float) -> float:
@@ -284,74 +284,17 @@ class _Reader:
             found = element.find(tag)
             name = None if found is None else found.get("link")
             if name not in self._links:
-                raise self._wrong(element, f"{tag} {name!r} is no link of this file")
+                raise self._file.wrong(element, f"{tag} {name!r} is no link of this file")
             ends.append(name)
         return _Edge(element, *ends)
 
-    def _named(self, tag: str) -> dict[str, Element]:
-        found: dict[str, Element] = {}
-        for element in self._root.findall(tag):
-            name = element.get("name")
-            if not name or name in found:
-                raise self._wrong(element, f"<{tag}> needs a name of its own, not {name!r}")
-            found[name] = element
-        return found
-
     def _number(self, element: Element | None, key: str) -> float:
-        if element is None or element.get(key) is None:
-            return math.nan
-        return float(self._numbers(element, key, np.zeros(1))[0])
-
-    def _numbers(self, element: Element, key: str, default: Array) -> Array:
-        text = element.get(key)
-        if text is None:
-            return default
-        try:
-            values = np.array([float(word) for word in text.split()])
-        except ValueError:
-            values = np.zeros(0)
-        if values.shape != default.shape or not np.isfinite(values).all():
-            raise self._wrong(element, f"{key} {text!r} must be {default.size} finite numbers")
-        return values
-
-    def _wrong(self, element: Element, what: str) -> FileError:
-        return FileError(f"{self._path}:{self._lines[id(element)]}: {what}")
-
-    def _tree(self, text: str) -> Element:
-        """Elements, whose lines are noted; a file that declares entities is refused."""
-        builder, parser = TreeBuilder(), expat.ParserCreate()
-
-        def start(tag: str, attributes: dict[str, str]) -> None:
-            self._lines[id(builder.start(tag, attributes))] = parser.CurrentLineNumber
-
-        def refused(*_: object) -> None:
-            raise FileError(
-                f"{self._path}:{parser.CurrentLineNumber}: declares an entity; a URDF needs none"
-            )
-
-        handlers: dict[str, Callable[..., object]] = {
-            "StartElementHandler": start,
-            "EndElementHandler": builder.end,
-            "EntityDeclHandler": refused,
-        }
-        for name, handler in handlers.items():
-            setattr(parser, name, handler)
-        try:
-            parser.Parse(text, True)
-            return builder.close()
-        except expat.ExpatError as error:
-            raise FileError(
-                f"{self._path}:{error.lineno}: is no XML: {expat.ErrorString(error.code)}"
-            ) from error
+        found = None if element is None else self._file.numbers(element, key, 1)
+        return math.nan if found is None else found[0]
 
 
 def _turned_about(axis: Array, angle: float) -> Array:
     """Rotation matrix by Rodrigues' formula; quarter turns about a coordinate axis are exact."""
-    c, s = math.cos(angle), math.sin(angle)
-    quarters = round(angle / QUARTER)
-    if angle == quarters * QUARTER:
-        c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Array = np.eye(3) * c + s * cross + (1.0 - c) * np.outer(axis, axis)
+    c, s = cos_sin(angle)
+    turned: Array = np.eye(3) * c + s * cross_matrix(axis) + (1.0 - c) * np.outer(axis, axis)
     return turned

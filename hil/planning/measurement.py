@@ -24,11 +24,12 @@ kind: how it moves (`hil.measuring.motion`), what its recordings must show
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Literal, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeGuard, TypeVar, overload
 
 from pydantic import Field, model_validator
 
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
+from hil.planning.free_motion import FreeMotion
 from hil.planning.halton import GOLDEN
 from hil.planning.plan_values import Positive
 from hil.planning.strokes import PARTNER_TURN, SETTLED, Cruise, Partner, Strokes
@@ -156,9 +157,15 @@ ElementMeasurement = Gravity | Inertia | Coupling
 Measurement = Annotated[
     Gravity | Inertia | Coupling | Friction | Trajectory, Field(discriminator="kind")
 ]
+RecordedMotion = Annotated[
+    Gravity | Inertia | Coupling | Friction | Trajectory | FreeMotion, Field(discriminator="kind")
+]
+"""What a recording is of: a measurement, or a motion that somebody else recorded."""
 ParameterMeasurement = ElementMeasurement | Trajectory
 """Measurements from which base parameters are estimated: all but those of friction."""
-M = TypeVar("M", bound=Strokes | Trajectory)
+ParameterMotion = ParameterMeasurement | FreeMotion
+"""The same, and motions that somebody else recorded."""
+M = TypeVar("M", bound=Strokes | Trajectory | FreeMotion)
 T = TypeVar("T")
 
 KEYS = (
@@ -263,22 +270,26 @@ ELEMENT_KINDS: dict[str, ElementKind] = {
 """Those that show elements of g(q) or M(q)."""
 
 
-def shows_element(measurement: Measurement) -> TypeGuard[ElementMeasurement]:
+def shows_element(measurement: RecordedMotion) -> TypeGuard[ElementMeasurement]:
     """Whether a measurement shows one element of g(q) or M(q)."""
     return measurement.kind in ELEMENT_KINDS
 
 
-def shows_parameters(measurement: Measurement) -> TypeGuard[ParameterMeasurement]:
+@overload
+def shows_parameters(measurement: Measurement) -> TypeGuard[ParameterMeasurement]: ...
+@overload
+def shows_parameters(measurement: RecordedMotion) -> TypeGuard[ParameterMotion]: ...
+def shows_parameters(measurement: RecordedMotion) -> bool:
     """Whether base parameters are estimated from a measurement."""
     return not isinstance(measurement, Friction)
 
 
-def element_measurements(measurements: Iterable[Measurement]) -> list[ElementMeasurement]:
+def element_measurements(measurements: Iterable[RecordedMotion]) -> list[ElementMeasurement]:
     """Those that show an element of g(q) or M(q)."""
     return [m for m in measurements if shows_element(m)]
 
 
-def recorded_as(model: type[M], recorded: Iterable[tuple[Measurement, T]]) -> list[tuple[M, T]]:
+def recorded_as(model: type[M], recorded: Iterable[tuple[RecordedMotion, T]]) -> list[tuple[M, T]]:
     """Measurements of one kind with what was recorded of them."""
     return [(m, recording) for m, recording in recorded if isinstance(m, model)]
 

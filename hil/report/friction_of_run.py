@@ -14,12 +14,12 @@ from hil.results.friction_file import load_friction
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
     from hil.results.friction import FrictionResult
     from hil.runs.recording import Recording
     from hil.runs.run import Run
 
-    Recordings = Sequence[tuple[Measurement, Recording]]
+    Recordings = Sequence[tuple[RecordedMotion, Recording]]
 
 
 def friction_alone(run: Run) -> bool:

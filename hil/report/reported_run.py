@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
     from hil.results.advice import Advice
     from hil.results.friction import FrictionResult
     from hil.results.model import Model
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
 
-    Recordings = tuple[tuple[Measurement, Recording], ...]
+    Recordings = tuple[tuple[RecordedMotion, Recording], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +123,6 @@ def identified(run: ReportedRun) -> IdentifiedRun:
         check=model_of(run.source, found["printed"]),
         prediction=prediction,
         advice=advice(
-            best, prediction, model.error_budget, run.robot, run.source.plan, run.campaign
+            best, prediction, model.error_budget, run.robot, run.source.planned, run.campaign
         ),
     )

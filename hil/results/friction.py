@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.symmetry import Symmetry
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
     from hil.runs.run import Run
 
@@ -76,7 +76,7 @@ class FrictionResult:
 
 def evaluate(
     run: Run,
-    recordings: Sequence[tuple[Measurement, Recording]],
+    recordings: Sequence[tuple[RecordedMotion, Recording]],
     model_folder: Path | None = None,
     bound: float = symmetry.BOUND,
 ) -> FrictionResult:
@@ -85,7 +85,7 @@ def evaluate(
     Parameters
     ----------
     run : Run
-    recordings : sequence of (Measurement, Recording)
+    recordings : sequence of (RecordedMotion, Recording)
         All of the run, as `hil.runs.pooling.recorded` gives them.
     model_folder : path, optional
         Folder of an identified run whose model compensates gravity; without it half-differences of

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
 
 
-def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[Measurement, Recording]]:
+def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[RecordedMotion, Recording]]:
     """All recordings of a run folder; bus time goes on from one session to the next."""
     session, offset, last = 0, 0.0, 0.0
     for measured in campaign:
@@ -69,7 +69,7 @@ def refuse_mixed(folders: Sequence[Run]) -> None:
             raise Mismatch(f"{folder.path}: is named twice; name each run once")
 
 
-def pooled(folders: Sequence[Run]) -> Iterator[tuple[Measurement, Recording]]:
+def pooled(folders: Sequence[Run]) -> Iterator[tuple[RecordedMotion, Recording]]:
     """Recordings of all runs; ids that an earlier run has get the number of theirs.
 
     Raises

@@ -30,6 +30,7 @@ UNITS = {
     "flags": "bits: 1 missing, 2 doubled, 4 late, 8 internal limit",
     "stroke": "number, even forward, odd back, -1 at rest",
     "partner_stroke": "number, even forward, odd back, -1 at rest",
+    "qd": "rad/s",
 }
 """Of each array of a recording."""
 
@@ -50,6 +51,8 @@ class Recording:
         Number of the stroke under way, even forward, odd back; -1 at rest.
     partner_stroke : array (n,), int16
         The same of a coupling measurement's partner; -1 throughout for the other kinds.
+    qd : array (n, n_joints), optional
+        Joint velocities [rad/s] as they were recorded; drives report none.
     """
 
     time: NDArray[np.float64]
@@ -58,6 +61,7 @@ class Recording:
     flags: NDArray[np.uint8]
     stroke: NDArray[np.int16]
     partner_stroke: NDArray[np.int16]
+    qd: NDArray[np.float64] | None = None
 
     @property
     def n_samples(self) -> int:
@@ -77,7 +81,7 @@ class Recording:
     @property
     def units(self) -> dict[str, str]:
         """Unit of each array by its name."""
-        return dict(UNITS)
+        return {name: unit for name, unit in UNITS.items() if getattr(self, name) is not None}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Samples as a table with a column a joint (``q1``, ``tau1``, ...); needs pandas.
@@ -94,6 +98,8 @@ class Recording:
         columns, units = {}, {}
         for name, unit in UNITS.items():
             array = getattr(self, name)
+            if array is None:
+                continue
             parts = [("", array)] if array.ndim == 1 else enumerate(array.T, start=1)
             for joint, values in parts:
                 columns[f"{name}{joint}"], units[f"{name}{joint}"] = values, unit

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from typing import TYPE_CHECKING
 
 import h5py
@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from checked_files.yaml_file import FileError
-from hil.planning.measurement import Measurement
+from hil.planning.measurement import RecordedMotion
 from hil.runs.atomic_file import write_file
 from hil.runs.finding import Finding
 from hil.runs.recording import UNITS, Recording
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FORMAT = 1
-_measurement: TypeAdapter[Measurement] = TypeAdapter(Measurement)
+_measurement: TypeAdapter[RecordedMotion] = TypeAdapter(RecordedMotion)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,8 +36,8 @@ class Measured:
 
     Attributes
     ----------
-    measurement : Gravity, Inertia or Coupling
-        What was planned.
+    measurement : RecordedMotion
+        What was planned, or recorded elsewhere.
     recording : Recording
         What was measured.
     attempts : int
@@ -48,7 +48,7 @@ class Measured:
         In which session of the run, from 0; time begins anew in each.
     """
 
-    measurement: Measurement
+    measurement: RecordedMotion
     recording: Recording
     attempts: int = 1
     findings: tuple[Finding, ...] = ()
@@ -63,7 +63,8 @@ def write_measured(path: Path, measured: Measured) -> None:
     FileError
         The file cannot be written.
     """
-    arrays = {field.name: getattr(measured.recording, field.name) for field in fields(Recording)}
+    every = {field.name: getattr(measured.recording, field.name) for field in fields(Recording)}
+    arrays = {name: array for name, array in every.items() if array is not None}
     meta: dict[str, str | int] = {
         "format": FORMAT,
         "measurement": measured.measurement.model_dump_json(),
@@ -90,7 +91,8 @@ def read_measured(path: Path) -> Measured:
     """
     try:
         with h5py.File(path, "r") as file:
-            arrays = {field.name: _array(file, field.name) for field in fields(Recording)}
+            names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in file]
+            arrays = {name: _array(file, name) for name in names}
             attributes = dict(file.attrs)
         return _decode(path, arrays, attributes)
     except FileNotFoundError as error:

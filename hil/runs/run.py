@@ -10,10 +10,11 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from checked_files.yaml_file import FileError
+from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import NotEnoughData, UnknownName
 from hil.model.robot import Robot, load_robot
 from hil.planning.plan import Plan, load_plan
+from hil.planning.recorded_motions import RecordedMotions
 from hil.runs.atomic_file import file_errors
 from hil.runs.journal import Journal, read_journal
 from hil.runs.recording_file import Measured, read_measured
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
+
+MOTIONS = "motions.yaml"
+"""In place of a plan where recordings were imported."""
 
 
 class Run:
@@ -32,12 +36,15 @@ class Run:
     Attributes
     ----------
     path : Path
-    plan : Plan
+    plan : Plan or RecordedMotions
+        What was to be measured, or what was recorded elsewhere and imported.
     robot : Robot
     journal : Journal
     """
 
-    def __init__(self, path: Path, plan: Plan, robot: Robot, journal: Journal) -> None:
+    def __init__(
+        self, path: Path, plan: Plan | RecordedMotions, robot: Robot, journal: Journal
+    ) -> None:
         self.path = path
         self.plan = plan
         self.robot = robot
@@ -59,16 +66,46 @@ class Run:
         if digest_of_file(path / "drives.yaml") != journal.drives_digest:
             raise _changed(path / "drives.yaml")
         robot = load_robot(path / "robot.yaml")
-        plan = load_plan(path / "plan.yaml", robot)
+        plan: Plan | RecordedMotions
+        if (file := path / MOTIONS).exists():
+            plan = load_yaml(file, RecordedMotions)
+        else:
+            plan = load_plan(file := path / "plan.yaml", robot)
         if plan.digest != journal.plan_digest:
-            raise _changed(path / "plan.yaml")
+            raise _changed(file)
         return cls(path, plan, robot, journal)
 
     def __repr__(self) -> str:
         return (
             f"<{type(self).__name__} {self.path}: {self.robot.name}, {len(self)} of"
-            f" {len(self.plan.measurements)} measurements>"
+            f" {len(self.motions)} measurements>"
         )
+
+    @property
+    def motions(self) -> tuple[RecordedMotion, ...]:
+        """All that was planned, or imported."""
+        return self.plan.measurements
+
+    @property
+    def imported(self) -> bool:
+        """Whether its recordings come from elsewhere."""
+        return isinstance(self.plan, RecordedMotions)
+
+    @property
+    def planned(self) -> Plan:
+        """The plan.
+
+        Raises
+        ------
+        FileError
+            There is none: recordings were imported.
+        """
+        if isinstance(self.plan, RecordedMotions):
+            raise FileError(
+                f"{self.path}: was imported and has no plan; this needs a run that was measured"
+                " here: hil run plan.yaml"
+            )
+        return self.plan
 
     def __len__(self) -> int:
         """Return the number of measurements that have a recording."""
@@ -80,7 +117,7 @@ class Run:
 
     def __iter__(self) -> Iterator[Measured]:
         """Read what is there, in the plan's order; a damaged recording is a `FileError`."""
-        for measurement in self.plan.measurements:
+        for measurement in self.motions:
             if self.recording_path(measurement).exists():
                 yield self.read(measurement)
 
@@ -99,12 +136,12 @@ class Run:
                 f"{self.path}: no recording of {measurement_id!r}; recorded are"
                 f" {', '.join(self.ids) or 'none'}"
             )
-        return self.read(next(m for m in self.plan.measurements if m.id == measurement_id))
+        return self.read(next(m for m in self.motions if m.id == measurement_id))
 
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of the measurements that have a recording, in the plan's order."""
-        return tuple(m.id for m in self.plan.measurements if self.recording_path(m).exists())
+        return tuple(m.id for m in self.motions if self.recording_path(m).exists())
 
     def to_dataframe(self) -> pd.DataFrame:
         """All samples as one table, indexed by measurement and sample; needs pandas.
@@ -125,11 +162,11 @@ class Run:
             raise NotEnoughData(f"{self.path}: no recordings; measure them with --resume")
         return pd.concat(tables, names=["measurement", "sample"])
 
-    def recording_path(self, measurement: Measurement) -> Path:
+    def recording_path(self, measurement: RecordedMotion) -> Path:
         """Where the recording of `measurement` lies, once it is there."""
         return self.path / "recordings" / f"{measurement.id}.h5"
 
-    def read(self, measurement: Measurement) -> Measured:
+    def read(self, measurement: RecordedMotion) -> Measured:
         """Read and verify the recording of `measurement`.
 
         Raises
@@ -147,14 +184,14 @@ class Run:
         return measured
 
     @property
-    def missing(self) -> tuple[Measurement, ...]:
-        """Measurements without a recording, in the plan's order."""
-        return tuple(m for m in self.plan.measurements if not self.recording_path(m).exists())
+    def missing(self) -> tuple[RecordedMotion, ...]:
+        """Motions without a recording, in the plan's order."""
+        return tuple(m for m in self.motions if not self.recording_path(m).exists())
 
     @property
     def shortfall(self) -> str:
         """What an estimate from this run must state besides; empty when the run is whole."""
-        missing, planned = len(self.missing), len(self.plan.measurements)
+        missing, planned = len(self.missing), len(self.motions)
         if not missing:
             return ""
         are = "is" if missing == 1 else "are"

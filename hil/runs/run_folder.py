@@ -65,6 +65,8 @@ class _FoundSettings(FileModel, extra="ignore"):
 class RunFolder(Run):
     """The folder of a run that is measured; see `Run` for its attributes."""
 
+    plan: Plan
+
     @classmethod
     def create(
         cls, path: Path | str, plan: Plan, robot: Robot, drives: str | None = None

@@ -23,7 +23,8 @@ from hil.model.dependencies import GROUPS
 from hil.planning.design.by_counts import design
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.dry_run import dry_run
-from hil.planning.measurement import ELEMENT_KINDS, KEYS, KINDS, Measurement
+from hil.planning.free_motion import FreeMotion
+from hil.planning.measurement import ELEMENT_KINDS, KEYS, KINDS, Measurement, RecordedMotion
 from hil.planning.strokes import Strokes
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ OTHERWISE = {
 REGISTRIES: dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
     "how it moves": (MANNERS, KINDS),
     "what its recordings must show": (CHECKS, KINDS),
-    "what an estimate makes of it": (LOCAL_FITS | ELSEWHERE, KINDS),
+    "what an estimate makes of it": (LOCAL_FITS | ELSEWHERE, KINDS | {"free": FreeMotion}),
     "what is estimated from it alone": (LOCAL_FITS, ELEMENT_KINDS),
     "where it can be measured": (ELEMENTS, ELEMENT_KINDS),
 }
@@ -94,6 +95,11 @@ def test_every_kind_has_its_entry_in_every_stage(stage: str) -> None:
 def test_the_table_holds_every_model_that_a_plan_may_state() -> None:
     union, _ = get_args(Measurement)
     assert {kind.model for kind in KINDS.values()} == set(get_args(union))
+
+
+def test_a_recording_is_of_a_measurement_or_of_a_motion_that_no_plan_states() -> None:
+    (recorded, _), (planned, _) = get_args(RecordedMotion), get_args(Measurement)
+    assert set(get_args(recorded)) == {*get_args(planned), FreeMotion}
 
 
 class Probe(Strokes):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hil.estimation.conventional.products import Products
     from hil.estimation.conventional.solution import Solver, Weighting
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ COMPENSATED = Variant("none")
 
 
 def trajectories(
-    recorded: Iterable[tuple[Measurement, Recording]],
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
 ) -> list[tuple[Trajectory, Recording]]:
     """Return those of recorded measurements that are trajectories.
 

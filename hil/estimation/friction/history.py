@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
+    from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class History:
     begin: float
 
 
-def history(robot: Robot, recorded: Iterable[tuple[Measurement, Recording]]) -> History:
+def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Recording]]) -> History:
     """Put together the history of a run, in the order in which it was measured."""
     in_time = sorted(recorded, key=lambda pair: float(pair[1].time[0]))
     begin = float(in_time[0][1].time[0]) if in_time else 0.0
@@ -71,7 +71,7 @@ def history(robot: Robot, recorded: Iterable[tuple[Measurement, Recording]]) -> 
     return History(np.array(ends), np.array(speeds).reshape(len(ends), robot.n_joints), begin)
 
 
-def _exercise(measurement: Measurement, robot: Robot) -> tuple[float, Array]:
+def _exercise(measurement: RecordedMotion, robot: Robot) -> tuple[float, Array]:
     """Duration [s] and speeds, as shares of the limits, of a friction measurement's exercise."""
     speed = np.zeros(robot.n_joints)
     if measurement.streamed or not measurement.exercised:

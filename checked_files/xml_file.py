@@ -1,0 +1,99 @@
+"""XML files as elements that know their lines; wrong ones are refused with file and line."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+from checked_files.yaml_file import FileError, read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+
+class XmlFile:
+    """The elements of an XML file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    FileError
+        A file that is no XML, or declares entities: these can be made to fill any memory.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lines: dict[int, int] = {}
+        self.root = self._tree(read_text(path))
+
+    def wrong(self, element: Element, what: str) -> FileError:
+        """Return the error that says what is wrong with an element, with file and line."""
+        return FileError(f"{self.path}:{self._lines[id(element)]}: {what}")
+
+    def named(self, tag: str) -> dict[str, Element]:
+        """Elements right below the root, by their names.
+
+        Raises
+        ------
+        FileError
+            Two of one name, or one without.
+        """
+        found: dict[str, Element] = {}
+        for element in self.root.findall(tag):
+            name = element.get("name")
+            if not name or name in found:
+                raise self.wrong(element, f"<{tag}> needs a name of its own, not {name!r}")
+            found[name] = element
+        return found
+
+    def numbers(self, element: Element, key: str, count: int) -> list[float] | None:
+        """The numbers of an attribute; None where it is not stated.
+
+        Raises
+        ------
+        FileError
+            Not `count` finite numbers.
+        """
+        text = element.get(key)
+        if text is None:
+            return None
+        try:
+            values = [float(word) for word in text.split()]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(map(math.isfinite, values)):
+            raise self.wrong(element, f"{key} {text!r} must be {count} finite numbers")
+        return values
+
+    def _tree(self, text: str) -> Element:
+        builder, parser = TreeBuilder(), expat.ParserCreate()
+
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            self._lines[id(builder.start(tag, attributes))] = parser.CurrentLineNumber
+
+        def refused(*_: object) -> None:
+            raise FileError(
+                f"{self.path}:{parser.CurrentLineNumber}: declares an entity; write out what it"
+                " stands for"
+            )
+
+        handlers: dict[str, Callable[..., object]] = {
+            "StartElementHandler": start,
+            "EndElementHandler": builder.end,
+            "EntityDeclHandler": refused,
+        }
+        for name, handler in handlers.items():
+            setattr(parser, name, handler)
+        try:
+            parser.Parse(text, True)
+            return builder.close()
+        except expat.ExpatError as error:
+            raise FileError(
+                f"{self.path}:{error.lineno}: is no XML: {expat.ErrorString(error.code)}"
+            ) from error

@@ -1,0 +1,66 @@
+"""A motion that was recorded elsewhere, as data: what a foreign recording has in a plan.
+
+It cannot be measured again: a plan that holds one describes a run that was imported.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from checked_files.yaml_file import FileModel
+from hil.planning.plan_values import Name, Positive, Real
+
+
+class FreeMotion(FileModel):
+    """Any motion of the joints, without a gap, as somebody else recorded it.
+
+    Attributes
+    ----------
+    q : tuple of float
+        Mean configuration [rad or m].
+    duration : float
+        From the first to the last sample [s].
+    cycles : int
+        Blocks of about equal length that it is divided into, numbered in the recording's
+        ``stroke``: friction may change from one to the next.
+    alone : int, optional
+        The axis that moves back and forth while all others stand still, if it is such a motion; the
+        recording's ``stroke`` then numbers its strokes, even forward, odd back, and `cycles` are
+        pairs of these.
+    source : str
+        File and rows that it comes from.
+    """
+
+    streamed: ClassVar[Literal[True]] = True
+    """Set-points are not known, and are no strokes between two ends."""
+
+    id: Name
+    kind: Literal["free"] = "free"
+    q: tuple[Real, ...] = Field(min_length=1)
+    duration: Positive
+    cycles: int = Field(default=1, ge=1)
+    alone: int | None = Field(default=None, ge=1)
+    source: str = ""
+
+    @model_validator(mode="after")
+    def _axis_exists(self) -> FreeMotion:
+        if self.alone is not None and self.alone > len(self.q):
+            raise ValueError(f"alone {self.alone} must be one of the {len(self.q)} joints of q")
+        return self
+
+    @property
+    def moved(self) -> tuple[int, ...]:
+        """Joint indices of the axes that move, from 0."""
+        return tuple(range(len(self.q))) if self.alone is None else (self.alone - 1,)
+
+    @property
+    def read(self) -> tuple[int, ...]:
+        """Joint indices of all axes, since the torque of each was recorded."""
+        return tuple(range(len(self.q)))
+
+    @property
+    def axes_in_words(self) -> str:
+        """The axes that move, for readers."""
+        return "all axes" if self.alone is None else f"axis {self.alone}"
