@@ -53,9 +53,10 @@ def plan(
     """Plan constant-velocity sweeps, or an experiment on friction's variance in time."""
     from checked_files.yaml_file import FileError
     from hil.cli.plan_files import load_guard, write_plan
-    from hil.model.robot import load_robot
+    from hil.model.robot import load_robot, refuse_unknown
 
     robot = load_robot(name)
+    refuse_unknown(robot)
     refuse_existing(output)
     guard = load_guard(workspace, robot)
     axes = [_index(number, robot) for number in axis or ()]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from hil.cli import dry_run_view
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, load_robot, refuse_unknown
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace import load_workspace
 from hil.planning.workspace_check import remarks
@@ -32,6 +32,7 @@ def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tup
     """
     the_plan = load_plan(plan_file)
     the_robot = load_robot(robot_file or _robot_file(the_plan, plan_file))
+    refuse_unknown(the_robot)
     refuse_other_robot(the_plan, the_robot, str(plan_file))
     the_plan = _with_workspace(the_plan, the_robot, workspace)
     _show_remarks(the_plan.workspace, the_robot)

@@ -136,9 +136,10 @@ def plan(
         return
     from checked_files.yaml_file import FileError
     from hil.cli.plan_files import load_guard, write_plan
-    from hil.model.robot import load_robot
+    from hil.model.robot import load_robot, refuse_unknown
 
     the_robot = load_robot(str(name))
+    refuse_unknown(the_robot)
     try:
         guard = load_guard(workspace, the_robot)
         if minutes is None:

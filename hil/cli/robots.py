@@ -11,9 +11,6 @@ from typer.core import TyperGroup
 from hil.cli.arguments import RobotName, refuse_existing
 from hil.terminal.console import out, say
 
-EARTH = (0.0, 0.0, -9.81)
-"""Gravity where the base link stands upright [m/s^2]."""
-
 
 class _ShowsByDefault(TyperGroup):
     """Takes what is no command of its own for the robot that `show` is to show."""
@@ -57,7 +54,7 @@ def new(
     gravity: Annotated[
         tuple[float, float, float],
         typer.Option(help="Gravity in the link that stands still \\[m/s2]."),
-    ] = EARTH,
+    ] = (0.0, 0.0, -9.81),
 ) -> None:
     """Write a first robot file from a URDF, and list what is to be stated in it."""
     from checked_files.yaml_file import UNSTATED

@@ -66,11 +66,12 @@ def plan(
 ) -> None:
     """Optimise a trajectory within the limits."""
     from hil.cli.plan_files import keep_plan
-    from hil.model.robot import load_robot
+    from hil.model.robot import load_robot, refuse_unknown
     from hil.planning.design.trajectories import HARMONICS, PERIOD, condition, design_trajectory
     from hil.planning.plan import Plan, PlannedRobot, WarmUp
 
     robot = load_robot(name)
+    refuse_unknown(robot)
     refuse_existing(output)
     period, harmonics = period or PERIOD, harmonics or HARMONICS
     cycles = max(1, round(60 * minutes / period))

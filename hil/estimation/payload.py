@@ -196,7 +196,7 @@ def estimate_payload(
 def load_columns(robot: Robot) -> tuple[Array, Array]:
     """K_n, shape (n_base, 10), and how the free parameters make up phi, shape (10, n_free)."""
     own = slice(10 * (robot.n_joints - 1), 10 * robot.n_joints)
-    names = robot.standard_parameters[own]
+    names = robot.link_parameters[own]
     carriers = [name for name in names if name in robot.present and name not in robot.ties]
     free = np.array([
         [float(robot.ties.get(name, name) == carrier and name in robot.present)
@@ -212,7 +212,7 @@ def _but_mass(free: Array) -> Array:
 
 
 def _of_last(robot: Robot, name: str) -> bool:
-    return robot.standard_parameters.index(name) >= 10 * (robot.n_joints - 1)
+    return name in robot.link_parameters[10 * (robot.n_joints - 1) :]
 
 
 def _unit(k: int, n: int) -> Array:

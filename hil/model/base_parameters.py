@@ -7,7 +7,8 @@ eq. (5), heads one base parameter each. Then the robot's own sparsity is put in:
 vanish, tied ones merge, and of base parameters that have thereby become linearly dependent those
 without a present head are given up. Absent parameters do not change which torques are possible, so
 the values of base parameters may be put into their heads, all other standard parameters being
-zero: `BaseParameters.placement`.
+zero: `BaseParameters.placement`. At last come the unknown inertias of the drive trains: one that
+acts as links do merges with them, the others are base parameters of their own.
 
 Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
 """
@@ -22,6 +23,7 @@ import numpy as np
 
 from hil.model.combination import Combination, add, combine, scale, text
 from hil.model.dependencies import Dependencies, find_dependencies, influences
+from hil.model.drive_parameters import drive_unit, merge_drives
 from hil.model.frames import parameter_map, symbolic_link_pose
 from hil.model.polynomial import Polynomial
 from hil.model.transfer import transfers
@@ -61,10 +63,10 @@ class BaseParameters:
         Indices of the parameters in ``gravity``, ``diagonal`` and ``off_diagonal``.
     dependencies : Dependencies
         Where each occurs in M(q) and g(q).
-    matrix : array, shape (n_base, 10 n_joints)
+    matrix : array, shape (n_base, n_standard)
         K of p_base = K p_standard, for standard parameters that are as sparse and tied as the
-        robot file says.
-    placement : array, shape (10 n_joints, n_base)
+        robot file says: ten of each link, then those of the drive trains.
+    placement : array, shape (n_standard, n_base)
         Standard parameters that act as given base parameters do: mostly the value in the head.
     """
 
@@ -97,19 +99,21 @@ def base_parameters(robot: Robot) -> BaseParameters:
     placement = np.zeros((10 * robot.n_joints, len(kept)))
     placement[heads] = dependence
     mass, gravity = influences(robot)
-    _cross_check(robot, mass, gravity, matrix[kept], placement)
+    merged = merge_drives(robot, _observed(mass, gravity), placement)
+    matrix, placement = merged.matrix(matrix[kept]), merged.placement(placement)
+    _cross_check(robot, mass, gravity, matrix, placement)
     dependencies = find_dependencies(mass @ placement, gravity @ placement)
     standard = robot.standard_parameters
-    names = [standard[heads[k]] for k in kept]
-    texts = [text(sparse[k], heads[k], standard) for k in kept]
+    every = [*(heads[k] for k in kept), *merged.heads]
+    rows = merged.rows([sparse[k] for k in kept])
     return BaseParameters(
-        names=tuple(f"p{k}" for k in range(1, len(kept) + 1)),
-        expressions=tuple(texts),
-        units=tuple(_UNITS[name[0]] for name in names),
-        heads=tuple(names),
+        names=tuple(f"p{k}" for k in range(1, len(every) + 1)),
+        expressions=tuple(text(row, head, standard) for row, head in zip(rows, every, strict=True)),
+        units=tuple(_unit(robot, standard[head]) for head in every),
+        heads=tuple(standard[head] for head in every),
         groups=dependencies.groups(),
         dependencies=dependencies,
-        matrix=_read_only(matrix[kept]),
+        matrix=_read_only(matrix),
         placement=_read_only(placement),
     )
 
@@ -128,7 +132,7 @@ def link_share(robot: Robot, link: int) -> tuple[str, ...]:
     }
     shares = []
     for head in base_parameters(robot).heads:
-        own = {k: weight for k, weight in rows[head].items() if k // 10 == link}
+        own = {k: weight for k, weight in rows.get(head, {}).items() if k // 10 == link}
         shares.append(text(own, -1, robot.standard_parameters))
     return tuple(shares)
 
@@ -201,12 +205,25 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     return kept, dependence
 
 
+def _unit(robot: Robot, head: str) -> str:
+    """Unit of a base parameter by the name of its head."""
+    drives = robot.drive_parameters
+    if head in drives:
+        return drive_unit(robot, drives.index(head))
+    return _UNITS[head[0]]
+
+
+def _observed(mass: Array, gravity: Array) -> Array:
+    """Elements of M and g at all configurations, per unit of each standard parameter."""
+    n = mass.shape[-1]
+    return np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
+
+
 def _cross_check(
     robot: Robot, mass: Array, gravity: Array, matrix: Array, placement: Array
 ) -> None:
     """Compare with the rank of M and g, whose vanishing is that of all torques."""
-    n = 10 * robot.n_joints
-    observed = np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
+    observed = _observed(mass, gravity)
     stated = observed @ _sparsity(robot)
     rank = _rank(stated.T)
     if rank != len(matrix):
@@ -220,7 +237,7 @@ def _cross_check(
 
 
 def _sparsity(robot: Robot) -> Array:
-    """Matrix that writes the free parameters into all standard ones, shape (10 n, 10 n)."""
+    """Matrix that writes the free parameters into all standard ones, square."""
     names = robot.standard_parameters
     result = np.zeros((len(names), len(names)))
     for k, name in enumerate(names):

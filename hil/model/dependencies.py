@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.model.drive_parameters import drive_inertias
 from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion, link_pose
 
 if TYPE_CHECKING:
@@ -73,13 +74,17 @@ def influences(robot: Robot) -> tuple[Array, Array]:
 
     Returns
     -------
-    mass : array, shape (n_configurations, n_joints, n_joints, 10 n_joints)
-    gravity : array, shape (n_configurations, n_joints, 10 n_joints)
+    mass : array, shape (n_configurations, n_joints, n_joints, n_standard)
+    gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
     configurations = random.uniform(-np.pi, np.pi, (_CONFIGURATIONS, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
-    return np.array([mass for mass, _ in found]), np.array([gravity for _, gravity in found])
+    drives = np.moveaxis(drive_inertias(robot), 0, -1)
+    mass = [np.concatenate([each, drives], axis=-1) for each, _ in found]
+    weightless = np.zeros((robot.n_joints, drives.shape[-1]))
+    gravity = [np.hstack([each, weightless]) for _, each in found]
+    return np.array(mass), np.array(gravity)
 
 
 def _influences_at(robot: Robot, q: Array) -> tuple[Array, Array]:

@@ -4,8 +4,8 @@ Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c 
 dynamics agree to rounding. What is compiled of it is loaded when there is enough to do; the first
 regressors come from the same equations in NumPy (`model.recursion_by_arrays`). Base parameters
 enter in the standard parameters that head their groups, all others being zero (`base_parameters`),
-so that a robot costs no more than the parameters that it has. Rigid bodies only: motor inertias are
-`hil.model.motors`.
+so that a robot costs no more than the parameters that it has. Rigid bodies, and what of the motors'
+inertia is unknown: what is known of it is `hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.
@@ -22,6 +22,7 @@ import numpy as np
 
 from hil.model import recursion_by_arrays
 from hil.model.base_parameters import base_parameters
+from hil.model.drive_parameters import drive_inertias
 from hil.model.frames import cos_sin
 
 if TYPE_CHECKING:
@@ -77,6 +78,8 @@ def regressor(
         columns(state, model.chain, robot.gravity, model.kinds, model.links, rows, flat[part])
     if model.mixing is not None:
         flat = flat @ model.mixing
+    if len(model.drives):
+        flat = np.concatenate([flat, _of_drives(model, qdd, rows)], axis=-1)
     if not np.array_equal(rows, wanted):
         flat = flat[:, np.searchsorted(rows, wanted)]
     return flat.reshape(*lead, wanted.size, flat.shape[-1])
@@ -105,7 +108,11 @@ _WEIGHTLESS = np.zeros(3)
 
 @dataclass(frozen=True)
 class _Model:
-    """What the recursion needs of a robot; `mixing` where a base parameter has several carriers."""
+    """What the recursion needs of a robot; `mixing` where a base parameter has several carriers.
+
+    `drives` are the matrices of the drive trains' inertias that are base parameters of their own:
+    the last ones.
+    """
 
     chain: Array
     theta: Array
@@ -115,11 +122,14 @@ class _Model:
     links: NDArray[np.int64]
     placement: Array
     mixing: Array | None
+    drives: Array
 
 
 @lru_cache(maxsize=32)
 def _model(robot: Robot) -> _Model:
-    placement = base_parameters(robot).placement
+    every, n_links = base_parameters(robot).placement, 10 * robot.n_joints
+    drives = drive_inertias(robot)[every[n_links:].any(axis=1)]
+    placement = every[:n_links, : every.shape[1] - len(drives)]
     carriers = np.flatnonzero(placement.any(axis=1)).astype(np.int64)
     carried = placement[carriers]
     revolute = robot.revolute.astype(np.float64)
@@ -134,7 +144,14 @@ def _model(robot: Robot) -> _Model:
         links=carriers // 10,
         placement=carried,
         mixing=None if plain else carried,
+        drives=drives,
     )
+
+
+def _of_drives(model: _Model, qdd: Array, rows: NDArray[np.int64]) -> Array:
+    """Columns of the drive trains' inertias, shape (n_samples, n_rows, n_drives)."""
+    flat = qdd.reshape(-1, qdd.shape[-1])
+    return np.moveaxis(flat @ np.swapaxes(model.drives, 1, 2), 0, -1)[:, rows]
 
 
 def _torques(
@@ -142,16 +159,18 @@ def _torques(
 ) -> Array:
     model = _model(robot)
     p = np.asarray(p, dtype=np.float64)
-    if p.shape != model.placement.shape[1:]:
-        n_base = model.placement.shape[1]
+    n_links, n_drives = model.placement.shape[1], len(model.drives)
+    if p.shape != (n_base := n_links + n_drives,):
         raise ValueError(f"p has shape {p.shape}; {robot.name} has {n_base} base parameters")
     q, qd, qdd = _samples(robot, q, qd, qdd)
     from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
 
-    values = model.placement @ p
+    values = model.placement @ p[:n_links]
     flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
     for part, state in _chunks(model, q, qd, qdd):
         recursion.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
+    if n_drives:
+        flat += qdd.reshape(flat.shape) @ np.tensordot(p[n_links:], model.drives, 1)
     return flat.reshape(q.shape)
 
 

@@ -1,9 +1,10 @@
-"""Inertia of the motors, eq. (7): known beforehand and compensated, never identified.
+"""Inertia of the motors, eq. (7), as far as it is known beforehand: it is compensated.
 
 A drive train is stated by gear ratio N and rotor inertia Im alone. Each motor then turns N times
 as fast as its own joint and with nothing else, so that H is diagonal and constant, N^2 Im, and c_m
 vanishes. What that leaves out: the motors' gyroscopic torques as they are carried along, a factor N
-smaller, and their masses, which count with the links that carry them.
+smaller, and their masses, which count with the links that carry them. Inertias that the robot file
+leaves unknown are identified instead (`hil.model.drive_parameters`).
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
     Joint side: kg m^2 for revolute joints, kg for prismatic ones.
     """
     q = np.asarray(q, dtype=np.float64)
-    reflected = np.diag(robot.gear_ratio**2 * robot.rotor_inertia)
+    reflected = np.diag(robot.reflected_inertia)
     return np.broadcast_to(reflected, (*q.shape[:-1], *reflected.shape)).copy()
 
 
 def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
     """H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m]."""
     del q, qd  # H is constant and diagonal and c_m vanishes, see the module
-    torque: Array = robot.gear_ratio**2 * robot.rotor_inertia * np.asarray(qdd, dtype=np.float64)
+    torque: Array = robot.reflected_inertia * np.asarray(qdd, dtype=np.float64)
     return torque

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import yaml
@@ -23,15 +23,32 @@ from pydantic import ValidationError
 from checked_files.yaml_file import FileError, line_of, parse_yaml, place, problems, read_text
 from hil.errors import InvalidValue, UnknownName
 from hil.model.polynomial import Polynomial, parse
-from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
+from hil.model.robot_checks import split_tie, unknown_for_motion, wrong_names
+from hil.model.robot_file import LINK_PARAMETERS, NO_DRIVE, UNKNOWN, Drive, Joint, RobotFile
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-_TIE = re.compile(r"^\s*(\w+)\s*=\s*(\w+)\s*$")
+
+
+class MotorCoupling(NamedTuple):
+    """A motor that the motion of a second joint turns as well.
+
+    Attributes
+    ----------
+    motor, joint : int
+        Indices from 0.
+    ratio : float
+        Turn of the second joint that moves the motor as far as one turn of its own joint, inverted:
+        the motor turns with ``q[motor] + ratio q[joint]``.
+    """
+
+    motor: int
+    joint: int
+    ratio: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,7 +130,7 @@ class Robot:
             raise InvalidValue("\n".join(f"{name}: {line}" for line in problems(error))) from error
         content = file.model_dump(mode="json", exclude_none=True)
         robot = cls(file, name, yaml.safe_dump(content, sort_keys=False, width=200))
-        wrong = [f"{name}: {place(at)}: {why}" for at, why in _problems(robot)]
+        wrong = [f"{name}: {place(at)}: {why}" for at, why in wrong_names(robot)]
         if wrong:
             raise InvalidValue("\n".join(wrong))
         return robot
@@ -199,67 +216,114 @@ class Robot:
 
     @cached_property
     def velocity_limit(self) -> NDArray[np.float64]:
-        """Greatest speeds [rad/s]."""
+        """Greatest speeds [rad/s]; NaN where the file leaves them unknown."""
         return self._array(lambda joint: joint.velocity_limit)
 
     @cached_property
     def acceleration_limit(self) -> NDArray[np.float64]:
-        """Greatest accelerations [rad/s^2]."""
+        """Greatest accelerations [rad/s^2]; NaN where unknown."""
         return self._array(lambda joint: joint.acceleration_limit)
 
     @cached_property
     def torque_limit(self) -> NDArray[np.float64]:
-        """Greatest joint torques [N m]."""
+        """Greatest joint torques [N m]; NaN where unknown."""
         return self._array(lambda joint: joint.torque_limit)
 
     @cached_property
     def gear_ratio(self) -> NDArray[np.float64]:
-        """Motor turns per joint turn."""
-        return self._array(lambda joint: joint.drive.gear_ratio)
+        """Motor turns per joint turn; NaN where unknown."""
+        return self._drives(lambda drive: drive.gear_ratio)
 
     @cached_property
     def rotor_inertia(self) -> NDArray[np.float64]:
-        """Motor inertias, motor side [kg m^2]."""
-        return self._array(lambda joint: joint.drive.rotor_inertia)
+        """Motor inertias, motor side [kg m^2]; NaN where unknown."""
+        return self._drives(lambda drive: drive.rotor_inertia)
+
+    @cached_property
+    def rotor_inertia_unknown(self) -> NDArray[np.bool_]:
+        """Which motors' inertia is to be identified, shape (n_joints,)."""
+        return _read_only_flags(np.isnan(self.rotor_inertia).tolist())
+
+    @cached_property
+    def reflected_inertia(self) -> NDArray[np.float64]:
+        """Known motor inertias as the joints feel them [kg m^2]; 0 where unknown."""
+        return _read_only(np.nan_to_num(self.gear_ratio**2 * self.rotor_inertia))
 
     @cached_property
     def torque_constant(self) -> NDArray[np.float64]:
-        """Motor torque per current [N m/A]."""
-        return self._array(lambda joint: joint.drive.torque_constant)
+        """Motor torque per current [N m/A]; NaN where unknown."""
+        return self._drives(lambda drive: drive.torque_constant)
 
     @cached_property
     def rotor_inertia_uncertainty(self) -> NDArray[np.float64]:
         """Relative standard deviations of `rotor_inertia`."""
-        return self._array(lambda joint: joint.drive.rotor_inertia_uncertainty)
+        return self._drives(lambda drive: drive.rotor_inertia_uncertainty)
 
     @cached_property
     def torque_constant_uncertainty(self) -> NDArray[np.float64]:
         """Relative standard deviations of `torque_constant`."""
-        return self._array(lambda joint: joint.drive.torque_constant_uncertainty)
+        return self._drives(lambda drive: drive.torque_constant_uncertainty)
 
     @cached_property
-    def standard_parameters(self) -> tuple[str, ...]:
+    def couplings(self) -> tuple[MotorCoupling, ...]:
+        """Motors that a second joint turns as well."""
+        stated = self.file.couplings or ()
+        return tuple(MotorCoupling(c.motor - 1, c.joint - 1, c.ratio) for c in stated)
+
+    @cached_property
+    def motor_matrix(self) -> NDArray[np.float64]:
+        """Motors' angles per joint angle, shape (n_joints, n_joints).
+
+        So motors turn by ``R q``, and joints feel ``R.T`` times the motors' torques. NaN in the
+        rows of motors whose gear ratio is unknown.
+        """
+        turns = np.eye(self.n_joints)
+        for motor, joint, ratio in self.couplings:
+            turns[motor, joint] += ratio
+        return _read_only(self.gear_ratio[:, np.newaxis] * turns)
+
+    @cached_property
+    def link_parameters(self) -> tuple[str, ...]:
         """Names of all ten parameters of every link, eq. (5): ``Ixx1`` to ``m<n>``."""
         links = range(1, self.n_joints + 1)
         return tuple(f"{parameter}{link}" for link in links for parameter in LINK_PARAMETERS)
 
     @cached_property
+    def drive_parameters(self) -> tuple[str, ...]:
+        """Names of the drive trains' unknown inertias (`hil.model.drive_parameters`)."""
+        own = [f"Ia{j + 1}" for j in np.flatnonzero(self.rotor_inertia_unknown)]
+        return (*own, *(f"Iam{each.motor + 1}" for each in self.couplings))
+
+    @property
+    def standard_parameters(self) -> tuple[str, ...]:
+        """Names of the links' parameters, and of the drive trains' that are unknown."""
+        return (*self.link_parameters, *self.drive_parameters)
+
+    @cached_property
     def present(self) -> tuple[str, ...]:
         """Standard parameters that are present (Table 1), those tied to others included."""
         joints = enumerate(self.file.joints, start=1)
-        return tuple(f"{name}{link}" for link, joint in joints for name in joint.parameters)
+        links = (f"{name}{link}" for link, joint in joints for name in joint.parameters)
+        return (*links, *self.drive_parameters)
 
     @cached_property
     def ties(self) -> dict[str, str]:
         """From each tied standard parameter to the one whose value it has."""
-        return dict(_split_tie(tie) for tie in self.file.ties)
+        return dict(split_tie(tie) for tie in self.file.ties)
 
-    def _array(self, value: Callable[[Joint], float]) -> NDArray[np.float64]:
-        return _read_only([value(joint) for joint in self.file.joints])
+    def _array(self, value: Callable[[Joint], float | str]) -> NDArray[np.float64]:
+        return _read_only([_number(value(joint)) for joint in self.file.joints])
+
+    def _drives(self, value: Callable[[Drive], float | str]) -> NDArray[np.float64]:
+        return self._array(lambda joint: value(joint.drive or NO_DRIVE))
+
+
+def _number(stated: float | str) -> float:
+    return math.nan if stated == UNKNOWN else float(stated)
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
-    """Load a robot that comes along by its name, or any by its file's path.
+    """Load a robot that comes along by its name, or any by the path of its file or its URDF.
 
     Raises
     ------
@@ -270,12 +334,33 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """
     path = Path(name_or_path)
     if path.suffix == ".urdf":
-        raise FileError(
-            f"{path}: a URDF states no gears, rotors and accelerations; write a robot file from it"
-            f" with: hil robot new --urdf {path} -o {path.stem}.yaml"
-        )
+        from hil.model.urdf_robot import robot_from_urdf  # noqa: PLC0415 - makes a robot itself
+
+        return robot_from_urdf(path)
     is_path = path.suffix in {".yaml", ".yml"} or len(path.parts) > 1
     return Robot.from_file(path) if is_path else Robot.load(str(name_or_path))
+
+
+def refuse_unknown(robot: Robot) -> None:
+    """Refuse to move a robot, or to plan motions of it, of which too little is known.
+
+    Raises
+    ------
+    FileError
+        One line for each limit or value of a drive train that its file leaves unknown.
+    """
+    wrong = [
+        f"{robot.source}:{line_of(robot.text, at)}: {place(at)}: {why}"
+        for at, why in unknown_for_motion(robot)
+    ]
+    if wrong and robot.source.endswith(".urdf"):
+        raise FileError(
+            f"{robot.source}: a URDF states no gears, torque constants and accelerations, which"
+            f" motions need; write a robot file from it with: hil robot new --urdf {robot.source}"
+            f" -o {Path(robot.source).stem}.yaml"
+        )
+    if wrong:
+        raise FileError("\n".join(wrong))
 
 
 def parse_robot(text: str, source: str) -> Robot:
@@ -287,7 +372,7 @@ def parse_robot(text: str, source: str) -> Robot:
         As `load_robot`.
     """
     robot = Robot(parse_yaml(text, RobotFile, source), source, text)
-    wrong = [f"{source}:{line_of(text, at)}: {place(at)}: {why}" for at, why in _problems(robot)]
+    wrong = [f"{source}:{line_of(text, at)}: {place(at)}: {why}" for at, why in wrong_names(robot)]
     if wrong:
         raise FileError("\n".join(wrong))
     return robot
@@ -305,49 +390,6 @@ def _of_name(name: str) -> Path:
             " or give the path of a robot file ending in .yaml"
         )
     return ROBOTS / f"{name}.yaml"
-
-
-_Problem = tuple[tuple[str | int, ...], str]
-
-
-def _problems(robot: Robot) -> Iterator[_Problem]:
-    yield from _unknown_lengths(robot)
-    yield from _wrong_ties(robot)
-
-
-def _unknown_lengths(robot: Robot) -> Iterator[_Problem]:
-    known = robot.file.lengths
-    for index in range(robot.n_joints):
-        for key in ("d", "r"):
-            expression = (robot.d_expressions if key == "d" else robot.r_expressions)[index]
-            for name in sorted(expression.names - set(known)):
-                names = f"known are {', '.join(known)}" if known else "none are named"
-                yield ("joints", index, "frame", key), f"{name} is no length; {names} in lengths"
-
-
-def _wrong_ties(robot: Robot) -> Iterator[_Problem]:
-    valid = [tie for tie in robot.file.ties if _TIE.match(tie)]
-    left = [_split_tie(tie)[0] for tie in valid]
-    for index, tie in enumerate(robot.file.ties):
-        at = ("ties", index)
-        if tie not in valid:
-            yield at, f"{tie!r} must read as in: Iyy6 = Ixx6"
-            continue
-        tied, value = _split_tie(tie)
-        absent = [name for name in (tied, value) if name not in robot.present]
-        if absent:
-            yield at, f"{absent[0]} is not present; add it to its joint's parameters"
-        elif tied == value or left.count(tied) > 1:
-            yield at, f"{tied} is tied twice or to itself; remove this tie"
-        elif value in left:
-            yield at, f"{value} is tied itself; tie {tied} to what {value} is tied to"
-        elif tied[0] != value[0]:
-            yield at, f"{tied} and {value} have different units; tie inertia to inertia"
-
-
-def _split_tie(tie: str) -> tuple[str, str]:
-    tied, value = tie.split("=")
-    return tied.strip(), value.strip()
 
 
 def _read_only(values: object) -> NDArray[np.float64]:

@@ -2,7 +2,8 @@
 
 A URDF says nothing of gears, rotors, torque constants and accelerations, so these lines are marked
 as in a first drives file. Link parameters are all ten of each link: what is zero by symmetry is
-yours to leave out.
+yours to leave out. To identify what somebody else recorded no more need be known: `robot_of` leaves
+open what the URDF does, rotor inertias among it, which are identified then.
 """
 
 from __future__ import annotations
@@ -15,19 +16,25 @@ import numpy as np
 
 from checked_files.yaml_file import UNSTATED
 from hil.model.axes_to_frames import PARALLEL, frames_of
+from hil.model.robot import parse_robot
+from hil.model.robot_file import UNKNOWN
 from hil.model.urdf import QUARTER
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from hil.model.axes_to_frames import Frames
+    from hil.model.robot import Robot
     from hil.model.urdf import UrdfChain, UrdfJoint
 
     Array = NDArray[np.float64]
+    _Rest = Callable[[UrdfJoint], Iterator[str]]
 
 _UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}
+FARTHEST = 12.566
+"""Either side of zero, where a URDF states no range [rad or m]."""
 
 
 def draft_robot(chain: UrdfChain, gravity: Sequence[float]) -> str:
@@ -39,20 +46,50 @@ def draft_robot(chain: UrdfChain, gravity: Sequence[float]) -> str:
     gravity : sequence of three floats
         In the base link [m/s^2].
     """
+    title = [
+        f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, drafted from a URDF.",
+        f"# What it does not say is marked {UNSTATED}: replace each mark and its text by a",
+        "# value. Leave out link parameters that symmetry makes zero: parameters: [Izz, m].",
+        "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
+    ]
+    return _text(chain, gravity, title, _to_be_stated)
+
+
+def robot_of(chain: UrdfChain, gravity: Sequence[float], source: str) -> Robot:
+    """A robot of which no more is known than its URDF says.
+
+    Parameters
+    ----------
+    chain : UrdfChain
+    gravity : sequence of three floats
+        In the base link [m/s^2].
+    source : str
+        Names the file in messages.
+
+    Raises
+    ------
+    FileError
+        A URDF that states a value which a robot cannot have.
+    """
+    title = [
+        f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, as its URDF says.",
+        "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
+    ]
+    return parse_robot(_text(chain, gravity, title, _left_open), source)
+
+
+def _text(chain: UrdfChain, gravity: Sequence[float], title: Sequence[str], rest: _Rest) -> str:
     frames = frames_of(chain)
     in_frame_0 = frames.base[:3, :3].T @ np.asarray(gravity, dtype=float)
     lengths = _Lengths()
     joints = [
         line
         for number, joint in enumerate(chain.joints)
-        for line in _joint(joint, _frame(frames, number, lengths))
+        for line in (*_joint(joint, _frame(frames, number, lengths)), *rest(joint))
     ]
     return "\n".join(
         [
-            f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, drafted from a URDF.",
-            f"# What it does not say is marked {UNSTATED}: replace each mark and its text by a",
-            "# value. Leave out link parameters that symmetry makes zero: parameters: [Izz, m].",
-            "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
+            *title,
             f"name: {_name(chain.robot)}",
             f"gravity: [{', '.join(_number(round(g, 9)) for g in in_frame_0)}] # m/s2, in frame 0",
             f"lengths: {{{lengths}}} # m",
@@ -94,17 +131,15 @@ def _frame(frames: Frames, number: int, lengths: _Lengths) -> str:
 
 
 def _joint(joint: UrdfJoint, frame: str) -> Iterator[str]:
-    unit, effort = _UNITS[joint.type]
     yield f"  - frame: {{{frame}}} # {_comment(joint.name)}"
     if joint.type != "revolute":
         yield f"    type: {joint.type}"
-    yield f"    q_min: {_stated(joint.lower, f'least position [{unit}]')}"
-    yield f"    q_max: {_stated(joint.upper, f'greatest position [{unit}]')}"
-    velocity = joint.velocity if joint.velocity > 0 else math.nan
-    yield f"    velocity_limit: {_stated(velocity, f'greatest speed [{unit}/s]')}"
-    yield f"    acceleration_limit: {UNSTATED} greatest acceleration [{unit}/s2]"
-    torque = joint.effort if joint.effort > 0 else math.nan
-    yield f"    torque_limit: {_stated(torque, f'greatest torque [{effort}]')}"
+
+
+def _to_be_stated(joint: UrdfJoint) -> Iterator[str]:
+    """Limits and drive train of a robot that is to be moved."""
+    for key, value, what in _limits(joint):
+        yield f"    {key}: {f'{UNSTATED} {what}' if math.isnan(value) else _number(value)}"
     yield "    drive:"
     per = "" if joint.type == "revolute" else ", motor angle over way [rad/m]"
     yield f"      gear_ratio: {UNSTATED} motor turns per joint turn{per}"
@@ -112,8 +147,24 @@ def _joint(joint: UrdfJoint, frame: str) -> Iterator[str]:
     yield f"      torque_constant: {UNSTATED} of the motor [N m/A]"
 
 
-def _stated(value: float, what: str) -> str:
-    return f"{UNSTATED} {what}" if math.isnan(value) else _number(value)
+def _left_open(joint: UrdfJoint) -> Iterator[str]:
+    """Limits as far as they are known; a joint that turns for ever has two turns."""
+    endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
+    for key, value, _ in _limits(joint):
+        stated = endless.get(key, math.nan) if math.isnan(value) else value
+        yield f"    {key}: {UNKNOWN if math.isnan(stated) else _number(stated)}"
+
+
+def _limits(joint: UrdfJoint) -> Iterator[tuple[str, float, str]]:
+    """Key, value or NaN, and what it is."""
+    unit, effort = _UNITS[joint.type]
+    velocity = joint.velocity if joint.velocity > 0 else math.nan
+    torque = joint.effort if joint.effort > 0 else math.nan
+    yield "q_min", joint.lower, f"least position [{unit}]"
+    yield "q_max", joint.upper, f"greatest position [{unit}]"
+    yield "velocity_limit", velocity, f"greatest speed [{unit}/s]"
+    yield "acceleration_limit", math.nan, f"greatest acceleration [{unit}/s2]"
+    yield "torque_limit", torque, f"greatest torque [{effort}]"
 
 
 def _angle(angle: float) -> str:

@@ -10,12 +10,15 @@ N m for revolute joints, m and N for prismatic ones. A value whose magnitude bet
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from checked_files.yaml_file import FileModel
 from hil.model.polynomial import parse
+
+if TYPE_CHECKING:
+    from typing import Self
 
 LinkParameter = Literal["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "sz", "m"]
 
@@ -74,6 +77,9 @@ def _refuse_rounded_right_angle(radians: float) -> None:
         raise ValueError(f"{radians:g} rad is a rounded {quarters} pi/2; write {quarters}*pi/2")
 
 
+Unknown = Literal["unknown"]
+UNKNOWN: Unknown = "unknown"
+"""In place of a value that nobody has stated."""
 Expression = Annotated[str, BeforeValidator(_expression)]
 Angle = Annotated[float, BeforeValidator(_angle)]
 
@@ -99,31 +105,39 @@ class Frame(FileModel):
 
 
 class Drive(FileModel):
-    """A drive train; the uncertainties are relative standard deviations."""
+    """A drive train; the uncertainties are relative standard deviations.
 
-    gear_ratio: float
-    rotor_inertia: float
-    torque_constant: float
+    What is unknown need not be stated to identify a recording. An unknown rotor inertia is
+    identified as well; without gear ratio and torque constant no drive can be moved.
+    """
+
+    gear_ratio: float | Unknown = UNKNOWN
+    rotor_inertia: float | Unknown
+    torque_constant: float | Unknown
     rotor_inertia_uncertainty: float = 0.0
     torque_constant_uncertainty: float = 0.0
 
     @field_validator("gear_ratio")
     @classmethod
-    def _check_gear_ratio(cls, value: float) -> float:
+    def _check_gear_ratio(cls, value: float | Unknown) -> float | Unknown:
+        if value == UNKNOWN:
+            return value
         if not value > 0:
             raise ValueError(f"{value:g} must be positive; the sense of rotation is the drive's")
         return value
 
     @field_validator("rotor_inertia")
     @classmethod
-    def _check_rotor_inertia(cls, value: float) -> float:
-        if value == 0:
-            return value  # no rotor of its own: a direct drive counts with its link
+    def _check_rotor_inertia(cls, value: float | Unknown) -> float | Unknown:
+        if value in (0, UNKNOWN):
+            return value  # 0: no rotor of its own: a direct drive counts with its link
         return _positive(value, "kg m2", 0.5, "it looks like kg cm2, or like the joint side")
 
     @field_validator("torque_constant")
     @classmethod
-    def _check_torque_constant(cls, value: float) -> float:
+    def _check_torque_constant(cls, value: float | Unknown) -> float | Unknown:
+        if value == UNKNOWN:
+            return value
         return _positive(value, "N m/A", 20.0, "it looks like mN m/A, or like the joint side")
 
     @field_validator("rotor_inertia_uncertainty", "torque_constant_uncertainty")
@@ -133,6 +147,18 @@ class Drive(FileModel):
             raise ValueError(f"{value:g} must be in [0, 0.5): 0.02 stands for 2 %")
         return value
 
+    @model_validator(mode="after")
+    def _check_reflection(self) -> Self:
+        if self.gear_ratio == UNKNOWN and self.rotor_inertia not in (0, UNKNOWN):
+            raise ValueError(
+                f"rotor_inertia {self.rotor_inertia:g} kg m2 reaches the joint by the gear_ratio,"
+                " which is unknown; state it, or leave rotor_inertia unknown too"
+            )
+        return self
+
+
+NO_DRIVE = Drive(rotor_inertia=UNKNOWN, torque_constant=UNKNOWN)
+"""What a joint has whose drive train the file does not mention."""
 
 Point = tuple[float, float, float]
 
@@ -172,7 +198,8 @@ class Joint(FileModel):
     q_min, q_max : float
         Range of the joint [rad or m].
     velocity_limit, acceleration_limit, torque_limit : float
-        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
+        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N]; nothing moves where one is
+        unknown.
     capsule : Capsule, optional
         The link's shape, for keeping it out of forbidden boxes (`hil.model.capsules`).
     torque_noise : float, optional
@@ -186,10 +213,10 @@ class Joint(FileModel):
     parameters: tuple[LinkParameter, ...] = LINK_PARAMETERS
     q_min: float
     q_max: float
-    velocity_limit: float
-    acceleration_limit: float
-    torque_limit: float
-    drive: Drive
+    velocity_limit: float | Unknown
+    acceleration_limit: float | Unknown
+    torque_limit: float | Unknown
+    drive: Drive | None = None
     capsule: Capsule | None = None
     torque_noise: float | None = None
     friction_wander: float | None = None
@@ -219,7 +246,9 @@ class Joint(FileModel):
 
     @field_validator("velocity_limit", "acceleration_limit", "torque_limit")
     @classmethod
-    def _check_limit(cls, value: float, info: ValidationInfo) -> float:
+    def _check_limit(cls, value: float | Unknown, info: ValidationInfo) -> float | Unknown:
+        if value == UNKNOWN:
+            return value
         kind = info.data.get("type", "revolute")
         hint = f"it looks like {_WRONG_UNIT[kind]}{_conversion(kind, value)}"
         if info.field_name == "velocity_limit":
@@ -232,7 +261,8 @@ class Joint(FileModel):
     @field_validator("torque_noise", "friction_wander")
     @classmethod
     def _check_noise(cls, value: float | None, info: ValidationInfo) -> float | None:
-        bound = info.data.get("torque_limit", math.inf)
+        stated = info.data.get("torque_limit", UNKNOWN)
+        bound = math.inf if stated == UNKNOWN else stated
         if value is not None and not 0 < value < bound:
             raise ValueError(
                 f"{value:g} must be positive and below torque_limit = {bound:g}; leave the key out"
@@ -242,10 +272,42 @@ class Joint(FileModel):
 
     @field_validator("drive")
     @classmethod
-    def _check_gear_ratio(cls, value: Drive, info: ValidationInfo) -> Drive:
+    def _check_gear_ratio(cls, value: Drive | None, info: ValidationInfo) -> Drive | None:
+        if value is None or value.gear_ratio == UNKNOWN:
+            return value
         bound = _MAX_GEAR_RATIO[info.data.get("type", "revolute")]
         if value.gear_ratio > bound:
             raise ValueError(f"gear_ratio {value.gear_ratio:g} must be at most {bound:g}")
+        return value
+
+
+class CoupledMotor(FileModel):
+    """A motor that the motion of a second joint turns as well, as in many wrists.
+
+    Attributes
+    ----------
+    motor, joint : int
+        Numbers from 1: motor 6 drives joint 6, and joint 5 turns it too.
+    ratio : float
+        The motor turns with ``q[motor] + ratio q[joint]``, times its gear ratio.
+    """
+
+    motor: int = Field(ge=1)
+    joint: int = Field(ge=1)
+    ratio: float = 1.0
+
+    @field_validator("joint")
+    @classmethod
+    def _check_joint(cls, value: int, info: ValidationInfo) -> int:
+        if value == info.data.get("motor"):
+            raise ValueError(f"{value} must be another joint than the motor's own")
+        return value
+
+    @field_validator("ratio")
+    @classmethod
+    def _check_ratio(cls, value: float) -> float:
+        if not 0 < abs(value) <= 100:
+            raise ValueError(f"{value:g} must be within +-100 and not 0; leave the coupling out")
         return value
 
 
@@ -265,6 +327,7 @@ class RobotFile(FileModel):
         Named lengths that frames refer to [m].
     ties : tuple of str
         ``Iyy6 = Ixx6``: the left parameter has the right one's value.
+    couplings : tuple of CoupledMotor, optional
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
@@ -272,6 +335,7 @@ class RobotFile(FileModel):
     lengths: dict[str, float] = Field(default_factory=dict)
     joints: Annotated[tuple[Joint, ...], Field(min_length=1)]
     ties: tuple[str, ...] = ()
+    couplings: tuple[CoupledMotor, ...] | None = None
 
     @field_validator("gravity")
     @classmethod

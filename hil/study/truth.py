@@ -79,9 +79,15 @@ class _Frame(_Part):
     r: float = 0.0
 
 
+class _Drive(_Part):
+    gear_ratio: float
+    rotor_inertia: float
+
+
 class _Axis(_Part):
     frame: _Frame = _Frame()
     link: _Body
+    drive: _Drive
 
 
 class _Plant(_Part):
@@ -94,6 +100,13 @@ class _Plant(_Part):
         if self.payload is not None:
             found[-len(LINK_PARAMETERS) :] += self.payload.body().standard()
         return found
+
+    def drives(self, robot: Robot) -> Array:
+        """Motor inertias that the robot leaves unknown, at the joints; no motor is coupled."""
+        inertias = [axis.drive.rotor_inertia * axis.drive.gear_ratio**2 for axis in self.axes]
+        return np.append(
+            np.array(inertias)[robot.rotor_inertia_unknown], [0.0] * len(robot.couplings)
+        )
 
 
 def true_parameters(robot: Robot, plant: Path | str) -> Array:
@@ -119,7 +132,7 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     path = find_plant(plant)
     content = load_yaml(path, _Plant)
     _refuse_other_frames(robot, content, path)
-    standard = content.standard()
+    standard = np.append(content.standard(), content.drives(robot))
     p: Array = base_parameters(robot).matrix @ standard
     _refuse_other_links(robot, standard, p, path)
     return p

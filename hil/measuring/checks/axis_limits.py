@@ -72,16 +72,16 @@ def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
 
 def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
     """Say which objects of the drives are behind the limits, where they matter."""
-    for number, (joint, axis) in enumerate(zip(robot.file.joints, axes, strict=True), start=1):
+    for j, axis in enumerate(axes):
         for key, planned, holds in (
-            ("q_min", joint.q_min, axis.q_min),
-            ("q_max", joint.q_max, axis.q_max),
-            ("velocity", joint.velocity_limit, axis.velocity_max),
-            ("acceleration", joint.acceleration_limit, axis.acceleration_max),
+            ("q_min", robot.q_min[j], axis.q_min),
+            ("q_max", robot.q_max[j], axis.q_max),
+            ("velocity", robot.velocity_limit[j], axis.velocity_max),
+            ("acceleration", robot.acceleration_limit[j], axis.acceleration_max),
         ):
             if key in axis.own_limits and abs(holds - planned) > ROUNDING * max(1.0, abs(planned)):
                 yield (
-                    f"joint {number} ({axis.name}): {key} {holds:.4g} is the drive's own limit"
+                    f"joint {j + 1} ({axis.name}): {key} {holds:.4g} is the drive's own limit"
                     f" {axis.own_limits[key]}, {planned:.4g} in the robot file; plan within it, or"
                     " widen it with the maker's tool"
                 )
