@@ -28,7 +28,7 @@ SHARE = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FreeMotion:
+class ValidationMotion:
     """Positions, velocities, accelerations, each of shape (n, n_joints) [rad, rad/s, rad/s^2]."""
 
     q: Array
@@ -36,7 +36,7 @@ class FreeMotion:
     qdd: Array
 
 
-def free_motion(robot: Robot, seed: int = 0) -> FreeMotion:
+def free_motion(robot: Robot, seed: int = 0) -> ValidationMotion:
     """One period of a random motion within the limits of `robot`; the same seed, the same motion.
 
     Joints are scaled one by one, so each of them is as fast as the tightest of its limits allows.
@@ -45,7 +45,7 @@ def free_motion(robot: Robot, seed: int = 0) -> FreeMotion:
     order = 2 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
     phase = np.outer(np.arange(SAMPLES) * PERIOD / SAMPLES, order)
     a, b = rng.standard_normal((2, HARMONICS, robot.n_joints)) / order[:, np.newaxis]
-    waves = FreeMotion(
+    waves = ValidationMotion(
         q=np.sin(phase) @ a - np.cos(phase) @ b,
         qd=(np.cos(phase) * order) @ a + (np.sin(phase) * order) @ b,
         qdd=(-np.sin(phase) * order**2) @ a + (np.cos(phase) * order**2) @ b,
@@ -59,4 +59,4 @@ def free_motion(robot: Robot, seed: int = 0) -> FreeMotion:
         ],
         axis=0,
     )
-    return FreeMotion(middle + scale * waves.q, scale * waves.qd, scale * waves.qdd)
+    return ValidationMotion(middle + scale * waves.q, scale * waves.qd, scale * waves.qdd)

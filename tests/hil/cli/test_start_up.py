@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -102,6 +103,14 @@ def test_no_command_s_help_loads_numerics_or_a_bus() -> None:
     for line in lines:
         name, _, loaded = line.partition(": ")
         assert not set(loaded.split()) & HEAVY, name
+
+
+def test_planning_and_its_dry_run_need_no_scipy(tmp_path: Path) -> None:
+    plan = str(tmp_path / "plan.yaml")
+    few = ("--gravity", "12", "--inertia", "12", "--coupling", "3")
+    for command in (("plan", "manutec-r15", *few, "-o", plan), ("dry-run", plan)):
+        _, loaded = program(*command)
+        assert "scipy" not in loaded, command[0]
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -158,7 +158,7 @@ class TestCommand:
             compare(Run.open(tmp_path / "run"), PLANT, console)
 
 
-class TestFreeMotion:
+class TestValidationMotion:
     def test_it_keeps_the_limits_and_uses_one_of_each_joint(self, manutec):
         motion = free_motion(manutec)
         middle, reach = (manutec.q_max + manutec.q_min) / 2, (manutec.q_max - manutec.q_min) / 2
