@@ -7,8 +7,9 @@ eq. (5), heads one base parameter each. Then the robot's own sparsity is put in:
 vanish, tied ones merge, and of base parameters that have thereby become linearly dependent those
 without a present head are given up. Absent parameters do not change which torques are possible, so
 the values of base parameters may be put into their heads, all other standard parameters being
-zero: `BaseParameters.placement`. At last come the unknown inertias of the drive trains: one that
-acts as links do merges with them, the others are base parameters of their own.
+zero: `BaseParameters.placement`. At last come parameters that no
+link has (`hil.model.added_parameters`): one that acts as links do merges with them, the others are
+base parameters of their own.
 
 Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
 """
@@ -21,9 +22,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.model.added_parameters import added_unit, merge_added
 from hil.model.combination import Combination, add, combine, scale, text
 from hil.model.dependencies import Dependencies, find_dependencies, influences
-from hil.model.drive_parameters import drive_unit, merge_drives
 from hil.model.frames import parameter_map, symbolic_link_pose
 from hil.model.polynomial import Polynomial
 from hil.model.transfer import transfers
@@ -65,7 +66,7 @@ class BaseParameters:
         Where each occurs in M(q) and g(q).
     matrix : array, shape (n_base, n_standard)
         K of p_base = K p_standard, for standard parameters that are as sparse and tied as the
-        robot file says: ten of each link, then those of the drive trains.
+        robot file says: ten of each link, then those that no link has.
     placement : array, shape (n_standard, n_base)
         Standard parameters that act as given base parameters do: mostly the value in the head.
     """
@@ -99,7 +100,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
     placement = np.zeros((10 * robot.n_joints, len(kept)))
     placement[heads] = dependence
     mass, gravity = influences(robot)
-    merged = merge_drives(robot, _observed(mass, gravity), placement)
+    merged = merge_added(robot, _observed(mass, gravity), placement)
     matrix, placement = merged.matrix(matrix[kept]), merged.placement(placement)
     _cross_check(robot, mass, gravity, matrix, placement)
     dependencies = find_dependencies(mass @ placement, gravity @ placement)
@@ -207,10 +208,7 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
 
 def _unit(robot: Robot, head: str) -> str:
     """Unit of a base parameter by the name of its head."""
-    drives = robot.drive_parameters
-    if head in drives:
-        return drive_unit(robot, drives.index(head))
-    return _UNITS[head[0]]
+    return added_unit(robot, head) if head in robot.added_parameters else _UNITS[head[0]]
 
 
 def _observed(mass: Array, gravity: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.drive_parameters import drive_inertias
+from hil.model.added_parameters import added_inertias, added_loads
 from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion, link_pose
 
 if TYPE_CHECKING:
@@ -80,10 +80,10 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     random = np.random.default_rng(22)
     configurations = random.uniform(-np.pi, np.pi, (_CONFIGURATIONS, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
-    drives = np.moveaxis(drive_inertias(robot), 0, -1)
-    mass = [np.concatenate([each, drives], axis=-1) for each, _ in found]
-    weightless = np.zeros((robot.n_joints, drives.shape[-1]))
-    gravity = [np.hstack([each, weightless]) for _, each in found]
+    added = np.moveaxis(added_inertias(robot), 0, -1)
+    mass = [np.concatenate([each, added], axis=-1) for each, _ in found]
+    loads = added_loads(robot, configurations)
+    gravity = [np.hstack([each, load]) for (_, each), load in zip(found, loads, strict=True)]
     return np.array(mass), np.array(gravity)
 
 

@@ -4,8 +4,8 @@ Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c 
 dynamics agree to rounding. What is compiled of it is loaded when there is enough to do; the first
 regressors come from the same equations in NumPy (`model.recursion_by_arrays`). Base parameters
 enter in the standard parameters that head their groups, all others being zero (`base_parameters`),
-so that a robot costs no more than the parameters that it has. Rigid bodies, and what of the motors'
-inertia is unknown: what is known of it is `hil.model.motors`.
+so that a robot costs no more than the parameters that it has. Besides rigid bodies there are springs
+and what of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.
@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model import recursion_by_arrays
+from hil.model.added_parameters import added_inertias, added_loads
 from hil.model.base_parameters import base_parameters
-from hil.model.drive_parameters import drive_inertias
 from hil.model.frames import cos_sin
 
 if TYPE_CHECKING:
@@ -78,8 +78,8 @@ def regressor(
         columns(state, model.chain, robot.gravity, model.kinds, model.links, rows, flat[part])
     if model.mixing is not None:
         flat = flat @ model.mixing
-    if len(model.drives):
-        flat = np.concatenate([flat, _of_drives(model, qdd, rows)], axis=-1)
+    if len(model.added):
+        flat = np.concatenate([flat, _added(robot, model, q, qdd, rows)], axis=-1)
     if not np.array_equal(rows, wanted):
         flat = flat[:, np.searchsorted(rows, wanted)]
     return flat.reshape(*lead, wanted.size, flat.shape[-1])
@@ -110,8 +110,8 @@ _WEIGHTLESS = np.zeros(3)
 class _Model:
     """What the recursion needs of a robot; `mixing` where a base parameter has several carriers.
 
-    `drives` are the matrices of the drive trains' inertias that are base parameters of their own:
-    the last ones.
+    `added` are the indices of added parameters that are base parameters of their own: the last
+    ones.
     """
 
     chain: Array
@@ -122,14 +122,15 @@ class _Model:
     links: NDArray[np.int64]
     placement: Array
     mixing: Array | None
-    drives: Array
+    added: NDArray[np.intp]
+    inertias: Array
 
 
 @lru_cache(maxsize=32)
 def _model(robot: Robot) -> _Model:
     every, n_links = base_parameters(robot).placement, 10 * robot.n_joints
-    drives = drive_inertias(robot)[every[n_links:].any(axis=1)]
-    placement = every[:n_links, : every.shape[1] - len(drives)]
+    added = np.flatnonzero(every[n_links:].any(axis=1))
+    placement = every[:n_links, : every.shape[1] - len(added)]
     carriers = np.flatnonzero(placement.any(axis=1)).astype(np.int64)
     carried = placement[carriers]
     revolute = robot.revolute.astype(np.float64)
@@ -144,14 +145,16 @@ def _model(robot: Robot) -> _Model:
         links=carriers // 10,
         placement=carried,
         mixing=None if plain else carried,
-        drives=drives,
+        added=added,
+        inertias=added_inertias(robot)[added],
     )
 
 
-def _of_drives(model: _Model, qdd: Array, rows: NDArray[np.int64]) -> Array:
-    """Columns of the drive trains' inertias, shape (n_samples, n_rows, n_drives)."""
-    flat = qdd.reshape(-1, qdd.shape[-1])
-    return np.moveaxis(flat @ np.swapaxes(model.drives, 1, 2), 0, -1)[:, rows]
+def _added(robot: Robot, model: _Model, q: Array, qdd: Array, rows: NDArray[np.int64]) -> Array:
+    """Columns of the added parameters, shape (n_samples, n_rows, n_added)."""
+    q, qdd = (x.reshape(-1, robot.n_joints) for x in (q, qdd))
+    accelerated = np.moveaxis(qdd @ model.inertias, 0, -1)
+    return (accelerated + added_loads(robot, q)[..., model.added])[:, rows]
 
 
 def _torques(
@@ -159,8 +162,8 @@ def _torques(
 ) -> Array:
     model = _model(robot)
     p = np.asarray(p, dtype=np.float64)
-    n_links, n_drives = model.placement.shape[1], len(model.drives)
-    if p.shape != (n_base := n_links + n_drives,):
+    n_links, n_added = model.placement.shape[1], len(model.added)
+    if p.shape != (n_base := n_links + n_added,):
         raise ValueError(f"p has shape {p.shape}; {robot.name} has {n_base} base parameters")
     q, qd, qdd = _samples(robot, q, qd, qdd)
     from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
@@ -169,8 +172,11 @@ def _torques(
     flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
     for part, state in _chunks(model, q, qd, qdd):
         recursion.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
-    if n_drives:
-        flat += qdd.reshape(flat.shape) @ np.tensordot(p[n_links:], model.drives, 1)
+    if n_added:
+        own = p[n_links:]
+        flat += qdd.reshape(flat.shape) @ np.tensordot(own, model.inertias, 1)
+        if gravity is not _WEIGHTLESS:
+            flat += added_loads(robot, q.reshape(flat.shape))[..., model.added] @ own
     return flat.reshape(q.shape)
 
 

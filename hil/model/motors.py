@@ -4,7 +4,7 @@ A drive train is stated by gear ratio N and rotor inertia Im alone. Each motor t
 as fast as its own joint and with nothing else, so that H is diagonal and constant, N^2 Im, and c_m
 vanishes. What that leaves out: the motors' gyroscopic torques as they are carried along, a factor N
 smaller, and their masses, which count with the links that carry them. Inertias that the robot file
-leaves unknown are identified instead (`hil.model.drive_parameters`).
+leaves unknown are identified instead (`hil.model.added_parameters`).
 """
 
 from __future__ import annotations

@@ -22,6 +22,7 @@ from pydantic import ValidationError
 
 from checked_files.yaml_file import FileError, line_of, parse_yaml, place, problems, read_text
 from hil.errors import InvalidValue, UnknownName
+from hil.model.added_parameters import added_names
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_checks import split_tie, unknown_for_motion, wrong_names
 from hil.model.robot_file import LINK_PARAMETERS, NO_DRIVE, UNKNOWN, Drive, Joint, RobotFile
@@ -289,22 +290,21 @@ class Robot:
         return tuple(f"{parameter}{link}" for link in links for parameter in LINK_PARAMETERS)
 
     @cached_property
-    def drive_parameters(self) -> tuple[str, ...]:
-        """Names of the drive trains' unknown inertias (`hil.model.drive_parameters`)."""
-        own = [f"Ia{j + 1}" for j in np.flatnonzero(self.rotor_inertia_unknown)]
-        return (*own, *(f"Iam{each.motor + 1}" for each in self.couplings))
+    def added_parameters(self) -> tuple[str, ...]:
+        """Names of unknowns that no link has (`hil.model.added_parameters`)."""
+        return added_names(self)
 
     @property
     def standard_parameters(self) -> tuple[str, ...]:
-        """Names of the links' parameters, and of the drive trains' that are unknown."""
-        return (*self.link_parameters, *self.drive_parameters)
+        """Names of the links' parameters, and of unknown ones of drive trains and springs."""
+        return (*self.link_parameters, *self.added_parameters)
 
     @cached_property
     def present(self) -> tuple[str, ...]:
         """Standard parameters that are present (Table 1), those tied to others included."""
         joints = enumerate(self.file.joints, start=1)
         links = (f"{name}{link}" for link, joint in joints for name in joint.parameters)
-        return (*links, *self.drive_parameters)
+        return (*links, *self.added_parameters)
 
     @cached_property
     def ties(self) -> dict[str, str]:

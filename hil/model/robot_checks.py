@@ -23,6 +23,7 @@ def wrong_names(robot: Robot) -> Iterator[Problem]:
     yield from _unknown_lengths(robot)
     yield from _wrong_ties(robot)
     yield from _wrong_couplings(robot)
+    yield from _wrong_springs(robot)
 
 
 def unknown_for_motion(robot: Robot) -> Iterator[Problem]:
@@ -94,3 +95,16 @@ def _wrong_couplings(robot: Robot) -> Iterator[Problem]:
                 ("couplings", index, "motor"),
                 f"motor {coupling.motor} is coupled already; one joint besides its own is the most",
             )
+
+
+def _wrong_springs(robot: Robot) -> Iterator[Problem]:
+    stated = robot.file.springs or ()
+    for index, spring in enumerate(stated):
+        if spring.joint > robot.n_joints:
+            at = ("springs", index, "joint")
+            yield at, f"{spring.joint} must be one of the {robot.n_joints} joints"
+        elif spring in stated[:index]:
+            yield ("springs", index), "stands twice; remove one of them"
+        elif spring.shape != "linear" and not robot.revolute[spring.joint - 1]:
+            at = ("springs", index, "shape")
+            yield at, f"{spring.shape} must be linear at a joint that slides"

@@ -311,6 +311,22 @@ class CoupledMotor(FileModel):
         return value
 
 
+class Spring(FileModel):
+    """A spring or counterbalance at a joint, whose strength is to be identified.
+
+    Attributes
+    ----------
+    joint : int
+        Number from 1.
+    shape : {"linear", "cosine", "sine"}
+        What its torque is proportional to: q, cos q or sin q of the joint. The position at which a
+        linear spring is slack is an offset, which the estimators fit anyway.
+    """
+
+    joint: int = Field(ge=1)
+    shape: Literal["linear", "cosine", "sine"] = "linear"
+
+
 def _conversion(kind: str, value: float) -> str:
     si = math.radians(value) if kind == "revolute" else value / 1000
     return f"; write {si:.4g}"
@@ -328,6 +344,7 @@ class RobotFile(FileModel):
     ties : tuple of str
         ``Iyy6 = Ixx6``: the left parameter has the right one's value.
     couplings : tuple of CoupledMotor, optional
+    springs : tuple of Spring, optional
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
@@ -336,6 +353,7 @@ class RobotFile(FileModel):
     joints: Annotated[tuple[Joint, ...], Field(min_length=1)]
     ties: tuple[str, ...] = ()
     couplings: tuple[CoupledMotor, ...] | None = None
+    springs: tuple[Spring, ...] | None = None
 
     @field_validator("gravity")
     @classmethod

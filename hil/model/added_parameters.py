@@ -1,13 +1,14 @@
-"""Inertias of the drive trains that are to be identified, along with the links' parameters.
+"""Parameters that no link has and that are identified along with the links': drives and springs.
 
 A rotor inertia that the robot file states is compensated (`hil.model.motors`). One that it leaves
 unknown is a parameter like those of the links: ``Ia<j>``, the inertia of motor j as joint j feels
 it. A coupled motor m, which the motion of joint j turns as well (`Robot.couplings`), has another
 one: ``Iam<m>``, which joins the accelerations of both joints (Gautier's name for the Staubli's
-wrist, where a single rotor and its gears are not all that turns).
+wrist, where a single rotor and its gears are not all that turns). These are constant and carry no
+weight: ``tau = H_k qdd`` per unit of parameter k.
 
-All of them are constant and carry no weight, so that one matrix holds what there is to say:
-``tau = H_k qdd`` per unit of parameter k.
+A spring or counterbalance at joint j is a function of its position alone, ``k<j>`` times q_j, or
+``kc<j>`` times cos q_j, or ``ks<j>`` times sin q_j, and so a part of g(q).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from hil.model.polynomial import Polynomial
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,45 +31,76 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 _EXACT = 1e-9
-"""Share of an inertia's effect that others may leave of it where they stand for it."""
+"""Share of a parameter's effect that others may leave of it where they stand for it."""
 
 
-def drive_inertias(robot: Robot) -> Array:
-    """H of all unknown inertias of the drive trains, shape (n_unknown, n_joints, n_joints).
+_SHAPES: dict[str, Callable[[Array], Array]] = {
+    "linear": np.positive,
+    "cosine": np.cos,
+    "sine": np.sin,
+}
+_LETTERS = {"linear": "k", "cosine": "kc", "sine": "ks"}
 
-    They come in the order of `Robot.drive_parameters`.
-    """
+
+def added_names(robot: Robot) -> tuple[str, ...]:
+    """Names of all of them, in the order that everything here has."""
+    own = [f"Ia{j + 1}" for j in np.flatnonzero(robot.rotor_inertia_unknown)]
+    shared = [f"Iam{each.motor + 1}" for each in robot.couplings]
+    springs = [f"{_LETTERS[each.shape]}{each.joint}" for each in robot.file.springs or ()]
+    return (*own, *shared, *springs)
+
+
+def added_inertias(robot: Robot) -> Array:
+    """H of each, shape (n_added, n_joints, n_joints); zero for springs."""
     unit = np.eye(robot.n_joints)
     own = [np.outer(unit[j], unit[j]) for j in np.flatnonzero(robot.rotor_inertia_unknown)]
     shared = [
-        each.ratio
-        * (
-            np.outer(unit[each.motor], unit[each.joint])
-            + np.outer(unit[each.joint], unit[each.motor])
-        )
-        for each in robot.couplings
+        c.ratio * (np.outer(unit[c.motor], unit[c.joint]) + np.outer(unit[c.joint], unit[c.motor]))
+        for c in robot.couplings
     ]
-    return np.array([*own, *shared]).reshape(-1, robot.n_joints, robot.n_joints)
+    springs = [np.zeros_like(unit) for _ in robot.file.springs or ()]
+    return np.array([*own, *shared, *springs]).reshape(-1, robot.n_joints, robot.n_joints)
 
 
-def drive_unit(robot: Robot, index: int) -> str:
-    """Unit of one of `Robot.drive_parameters`: that of the torque by the acceleration."""
-    joints = np.flatnonzero(drive_inertias(robot)[index].any(axis=0))
+def added_loads(robot: Robot, q: Array) -> Array:
+    """Torque at position q per unit of each, shape (n_samples, n_joints, n_added).
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_samples, n_joints)
+        [rad or m].
+    """
+    springs = robot.file.springs or ()
+    found = np.zeros((*q.shape, len(added_names(robot))))
+    for k, each in enumerate(springs, start=found.shape[-1] - len(springs)):
+        found[:, each.joint - 1, k] = _SHAPES[each.shape](q[:, each.joint - 1])
+    return found
+
+
+def added_unit(robot: Robot, name: str) -> str:
+    """Unit of one of them."""
+    index = added_names(robot).index(name)
+    springs = robot.file.springs or ()
+    spring = index - len(added_names(robot)) + len(springs)
+    if spring >= 0:
+        turns = bool(robot.revolute[springs[spring].joint - 1])
+        linear = springs[spring].shape == "linear"
+        return ("N m/rad" if turns else "N/m") if linear else ("N m" if turns else "N")
+    joints = np.flatnonzero(added_inertias(robot)[index].any(axis=0))
     slides = int(np.sum(~robot.revolute[joints]))
     return ("kg m2", "kg m", "kg")[slides if len(joints) == 2 else 2 * slides]
 
 
 @dataclass(frozen=True)
-class MergedDrives:
-    """How drive trains' inertias enter the base parameters.
+class Merged:
+    """How the added parameters enter the base parameters.
 
     Attributes
     ----------
-    weights : ndarray, shape (n_base, n_unknown)
-        Of each inertia in each base parameter: those of the links first, then one headed by each of
-        `own`.
+    weights : ndarray, shape (n_base, n_added)
+        Of each in each base parameter: those of the links first, then one headed by each of `own`.
     own : tuple of int
-        Inertias, by index, that no other base parameters stand for.
+        Those, by index, that no other base parameters stand for.
     first : int
         Index of the first of them among the standard parameters.
     """
@@ -103,8 +135,8 @@ class MergedDrives:
         return rows
 
 
-def merge_drives(robot: Robot, observed: Array, placement: Array) -> MergedDrives:
-    """Find which inertias of the drive trains act as base parameters of the links do.
+def merge_added(robot: Robot, observed: Array, placement: Array) -> Merged:
+    """Find which of them act as base parameters of the links do.
 
     Parameters
     ----------
@@ -127,4 +159,4 @@ def merge_drives(robot: Robot, observed: Array, placement: Array) -> MergedDrive
     weights = np.zeros((known.shape[1], len(columns)))
     for k, w in enumerate(columns):
         weights[: len(w), k] = np.where(np.abs(w) > _EXACT, np.round(w, 9), 0.0)
-    return MergedDrives(weights, tuple(own), first)
+    return Merged(weights, tuple(own), first)

@@ -1,4 +1,4 @@
-"""Rotor inertias that nobody has stated, and coupled motors, are base parameters like others."""
+"""Unknown rotor inertias, coupled motors and springs are base parameters like others."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ joints:
   - {{frame: {{alpha: pi/2}}, {LIMITS}, torque_limit: unknown}}
 """
 COUPLED = TX40 + "couplings: [{motor: 6, joint: 5}]\n"
+SPRINGS = COUPLED + "springs: [{joint: 2, shape: sine}, {joint: 3}, {joint: 5, shape: cosine}]\n"
 LIFT = f"""
 name: lift
 gravity: [0, 0, -9.81]
@@ -76,11 +77,12 @@ def test_one_that_acts_as_a_link_does_merges_with_it() -> None:
     assert (lift.expressions, lift.units) == (("m1", "Ia1"), ("kg", "kg"))
 
 
-@pytest.mark.parametrize("text", [TX40, COUPLED, LIFT])
-def test_torques_are_those_of_the_links_and_of_the_drive_trains_together(text: str) -> None:
+@pytest.mark.parametrize("text", [TX40, COUPLED, SPRINGS, LIFT, LIFT + "springs: [{joint: 1}]"])
+def test_torques_are_those_of_links_and_drive_trains_and_springs_together(text: str) -> None:
     robot = parse_robot(text, "robot.yaml")
     stated = "drive: {rotor_inertia: 0, torque_constant: unknown}, torque_limit"
-    links = parse_robot(text.partition("couplings")[0].replace("torque_limit", stated), "links")
+    rigid = re.sub("(?m)^(couplings|springs).*$", "", text)
+    links = parse_robot(rigid.replace("torque_limit", stated), "links")
     random = np.random.default_rng(5)
     standard = random.normal(size=len(robot.standard_parameters))
     q, qd, qdd = random.normal(size=(3, 40, robot.n_joints))
@@ -89,14 +91,32 @@ def test_torques_are_those_of_the_links_and_of_the_drive_trains_together(text: s
     n = robot.n_joints
     drives = np.diag(standard[10 * n : 11 * n])
     if robot.couplings:
-        drives[4, 5] = drives[5, 4] = standard[-1]
-    expected = inverse_dynamics(links, k, q, qd, qdd) + qdd @ drives
+        drives[4, 5] = drives[5, 4] = standard[11 * n]
+    load = np.zeros_like(q)
+    if n == 6 and robot.file.springs:
+        load[:, 1] = standard[-3] * np.sin(q[:, 1])
+        load[:, 2] = standard[-2] * q[:, 2]
+        load[:, 4] = standard[-1] * np.cos(q[:, 4])
+    elif robot.file.springs:
+        load[:, 0] = standard[-1] * q[:, 0]
+    expected = inverse_dynamics(links, k, q, qd, qdd) + qdd @ drives + load
     assert regressor(robot, q, qd, qdd) @ p == pytest.approx(expected, abs=1e-9)
     assert inverse_dynamics(robot, p, q, qd, qdd) == pytest.approx(expected, abs=1e-9)
     assert mass_matrix(robot, p, q) == pytest.approx(mass_matrix(links, k, q) + drives, abs=1e-9)
-    assert gravity_torque(robot, p, q) == pytest.approx(gravity_torque(links, k, q), abs=1e-9)
+    gravity = gravity_torque(links, k, q) + load
+    assert gravity_torque(robot, p, q) == pytest.approx(gravity, abs=1e-9)
     some = regressor(robot, q, qd, qdd, joints=[n - 1])
     assert some == pytest.approx(regressor(robot, q, qd, qdd)[:, n - 1 :], abs=1e-12)
+
+
+def test_a_spring_is_a_part_of_gravity_s_torque_unless_a_link_acts_like_it() -> None:
+    base = base_parameters(parse_robot(SPRINGS, "tx40.yaml"))
+    units = dict(zip(base.heads, base.units, strict=True))
+    assert {name: unit for name, unit in units.items() if name[0] == "k"} == {
+        "k3": "N m/rad", "kc5": "N m",
+    }  # fmt: skip
+    assert base.heads.index("k3") in base.groups["gravity"]
+    assert sum("ks2" in expression for expression in base.expressions) == 1
 
 
 def test_motors_turn_with_the_joints_that_they_are_coupled_to() -> None:
@@ -126,6 +146,12 @@ def test_motors_turn_with_the_joints_that_they_are_coupled_to() -> None:
         (
             COUPLED.replace("}]", ", ratio: 0}]"),
             r"couplings.0.ratio: 0 must be within \+-100 and not 0",
+        ),
+        (SPRINGS.replace("joint: 3", "joint: 7"), r":13: springs.1.joint: 7 must be one of the 6"),
+        (SPRINGS.replace("joint: 3}", "joint: 2, shape: sine}"), r"springs.1: stands twice"),
+        (
+            LIFT + "springs: [{joint: 1, shape: sine}]",
+            r"springs.0.shape: sine must be linear at a joint that slides",
         ),
         (
             LIFT.replace("torque_l", "drive: {rotor_inertia: 1e-5, torque_constant: 1}, torque_l"),
