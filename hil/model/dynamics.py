@@ -4,8 +4,8 @@ Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c 
 dynamics agree to rounding. What is compiled of it is loaded when there is enough to do; the first
 regressors come from the same equations in NumPy (`model.recursion_by_arrays`). Base parameters
 enter in the standard parameters that head their groups, all others being zero (`base_parameters`),
-so that a robot costs no more than the parameters that it has. Besides rigid bodies there are springs
-and what of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
+so that a robot costs no more than the parameters that it has. Besides rigid bodies there are
+springs and what of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.
