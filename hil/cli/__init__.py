@@ -43,6 +43,10 @@ PANELS = {
         "identify": _Command(
             "results", "Estimate base parameters from a run; writes model.yaml into its folder."
         ),
+        "validate": _Command(
+            "validating",
+            "Judge a model by a run that it was not made from; exit status 3 where it is refused.",
+        ),
         "report": _Command("results", "Write a run's report, one HTML file."),
         "diagnose": _Command(
             "results",

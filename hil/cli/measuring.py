@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -28,7 +28,9 @@ from hil.runs import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
+    from drivers.drives_file import DrivesFile
     from hil.model.robot import Robot
+    from hil.planning.plan import Plan
 
 commands = typer.Typer()
 
@@ -87,44 +89,98 @@ def run(
     realtime: RealTime = False,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
-    from drivers.open_drive_bus import open_drive_bus
-    from hil.cli import bus_access, drive_settings
-    from hil.cli.bus_cycle import bus_cycle
-    from hil.cli.plan_files import load, refuse_problems
-    from hil.cli.robot_drives import load_robots_drives, narrowed_drives, packaged_drives
-    from hil.cli.run_session import carry_out, prepare_folder
-    from hil.planning.dry_run import dry_run
-    from hil.runs.journal import BusName
+    from hil.cli.plan_files import load
 
     the_plan, the_robot = load(plan_file, robot_file, workspace)
     if symmetric is not None:
         _gate(symmetric, the_robot)
-    refuse_no_channel(interface, channel)
-    channel = channel or the_robot.name
-    drives_file = drives_file or packaged_drives(the_robot)
-    drives, text = load_robots_drives(drives_file, the_robot)
-    drives = narrowed_drives(drives, the_plan.workspace)
-    cycle = bus_cycle(the_plan, the_robot.n_joints, drives)
-    refuse_problems(dry_run(the_plan, the_robot, cycle), plan_file)
-    options = bus_options(bus_option)
+    how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime=realtime)
     if what_changes:
-        kept = drive_settings.kept_in(output, interface, channel)
-        with bus_access.opened(interface, channel, drives.bitrate, bus_option) as bus:
-            drive_settings.show_changes(drives, bus, kept)
-        out.print("nothing was written, nothing was powered", highlight=False)
-        return
-    with drive_settings.keeper_of_run(output, interface, channel) as keeper:
+        _show_changes(the_plan, the_robot, plan_file, output, how)
+    else:
+        measure(the_plan, the_robot, plan_file, output, how, resume, speed if rehearse else None)
+
+
+class OnBus(NamedTuple):
+    """On which bus a plan is measured, and how; as the options of `hil run`."""
+
+    interface: str
+    channel: str | None
+    drives_file: Path | None
+    options: list[str] | None
+    pacing: Pacing = Pacing.AUTO
+    frame_log: Path | None = None
+    realtime: bool = False
+
+
+def measure(
+    the_plan: Plan,
+    the_robot: Robot,
+    source: Path,
+    output: Path,
+    how: OnBus,
+    resume: bool = False,
+    rehearsal: float | None = None,
+) -> None:
+    """Measure a plan into a folder.
+
+    Parameters
+    ----------
+    source : Path
+        Names the plan in messages.
+    rehearsal : float, optional
+        Share of the speed limits, to pass all ways at it instead of measuring.
+    """
+    from drivers.open_drive_bus import open_drive_bus
+    from hil.cli import bus_access, drive_settings
+    from hil.cli.run_session import carry_out, prepare_folder
+    from hil.runs.journal import BusName
+
+    drives, text = _checked_drives(the_plan, the_robot, source, how)
+    channel = how.channel or the_robot.name
+    options = bus_options(how.options)
+    with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
         folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
         carry_out(
             folder,
             lambda: open_drive_bus(
-                drives, interface, channel, options, pacing.value, frame_log, keeper
+                drives, how.interface, channel, options, how.pacing.value, how.frame_log, keeper
             ),
-            BusName(interface, channel),
+            BusName(how.interface, channel),
             out,
-            speed if rehearse else None,
-            lambda: bus_access.real_time_if(realtime, lock_step=_in_lock_step(interface, pacing)),
+            rehearsal,
+            lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
         )
+
+
+def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:
+    from hil.cli import bus_access, drive_settings
+
+    drives, _ = _checked_drives(the_plan, the_robot, source, how)
+    channel = how.channel or the_robot.name
+    bus_options(how.options)
+    kept = drive_settings.kept_in(output, how.interface, channel)
+    with bus_access.opened(how.interface, channel, drives.bitrate, how.options) as bus:
+        drive_settings.show_changes(drives, bus, kept)
+    out.print("nothing was written, nothing was powered", highlight=False)
+
+
+def _checked_drives(
+    the_plan: Plan, the_robot: Robot, source: Path, how: OnBus
+) -> tuple[DrivesFile, str]:
+    """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
+    from hil.cli.bus_cycle import bus_cycle
+    from hil.cli.plan_files import refuse_problems
+    from hil.cli.robot_drives import load_robots_drives, narrowed_drives, packaged_drives
+    from hil.planning.dry_run import dry_run
+
+    refuse_no_channel(how.interface, how.channel)
+    drives_file = how.drives_file or packaged_drives(the_robot)
+    drives, text = load_robots_drives(drives_file, the_robot)
+    drives = narrowed_drives(drives, the_plan.workspace)
+    cycle = bus_cycle(the_plan, the_robot.n_joints, drives)
+    refuse_problems(dry_run(the_plan, the_robot, cycle), source)
+    return drives, text
 
 
 def _gate(folder: Path, the_robot: Robot) -> None:
@@ -135,5 +191,7 @@ def _gate(folder: Path, the_robot: Robot) -> None:
         out.print(line, style="yellow", highlight=False, soft_wrap=True)
 
 
-def _in_lock_step(interface: str, pacing: Pacing) -> bool:
-    return pacing is Pacing.LOCK_STEP or (pacing is Pacing.AUTO and interface == SIMULATED)
+def _in_lock_step(how: OnBus) -> bool:
+    return how.pacing is Pacing.LOCK_STEP or (
+        how.pacing is Pacing.AUTO and how.interface == SIMULATED
+    )

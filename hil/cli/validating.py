@@ -1,0 +1,114 @@
+"""`hil validate`: a model judged by a recording that it was not made from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsDrives, RunPath
+from hil.runs import SIMULATED
+from hil.terminal.console import out, say
+
+if TYPE_CHECKING:
+    from hil.results.model import Model
+    from hil.runs.run import Run
+
+commands = typer.Typer()
+REFUSED = 3
+"""Exit status where the model is refused."""
+STYLES = {"PASS": "green", "WARN": "yellow", "REFUSE": "bold red"}
+
+
+@commands.command()
+def validate(
+    folder: RunPath,
+    model_path: Annotated[
+        Path,
+        typer.Option(
+            "--model", help="Model to judge: its file, or the folder of the run that gave it."
+        ),
+    ],
+    measure: Annotated[
+        bool,
+        typer.Option("--measure", help="Measure another motion into the folder first; it moves."),
+    ] = False,
+    interface: Interface = SIMULATED,
+    channel: Annotated[
+        str | None,
+        typer.Option(help="Channel of the interface; that of sim_plant is the robot's by default."),
+    ] = None,
+    drives_file: RobotsDrives = None,
+    bus_option: BusOptions = None,
+    realtime: RealTime = False,
+) -> None:
+    """Judge a model by a run that it was not made from; exit status 3 where it is refused."""
+    from hil.results.model import Model
+    from hil.runs.run import Run
+
+    model = Model.load(model_path)
+    if measure:
+        _measure(model, folder, interface, channel, drives_file, bus_option, realtime=realtime)
+    _judge(model, model_path, Run.open(folder))
+
+
+def _measure(
+    model: Model,
+    folder: Path,
+    interface: str,
+    channel: str | None,
+    drives_file: Path | None,
+    options: list[str] | None,
+    *,
+    realtime: bool,
+) -> None:
+    """Measure a motion for validation into a folder."""
+    from hil.cli.measuring import OnBus, measure
+    from hil.model.robot import refuse_unknown
+    from hil.planning.design.validation import design_validation
+
+    refuse_unknown(model.robot)
+    how = OnBus(interface, channel, drives_file, options, realtime=realtime)
+    measure(design_validation(model.robot), model.robot, folder / "plan.yaml", folder, how)
+
+
+def _judge(model: Model, model_path: Path, run: Run) -> None:
+    from hil.report.plots.validation import Drawn, write_validation_plot
+    from hil.results.predicted_torques import predicted_torques
+    from hil.results.tables.terminal import show
+    from hil.results.tables.validation import validation as table
+    from hil.results.validation import validate as judge
+    from hil.results.validation_file import write_validation
+    from hil.runs.pooling import pooled
+
+    _refuse_other_robot(model, run)
+    drawn = Drawn(predicted_torques(model, pooled([run])))
+    found = judge(model, drawn)
+    file = write_validation(run, model, model_path, found)
+    show(table(found, _notes(model, run)), out)
+    say(f"{found.verdict}: {found.reason}", style=STYLES[found.verdict])
+    if found.axes:
+        say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
+    say(f"validation in {file}")
+    if found.verdict == "REFUSE":
+        raise typer.Exit(REFUSED)
+
+
+def _refuse_other_robot(model: Model, run: Run) -> None:
+    from hil.errors import Mismatch
+
+    if model.robot.digest != run.robot.digest:
+        raise Mismatch(
+            f"{run.path}: was recorded with another robot file than the model was made with"
+            f" ({run.robot.name} {run.robot.digest[:12]}, {model.robot.name}"
+            f" {model.robot.digest[:12]}); import or measure it with the same one"
+        )
+
+
+def _notes(model: Model, run: Run) -> tuple[str, ...]:
+    """What restricts the scores."""
+    found = []
+    if model.provenance.plan_digest == run.plan.digest:
+        found.append("the model was made from this very plan: record another motion to judge it")
+    return tuple(found)

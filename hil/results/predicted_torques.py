@@ -1,0 +1,99 @@
+"""What a model says of the torques of a recording, beside what was recorded.
+
+A model that knows no friction (those of the two-step methods, which fit it anew in every
+measurement) predicts the rigid bodies; friction is then fitted in the recording itself, motion by
+motion and period by period, by the terms that the methods use (`hil.regression.terms`). So what is
+judged is the rigid bodies, and the recording says that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotEnoughData
+from hil.estimation.condensed import stack
+from hil.estimation.signals import signals
+from hil.planning.measurement import shows_parameters
+from hil.regression.least_squares import orthonormal
+from hil.regression.terms import ASYMMETRIC
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.condensed import Stacked
+    from hil.planning.measurement import RecordedMotion
+    from hil.results.model import Model
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedTorque:
+    """Torque of one axis in one stretch of a recording.
+
+    Attributes
+    ----------
+    measurement : str
+        Its id.
+    axis : int
+        Index from 0.
+    time, qd, measured, predicted, standard_error : ndarray, shape (n,)
+        [s], [rad/s or m/s], [N m or N]; samples that can be used.
+    stated : ndarray, shape (n,)
+        What of the prediction the model states by itself, as far as nothing fitted in the recording
+        can take its place [N m or N].
+    """
+
+    measurement: str
+    axis: int
+    time: Array
+    qd: Array
+    measured: Array
+    predicted: Array
+    standard_error: Array
+    stated: Array
+
+
+def predicted_torques(
+    model: Model, recorded: Iterable[tuple[RecordedMotion, Recording]]
+) -> Iterator[PredictedTorque]:
+    """Predict all recordings, one after the other; what is of no use is passed over."""
+    for motion, recording in recorded:
+        if not shows_parameters(motion):
+            continue
+        try:
+            s = signals(recording)
+        except NotEnoughData:
+            continue
+        for stretch in stack(model.robot, motion, s):
+            for axis in stretch:
+                yield _of_axis(model, motion.id, axis, s.time, s.qd)
+
+
+def _of_axis(model: Model, name: str, each: Stacked, time: Array, qd: Array) -> PredictedTorque:
+    """The rigid bodies' torque, and with it the friction that fits what is left of them."""
+    A, y = each.X[:, : each.n_base], each.torques[:, 0]
+    common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
+    rigid = A @ model.values
+    basis, _ = orthonormal(np.hstack([each.friction, common]))
+    friction = basis @ (basis.T @ (y - rigid))
+    stated = rigid - basis @ (basis.T @ rigid)
+    variance = np.einsum("nk,kl,nl->n", A, model.covariance, A, optimize=True).clip(0.0)
+    noise = np.nan_to_num(model.residual[each.axis])
+    motor = each.torques[:, 1]
+    return PredictedTorque(
+        measurement=name,
+        axis=each.axis,
+        time=time[each.index],
+        qd=qd[each.index, each.axis],
+        measured=y + motor,
+        predicted=rigid + friction + motor,
+        standard_error=np.sqrt(variance + noise**2),
+        stated=stated,
+    )

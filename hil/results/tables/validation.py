@@ -1,0 +1,40 @@
+"""How well a model predicts another recording, axis by axis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.results.rounding import significant
+from hil.results.tables.table import Column, Part, Table, figures
+
+if TYPE_CHECKING:
+    from hil.results.tables.table import Row
+    from hil.results.validation import AxisScore, Validation
+
+
+def validation(found: Validation, notes: tuple[str, ...] = ()) -> Table:
+    """Scores of all axes that the recording moves."""
+    heads = ("torque", "residual", "%", "mean, %", "inside, %", "gain")
+    return Table(
+        title="Torques predicted of this recording",
+        columns=(Column("axis"), *figures(*heads)),
+        parts=(Part(tuple(_row(each) for each in found.axes)),),
+        explanation=(
+            "Root mean squares of torque and residual, and their ratio; the same ratio where the"
+            " axis's mean torque is the prediction; share of samples inside the predicted intervals"
+            " of 95 %; factor of what the model states that would fit best."
+        ),
+        notes=notes,
+    )
+
+
+def _row(score: AxisScore) -> Row:
+    return (
+        str(score.axis),
+        f"{significant(score.torque, 3)} {score.unit}",
+        f"{significant(score.residual, 3)} {score.unit}",
+        significant(100 * score.relative, 2),
+        f"{100 * score.naive:.0f}",
+        f"{100 * score.inside:.0f}",
+        f"{score.gain:.3f}",
+    )

@@ -1,0 +1,137 @@
+"""The verdict on a model from how well it predicts another recording: one word and one reason.
+
+PASS
+    Nothing speaks against the model.
+WARN
+    It predicts, but something about it does not hold.
+REFUSE
+    It should not be used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.results.validation import AxisScore
+
+Word = Literal["PASS", "WARN", "REFUSE"]
+WORDS: tuple[Word, ...] = ("PASS", "WARN", "REFUSE")
+"""Verdicts, from the best."""
+NAIVE = 0.9
+"""Share of the naive prediction's error from which on a model is of no use."""
+INSIDE = 0.8
+"""Share of samples inside the predicted intervals below which these are too narrow."""
+WORSE = 2.0
+"""Residual over that of the identification from which on a model does not generalise."""
+GOOD = 0.05
+"""Relative error that is no reason to warn, however small the identification's was."""
+GAIN = 0.1
+"""By how much measured over predicted torque may differ from 1."""
+ASYMMETRY = 0.5
+"""Share of the residual that may be a level which changes with the direction."""
+LEVEL = 0.02
+"""Of samples at one and the same greatest torque: the drive was at its limit."""
+
+
+SURE = 3.0
+"""Standard errors that a gain must be beyond that."""
+
+
+class Verdict(NamedTuple):
+    """A word and the sentence that says why."""
+
+    word: Word
+    reason: str
+
+
+def judged(scores: Sequence[AxisScore], n_joints: int) -> Verdict:
+    """Return the worst of what speaks against a model; where nothing does, how well it predicts."""
+    found = sorted(_findings(scores, n_joints), key=lambda each: -WORDS.index(each.word))
+    return found[0] if found else Verdict("PASS", _praise(scores))
+
+
+def _findings(scores: Sequence[AxisScore], n_joints: int) -> Iterator[Verdict]:
+    """Everything that speaks against the model; of each kind the worst axis."""
+    if not scores:
+        yield _refuse("no axis has enough samples that can be used; record a longer motion")
+        return
+    for rule in (_naive, _limited, _gain, _generalises, _asymmetric, _intervals):
+        yield from rule(scores)
+    missing = [k for k in range(1, n_joints + 1) if k not in [s.axis for s in scores]]
+    if missing:
+        yield _warn(f"axes {', '.join(map(str, missing))} do not move in this recording")
+
+
+def _naive(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
+    worst = max(scores, key=lambda s: s.relative / max(s.naive, 1e-12))
+    if worst.relative > NAIVE * worst.naive and worst.relative > GOOD:
+        yield _refuse(
+            f"axis {worst.axis}: the prediction is off by {worst.relative:.0%} of the torque, the"
+            f" mean torque alone by {worst.naive:.0%}; the model does not hold for this motion"
+        )
+
+
+def _gain(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
+    worst = max(scores, key=lambda s: abs(s.gain - 1.0))
+    if abs(worst.gain - 1.0) > GAIN + SURE * worst.gain_error:
+        yield _warn(
+            f"axis {worst.axis}: measured torques are {worst.gain:.2f} times those predicted, at"
+            f" most {GAIN:.0%} may be missing; torque constant or gain differ from those identified"
+        )
+
+
+def _limited(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
+    worst = max(scores, key=lambda s: s.limited)
+    if worst.limited > LEVEL:
+        yield _warn(
+            f"axis {worst.axis}: {worst.limited:.0%} of the samples are at one and the same"
+            " greatest torque; the drive was at its limit, record a slower motion"
+        )
+
+
+def _generalises(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
+    known = [s for s in scores if s.identified and s.relative > GOOD]
+    for worst in sorted(known, key=lambda s: -s.residual / (s.identified or 1.0))[:1]:
+        times = worst.residual / (worst.identified or 1.0)
+        if times > WORSE:
+            yield _warn(
+                f"axis {worst.axis}: the residual is {times:.1f} times that of the identification;"
+                " the model does not generalise to this motion's range of speeds and positions"
+            )
+
+
+def _asymmetric(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
+    for worst in sorted(scores, key=lambda s: -s.asymmetry)[:1]:
+        if worst.asymmetry > ASYMMETRY and worst.relative > GOOD:
+            yield _warn(
+                f"axis {worst.axis}: {worst.asymmetry:.0%} of the residual changes its sign with"
+                " the direction; friction is not that of the identification"
+            )
+
+
+def _intervals(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
+    worst = min(scores, key=lambda s: s.inside)
+    if worst.inside < INSIDE and worst.relative > GOOD:
+        yield _warn(
+            f"axis {worst.axis}: {worst.inside:.0%} of the samples lie inside the predicted"
+            " intervals of 95 %; these are too narrow for this motion"
+        )
+
+
+def _warn(reason: str) -> Verdict:
+    return Verdict("WARN", reason)
+
+
+def _refuse(reason: str) -> Verdict:
+    return Verdict("REFUSE", reason)
+
+
+def _praise(scores: Sequence[AxisScore]) -> str:
+    worst = max(scores, key=lambda s: s.relative)
+    return (
+        f"torques are predicted within {worst.relative:.1%} on every axis, axis {worst.axis} being"
+        f" the worst; the mean torque alone is off by {worst.naive:.0%} there"
+    )

@@ -1,0 +1,156 @@
+"""What a model is worth shows on a recording that it was not made from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from small_run import write_run
+from synthetic import TABLE_3_A
+
+from hil.results.identification import identify
+from hil.results.predicted_torques import PredictedTorque, predicted_torques
+from hil.results.validation import AxisScore, validate
+from hil.results.verdict import judged
+from hil.runs.pooling import pooled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.results.model import Model
+    from hil.runs.run import Run
+
+
+@pytest.fixture(scope="module")
+def model(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Model:
+    return identify(write_run(tmp_path_factory.mktemp("first") / "run", manutec, seed=1))
+
+
+@pytest.fixture(scope="module")
+def other(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return write_run(tmp_path_factory.mktemp("other") / "run", manutec, seed=2)
+
+
+def test_a_model_that_holds_passes(model: Model, other: Run) -> None:
+    found = validate(model, predicted_torques(model, pooled([other])))
+    assert found.verdict == "PASS"
+    assert [score.axis for score in found.axes] == [1, 2, 3, 4, 5, 6]
+    assert all(score.relative < 0.02 for score in found.axes)
+    assert all(score.inside > 0.9 for score in found.axes)
+    assert all(score.gain == pytest.approx(1.0, abs=0.02) for score in found.axes)
+    assert "predicted within" in found.reason
+
+
+def test_scores_are_those_of_measured_and_predicted_torque(model: Model, other: Run) -> None:
+    every = list(predicted_torques(model, pooled([other])))
+    (score, *_) = validate(model, every).axes
+    own = [each for each in every if each.axis == 0]
+    y, f, e = (
+        np.concatenate([getattr(each, name) for each in own])
+        for name in ("measured", "predicted", "standard_error")
+    )
+    assert score.samples == len(y)
+    assert score.torque == pytest.approx(np.sqrt(np.mean(y**2)))
+    assert score.residual == pytest.approx(np.sqrt(np.mean((y - f) ** 2)))
+    assert score.naive == pytest.approx(y.std() / np.sqrt(np.mean(y**2)))
+    assert score.inside == pytest.approx(np.mean(np.abs(y - f) <= 1.96 * e))
+
+
+def test_another_arm_is_refused(model: Model, other: Run) -> None:
+    wrong = replace(model, values=-model.values)
+    found = validate(wrong, predicted_torques(wrong, pooled([other])))
+    assert found.verdict == "REFUSE"
+    assert "the mean torque alone by" in found.reason
+
+
+def test_a_torque_constant_that_changed_is_named(model: Model, other: Run) -> None:
+    wrong = replace(model, values=model.values / 1.2)
+    found = validate(wrong, predicted_torques(wrong, pooled([other])))
+    assert found.verdict == "WARN"
+    assert "1.2" in found.reason
+    assert "torque constant" in found.reason
+
+
+def clipped(every: list[PredictedTorque]) -> list[PredictedTorque]:
+    greatest = [
+        max(float(np.abs(each.measured).max()) for each in every if each.axis == axis)
+        for axis in range(6)
+    ]
+    bounds = 0.6 * np.array(greatest)
+    return [
+        replace(each, measured=each.measured.clip(-bounds[each.axis], bounds[each.axis]))
+        for each in every
+    ]
+
+
+def asymmetric(every: list[PredictedTorque]) -> list[PredictedTorque]:
+    def level(each: PredictedTorque) -> float:
+        return 0.2 * float(np.abs(each.predicted).mean())
+
+    return [replace(e, measured=e.predicted + level(e) * np.sign(e.qd)) for e in every]
+
+
+def shaky(every: list[PredictedTorque]) -> list[PredictedTorque]:
+    rng = np.random.default_rng(3)
+
+    def noise(each: PredictedTorque) -> NDArray[np.float64]:
+        size = 0.1 * float(np.abs(each.predicted).mean())
+        return rng.normal(scale=size, size=len(each.time))
+
+    return [replace(each, measured=each.predicted + noise(each)) for each in every]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (clipped, "greatest torque; the drive was at its limit"),
+        (asymmetric, "changes its sign with the direction|does not generalise"),
+        (shaky, "does not generalise|these are too narrow"),
+    ],
+)
+def test_what_is_wrong_with_a_recording_is_named(
+    model: Model,
+    other: Run,
+    change: Callable[[list[PredictedTorque]], list[PredictedTorque]],
+    reason: str,
+) -> None:
+    found = validate(model, change(list(predicted_torques(model, pooled([other])))))
+    assert found.verdict == "WARN"
+    assert any(words in found.reason for words in reason.split("|"))
+
+
+def test_axes_that_do_not_move_are_named(model: Model, other: Run) -> None:
+    some = [each for each in predicted_torques(model, pooled([other])) if each.axis != 4]
+    found = validate(model, some)
+    assert (found.verdict, found.reason) == ("WARN", "axes 5 do not move in this recording")
+
+
+def test_a_recording_without_samples_judges_nothing(model: Model) -> None:
+    assert validate(model, []).verdict == "REFUSE"
+
+
+def test_the_worst_word_stands(model: Model) -> None:
+    score = AxisScore(
+        axis=1, unit="N m", samples=99, torque=1.0, residual=0.5, relative=0.5, naive=0.4,
+        inside=0.1, gain=0.5, gain_error=0.0, asymmetry=0.9, limited=0.5, identified=0.01,
+    )  # fmt: skip
+    assert judged([score], 1).word == "REFUSE"
+    assert judged([score.model_copy(update={"naive": 1.0})], 1).word == "WARN"
+    good = {"relative": 0.01, "gain": 1.0, "limited": 0.0}
+    assert judged([score.model_copy(update=good)], 1).word == "PASS"
+    assert len(model.values) == len(TABLE_3_A)
+
+
+def test_the_recording_of_the_model_s_own_plan_is_remarked_upon(
+    manutec: Robot, tmp_path: Path
+) -> None:
+    from hil.cli.validating import _notes
+
+    run = write_run(tmp_path / "run", manutec)
+    assert "this very plan" in _notes(identify(run), run)[0]
