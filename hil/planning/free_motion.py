@@ -29,6 +29,8 @@ class FreeMotion(FileModel):
         The axis that moves back and forth while all others stand still, if it is such a motion; the
         recording's ``stroke`` then numbers its strokes, even forward, odd back, and `cycles` are
         pairs of these.
+    cut_off : float, optional
+        Of the low-pass that its samples are to pass [Hz]; by default it is chosen from them.
     source : str
         File and rows that it comes from.
     """
@@ -42,6 +44,7 @@ class FreeMotion(FileModel):
     duration: Positive
     cycles: int = Field(default=1, ge=1)
     alone: int | None = Field(default=None, ge=1)
+    cut_off: Positive | None = None
     source: str = ""
 
     @model_validator(mode="after")

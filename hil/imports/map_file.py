@@ -1,0 +1,283 @@
+"""What a map may say: which column of which file is what, and in which unit.
+
+Every message about a recording that its map causes stands at a line of the map (`MapFile.wrong`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
+from hil.imports.units import NEEDS_GAIN, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
+
+CHECKS = ("range", "velocity", "friction", "shape", "still")
+"""Checks of plausibility whose refusal a map may overrule."""
+_MOST_PER_COUNT = 0.5
+
+
+class ColumnName(FileModel):
+    """A column by its number, from 1, or its name; of `file` where that is not one of `files`."""
+
+    file: str | None = None
+    column: int | str
+
+    @field_validator("column", mode="before")
+    @classmethod
+    def _number_or_name(cls, value: object) -> object:
+        if isinstance(value, bool) or not isinstance(value, int | str) or value == "":
+            raise ValueError(f"{value!r} must be a column's number, from 1, or its name")
+        if isinstance(value, int) and value < 1:
+            raise ValueError(f"{value} must be at least 1: columns are numbered from 1")
+        return value
+
+
+def _column(value: object) -> object:
+    return value if isinstance(value, dict) else {"column": value}
+
+
+Column = Annotated[ColumnName, BeforeValidator(_column)]
+
+
+class Position(FileModel):
+    """Positions of a joint: ``sign`` times the column, in SI, plus `offset` [rad or m]."""
+
+    column: Column
+    unit: PositionUnit
+    sign: Literal[1, -1] = 1
+    offset: float = 0.0
+    per_unit: float | None = None
+
+    @model_validator(mode="after")
+    def _counts_are_worth_something(self) -> Position:
+        _check_per_unit(self.unit, self.per_unit)
+        return self
+
+
+class Velocity(FileModel):
+    """Velocities of a joint: ``sign`` times the column, in SI."""
+
+    column: Column
+    unit: VelocityUnit
+    sign: Literal[1, -1] = 1
+    per_unit: float | None = None
+
+    @model_validator(mode="after")
+    def _counts_are_worth_something(self) -> Velocity:
+        _check_per_unit(self.unit, self.per_unit)
+        return self
+
+
+def _gain(value: object) -> object:
+    if value == "unknown":
+        raise ValueError(
+            "unknown gains cannot be used yet: torques of unknown scale determine parameters up to"
+            " that scale alone; state the gain, with its gain_uncertainty if it is doubtful"
+        )
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{value!r} must be a number: torque or force for one unit")
+    if not value > 0:
+        raise ValueError(f"{value:g} must be positive; what is turned round has sign: -1")
+    return value
+
+
+class Torque(FileModel):
+    """Torques or forces of a joint: ``sign`` times ``gain`` times the column [N m or N]."""
+
+    column: Column
+    unit: TorqueUnit
+    sign: Literal[1, -1] = 1
+    gain: Annotated[float | None, BeforeValidator(_gain)] = None
+    gain_uncertainty: float = Field(default=0.0, ge=0)
+
+    @model_validator(mode="after")
+    def _has_a_gain(self) -> Torque:
+        if self.unit in NEEDS_GAIN and self.gain is None:
+            raise ValueError(f"{self.unit} need a gain: N m (or N) for one unit; add gain")
+        if not self.gain_uncertainty < 0.5 * (self.gain or 1.0):
+            raise ValueError(
+                f"gain_uncertainty {self.gain_uncertainty:g} must be below half the gain of"
+                f" {self.gain or 1.0:g}; it is one standard deviation, in the gain's unit"
+            )
+        return self
+
+    @property
+    def factor(self) -> float:
+        """SI units for one unit of the column [N m or N]."""
+        return self.sign * (self.gain or 1.0)
+
+
+class MappedJoint(FileModel):
+    """Columns of one joint."""
+
+    position: Position
+    velocity: Velocity | None = None
+    torque: Torque
+
+
+class Format(FileModel):
+    """How a file is laid out, where that cannot be seen in it.
+
+    Attributes
+    ----------
+    header : bool, optional
+        Whether a text file names its columns.
+    delimiter, decimal, comment : str, optional
+        Of a text file; a delimiter of one space stands for any number of blanks.
+    skip : int
+        Lines of a text file before its header, or before its numbers.
+    topic : str, optional
+        Of the joint states in a file of messages.
+    """
+
+    header: bool | None = None
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    decimal: Literal[".", ","] | None = None
+    comment: Annotated[str, Field(min_length=1, max_length=1)] = "#"
+    skip: int = Field(default=0, ge=0)
+    topic: str | None = None
+
+
+class Time(FileModel):
+    """Time stamps as a column, or an even rate [Hz] where there are none."""
+
+    column: Column | None = None
+    unit: TimeUnit = "s"
+    rate: Annotated[float, Field(gt=0, le=1e6)] | None = None
+
+    @model_validator(mode="after")
+    def _either(self) -> Time:
+        if (self.column is None) == (self.rate is None):
+            raise ValueError("needs a column, or a rate in Hz: one of the two")
+        return self
+
+
+class MappedRobot(FileModel):
+    """A robot by name or file, or the chain between two links of a URDF."""
+
+    name: str | None = None
+    urdf: str | None = None
+    base: str | None = Field(default=None, alias="from")
+    tip: str | None = Field(default=None, alias="to")
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+
+    @model_validator(mode="after")
+    def _either(self) -> MappedRobot:
+        if (self.name is None) == (self.urdf is None):
+            raise ValueError("must be a robot's name or file, or {urdf: FILE, from: ..., to: ...}")
+        return self
+
+
+def _pairs(value: object) -> object:
+    """A pair alone is a list of one."""
+    is_list = isinstance(value, list | tuple)
+    alone = is_list and len(value) == 2 and not any(isinstance(v, list | tuple) for v in value)  # type: ignore[arg-type,union-attr]
+    return [value] if alone else value
+
+
+def _alone(value: object) -> object:
+    if value == "free":
+        return None
+    if isinstance(value, dict) and list(value) == ["back_and_forth"]:
+        axis = value["back_and_forth"]
+        if isinstance(axis, int) and not isinstance(axis, bool) and axis >= 1:
+            return axis
+        raise ValueError(f"back_and_forth {axis!r} must be the number of a joint, from 1")
+    raise ValueError(f"{value!r} must be free, or {{back_and_forth: JOINT}}")
+
+
+class RecordingMap(FileModel):
+    """A map as a whole; docs/recordings.md states its keys."""
+
+    robot: Annotated[
+        MappedRobot, BeforeValidator(lambda v: v if isinstance(v, dict) else {"name": v})
+    ]
+    files: Annotated[tuple[str, ...], Field(min_length=1)]
+    format: Format = Format()
+    rows: Annotated[tuple[tuple[int, int], ...] | None, BeforeValidator(_pairs)] = None
+    time_range: Annotated[tuple[tuple[float, float], ...] | None, BeforeValidator(_pairs)] = None
+    time: Time | None = None
+    joints: Annotated[tuple[MappedJoint, ...], Field(min_length=1)]
+    position_side: Literal["joint", "motor"] = "joint"
+    torque_side: Literal["joint", "motor"] = "joint"
+    cut_off: Annotated[float, Field(gt=0, le=1e4)] | None = None
+    kind: Annotated[int | None, BeforeValidator(_alone)] = None
+    accept: tuple[Literal["range", "velocity", "friction", "shape", "still"], ...] = ()
+
+    @field_validator("rows", "time_range")
+    @classmethod
+    def _in_order(
+        cls, value: tuple[tuple[float, float], ...] | None
+    ) -> tuple[tuple[float, float], ...] | None:
+        for first, last in value or ():
+            if not first < last:
+                raise ValueError(f"[{first:g}, {last:g}] must rise: first, then last")
+        for (_, last), (first, _) in zip(value or (), (value or ())[1:], strict=False):
+            if first <= last:
+                raise ValueError(f"{first:g} follows {last:g}: segments must rise and not overlap")
+        return value
+
+    @field_validator("rows")
+    @classmethod
+    def _from_one(cls, value: tuple[tuple[int, int], ...] | None) -> object:
+        if value and value[0][0] < 1:
+            raise ValueError(f"{value[0][0]} must be at least 1: rows are numbered from 1")
+        return value
+
+    @model_validator(mode="after")
+    def _joint_exists(self) -> RecordingMap:
+        if self.kind is not None and self.kind > len(self.joints):
+            raise ValueError(
+                f"kind: back_and_forth {self.kind} must be one of the {len(self.joints)} joints"
+            )
+        if self.rows is not None and self.time_range is not None:
+            raise ValueError("rows and time_range exclude each other; leave one of them out")
+        return self
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """A map, and the text that it was read from."""
+
+    path: Path
+    text: str
+    content: RecordingMap
+
+    def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
+        """Return the error that something in the map, at this place, is wrong."""
+        line = line_of(self.text, location)
+        return FileError(f"{self.path}:{line}: {place(location)}: {message}")
+
+    def beside(self, name: str) -> Path:
+        """Path of a file that the map names."""
+        return self.path.parent / name
+
+
+def load_map(path: Path | str) -> MapFile:
+    """Read a map.
+
+    Raises
+    ------
+    FileError
+        It cannot be read or used: one line for each problem, with its place.
+    """
+    text = read_text(path)
+    return MapFile(Path(path), text, parse_yaml(text, RecordingMap, str(path)))
+
+
+def _check_per_unit(unit: str, per_unit: float | None) -> None:
+    counts = unit.startswith("counts")
+    if counts and per_unit is None:
+        raise ValueError("counts need per_unit: rad (or m) for one count; add it")
+    if per_unit is None:
+        return
+    if not counts:
+        raise ValueError(f"per_unit is for counts, not for {unit}; remove it")
+    if not 0 < per_unit <= _MOST_PER_COUNT:
+        raise ValueError(
+            f"per_unit {per_unit:g} must be in (0, {_MOST_PER_COUNT:g}] rad (or m) for one count;"
+            " if it is counts for one rad (or m), write its inverse"
+        )

@@ -1,0 +1,137 @@
+"""Stretches of a recording as motions, each with its samples as a run folder keeps them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.imports.back_and_forth import pieces_by_pairs
+from hil.imports.excerpt import even_samples
+from hil.imports.segments import SHORTEST, block_counts, blocks, pieces_of
+from hil.imports.velocities import derivative
+from hil.planning.free_motion import FreeMotion
+from hil.runs.recording import IDLE, Recording
+from hil.runs.recording_file import Measured
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.imports.map_file import MapFile
+    from hil.imports.samples import Samples
+    from hil.imports.segments import Piece
+    from hil.imports.stamps import Timing
+    from hil.imports.velocities import VelocityChoice
+
+    Numbered = tuple[Piece, NDArray[np.int16]]
+
+
+def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[Numbered]:
+    """Motions of a recording, each with the number of the block or stroke of its samples.
+
+    Raises
+    ------
+    FileError
+        There are none: no stretch is long enough, or no stroke is found.
+    """
+    alone = the_map.content.kind
+    found: list[Numbered] = []
+    for stretch in timing.stretches:
+        if alone is None:
+            of_stretch = [(piece, np.zeros(0, dtype=np.int16)) for piece in pieces_of(stretch)]
+        else:
+            of_stretch = pieces_by_pairs(samples, stretch, alone - 1)
+        if not of_stretch:
+            timing.counts.short += 1
+            timing.counts.short_time += stretch.duration
+        found += of_stretch
+    if not found:
+        raise _nothing_left(the_map, timing)
+    if alone is not None:
+        return found
+    counts = block_counts([piece.duration for piece, _ in found])
+    return [
+        (piece, blocks(piece.n, count)) for (piece, _), count in zip(found, counts, strict=True)
+    ]
+
+
+def _nothing_left(the_map: MapFile, timing: Timing) -> Exception:
+    longest = max((stretch.duration for stretch in timing.stretches), default=0.0)
+    if the_map.content.kind is not None and longest >= SHORTEST:
+        return the_map.wrong(
+            ("kind",),
+            f"joint {the_map.content.kind} makes no stroke forward with one back after it; write"
+            " kind: free, or choose other rows",
+        )
+    at = ("rows",) if the_map.content.rows else ("time",) if the_map.content.time else ()
+    return the_map.wrong(
+        at,
+        f"no stretch without a gap is as long as {SHORTEST:g} s: the longest of"
+        f" {len(timing.stretches)} has {longest:.3g} s at a period of {timing.period:.4g} s; correct"
+        " the unit of time or the rate, or choose other rows",
+    )
+
+
+def measured_motions(
+    the_map: MapFile,
+    samples: Samples,
+    numbered: Sequence[Numbered],
+    velocities: Sequence[VelocityChoice],
+    stem: str,
+) -> Iterator[Measured]:
+    """Motions with their recordings, one at a time; ids are `stem` and a number."""
+    begin = numbered[0][0].grid[0]
+    digits = max(2, len(str(len(numbered))))
+    for number, (piece, stroke) in enumerate(numbered, start=1):
+        recording = _recording(samples, piece, stroke, velocities, begin)
+        motion = FreeMotion(
+            id=f"{stem}-{number:0{digits}}",
+            q=tuple(recording.q.mean(axis=0).tolist()),
+            duration=piece.duration,
+            cycles=_cycles(stroke, the_map.content.kind),
+            alone=the_map.content.kind,
+            cut_off=the_map.content.cut_off,
+            source=_source(the_map, samples, piece),
+        )
+        yield Measured(motion, recording)
+
+
+def _recording(
+    samples: Samples,
+    piece: Piece,
+    stroke: NDArray[np.int16],
+    velocities: Sequence[VelocityChoice],
+    begin: float,
+) -> Recording:
+    q, tau, qd = even_samples(samples, piece)
+    recording = Recording(
+        time=piece.grid - begin,
+        q=np.ascontiguousarray(q),
+        tau=np.ascontiguousarray(tau),
+        flags=np.zeros(q.shape, dtype=np.uint8),
+        stroke=stroke,
+        partner_stroke=np.full(len(q), IDLE, dtype=np.int16),
+    )
+    used = np.array([choice.recorded for choice in velocities])
+    if not used.any():
+        return recording
+    return replace(recording, qd=np.where(used, qd, derivative(q, piece.stretch.period)))
+
+
+def _cycles(stroke: NDArray[np.int16], alone: int | None) -> int:
+    numbers = int(stroke.max()) + 1
+    return numbers if alone is None else numbers // 2
+
+
+def _source(the_map: MapFile, samples: Samples, piece: Piece) -> str:
+    """File and rows, from 1, that a motion comes from."""
+    instants, rows, grid = piece.stretch.instants, piece.stretch.rows, piece.grid
+    first, last = (
+        int(rows[min(int(np.searchsorted(instants, t)), len(rows) - 1)]) for t in grid[[0, -1]]
+    )
+    file = int(np.searchsorted(samples.begins, first, side="right")) - 1
+    begin = samples.begins[file]
+    return f"{the_map.content.files[file]}, rows {first - begin + 1} to {last - begin + 1}"

@@ -1,0 +1,252 @@
+"""What contradicts itself in a recording, found before anything is estimated from it.
+
+Signs, the order of joints, degrees for radians and the motor's side for the joint's leave traces: in
+the derivative of the position against the recorded velocity, in ranges and limits, in friction,
+which never drives, and in how gravity and inertia depend on the positions (`model_shape`). What is
+certain refuses the import, unless the map accepts it; the rest is stated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.imports.model_shape import shape_suspicions
+from hil.imports.suspicion import Suspicion
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.imports.excerpt import Excerpt
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+MOVES = 1e-4
+"""Range of positions from which on a joint counts as moving [rad or m]."""
+FITS = 0.9
+"""Correlation from which on two velocities count as of one joint."""
+_AGREES = 0.1
+_BEYOND = 1.05
+_FAR_BEYOND = 3.0
+_FRICTION_T = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Motion and torques of all excerpts together: arrays (n, n_joints), SI, joint side."""
+
+    q: Array
+    qd: Array
+    qdd: Array
+    tau: Array
+    recorded_qd: Array
+
+    @classmethod
+    def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:
+        """Join what the excerpts show."""
+        parts = [excerpt.local() for excerpt in excerpts]
+        names = ("q", "qd", "qdd", "tau", "recorded_qd")
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def suspicions(
+    excerpts: Sequence[Excerpt], robot: Robot, alone: int | None = None
+) -> list[Suspicion]:
+    """All that is found, what is certain first.
+
+    Parameters
+    ----------
+    excerpts : sequence of Excerpt
+    robot : Robot
+    alone : int, optional
+        The joint, from 0, that is stated to move while all others stand still.
+    """
+    evidence = Evidence.of(excerpts)
+    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot)]
+    found += [*_velocities(evidence, robot), *_friction(evidence)]
+    if not any(suspicion.certain for suspicion in found):
+        found += shape_suspicions(evidence, robot)
+    return sorted(found, key=lambda suspicion: not suspicion.certain)
+
+
+def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Suspicion]:
+    ways = np.ptp(evidence.q, axis=0)
+    for joint, way in enumerate(ways):
+        at = ("joints", joint)
+        if np.ptp(evidence.tau[:, joint]) == 0 and way > 0:
+            torque = evidence.tau[0, joint]
+            yield Suspicion(
+                "still", (*at, "torque"), f"is {torque:g} throughout; name the column of its torque"
+            )
+        if way < MOVES and (alone is None or joint == alone):
+            unit = robot.position_unit(joint)
+            yield Suspicion(
+                "still",
+                (*at, "position"),
+                f"moves by {way:.2g} {unit} only: nothing can be found of joint {joint + 1} save"
+                " what gravity shows; is it the right column, in the right unit?",
+                certain=alone is not None,
+            )
+        if alone is not None and joint != alone and way > max(MOVES, 0.02 * ways[alone]):
+            yield Suspicion(
+                "still",
+                ("kind",),
+                f"joint {alone + 1} is to move alone, but joint {joint + 1} moves by {way:.3g}"
+                f" {robot.position_unit(joint)}; write kind: free, or choose other rows",
+            )
+
+
+def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+    for joint in range(robot.n_joints):
+        unit, q = robot.position_unit(joint), evidence.q[:, joint]
+        low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
+        excess = max(float(q.max()) - high, low - float(q.min()))
+        if excess > (_BEYOND - 1) * (high - low):
+            reason = _other_unit(q, joint, robot)
+            yield Suspicion(
+                "range",
+                ("joints", joint, "position"),
+                f"reaches from {q.min():.4g} to {q.max():.4g} {unit}, but joint {joint + 1} of"
+                f" {robot.name} has {low:.4g} to {high:.4g} {unit}; {reason}",
+                certain=excess > (_FAR_BEYOND - 1) * (high - low),
+            )
+            continue
+        for key, values, limit, per in (
+            ("position", evidence.qd, robot.velocity_limit, f"{unit}/s"),
+            ("torque", evidence.tau, robot.torque_limit, "N m" if unit == "rad" else "N"),
+        ):
+            most, bound = float(np.abs(values[:, joint]).max()), float(limit[joint])
+            if most > 1.2 * bound:
+                yield Suspicion(
+                    "range",
+                    ("joints", joint, key),
+                    f"{'moves with' if key == 'position' else 'has'} up to {most:.4g} {per}, but"
+                    f" joint {joint + 1} of {robot.name} is limited to {bound:.4g} {per}; correct"
+                    " the unit, the gain or the side, or the limit in the robot file",
+                    certain=most > 10 * bound,
+                )
+
+
+def _other_unit(q: Array, joint: int, robot: Robot) -> str:
+    """State in which unit, or on which side, the positions would be within the range."""
+    low, high = robot.q_min[joint], robot.q_max[joint]
+    slack = 0.02 * (high - low)
+    turning = bool(robot.revolute[joint])
+    gear = float(robot.gear_ratio[joint])
+    for factor, what in (
+        (pi / 180 if turning else 1e-3, f"they look like unit: {'deg' if turning else 'mm'}"),
+        (1 / gear, f"they look like the motor's side at a gear ratio of {gear:g}"),
+    ):
+        if factor != 1 and low - slack <= factor * q.min() and factor * q.max() <= high + slack:
+            return what
+    return "correct unit, offset or column, or the range in the robot file"
+
+
+def _velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+    """Recorded velocities against the derivatives of the positions."""
+    recorded = [j for j in range(robot.n_joints) if np.isfinite(evidence.recorded_qd[:, j]).all()]
+    for joint in recorded:
+        own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
+        if np.ptp(evidence.q[:, joint]) < MOVES:
+            continue
+        at = ("joints", joint, "velocity")
+        correlation = _correlation(own, other)
+        if abs(correlation) < FITS:
+            yield Suspicion("velocity", at, _fits_none(evidence, joint, correlation))
+            continue
+        scale = float(own @ other / (other @ other))
+        if abs(scale - 1) > _AGREES:
+            reason = _why_scaled(scale, float(robot.gear_ratio[joint]))
+            yield Suspicion(
+                "velocity",
+                at,
+                f"is {scale:.4g} times the derivative of the position of joint {joint + 1};"
+                f" {reason}",
+                certain=scale < 0 or abs(np.log(scale)) > np.log(1.5),
+            )
+
+
+def _fits_none(evidence: Evidence, joint: int, correlation: float) -> str:
+    own = evidence.recorded_qd[:, joint]
+    others = [
+        other
+        for other in range(evidence.q.shape[1])
+        if other != joint and abs(_correlation(own, evidence.qd[:, other])) > FITS
+    ]
+    if others:
+        return (
+            f"follows the position of joint {others[0] + 1}, not of joint {joint + 1}; correct the"
+            " order of the columns"
+        )
+    return (
+        f"does not follow the position of joint {joint + 1} (correlation {correlation:.2f});"
+        " correct one of the columns, or leave velocity out"
+    )
+
+
+def _correlation(a: Array, b: Array) -> float:
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / scale if scale else 0.0
+
+
+def _why_scaled(scale: float, gear: float) -> str:
+    """State what makes velocities this factor too great against positions."""
+    if scale < 0:
+        return "one of the two has the wrong sign: correct sign"
+    known = {
+        180 / pi: "velocity is in degrees, or position in degrees and stated as rad: correct unit",
+        pi / 180: "position is in degrees: correct its unit",
+        1e3: "velocity is in mm/s: correct unit",
+        1e-3: "position is in mm: correct its unit",
+        30 / pi: "velocity is in rpm: correct unit",
+        gear: f"velocity is on the motor's side at a gear ratio of {gear:g}: correct it with rows of"
+        " the joint's side",
+        1 / gear: f"position is on the motor's side at a gear ratio of {gear:g}: correct"
+        " position_side",
+    }
+    for factor, reason in known.items():
+        if factor != 1 and abs(scale / factor - 1) < _AGREES:
+            return reason
+    return "correct unit, per_unit or the column of time"
+
+
+def _friction(evidence: Evidence) -> Iterator[Suspicion]:
+    """Torque that opposes motion where friction would take it."""
+    for joint in range(evidence.q.shape[1]):
+        if np.ptp(evidence.q[:, joint]) < MOVES:
+            continue
+        coefficient, t = _friction_of(evidence, joint)
+        if t < -_FRICTION_T:
+            yield Suspicion(
+                "friction",
+                ("joints", joint, "torque"),
+                f"decreases with the direction of motion by {-coefficient:.3g}: friction would"
+                f" drive joint {joint + 1}; position or torque has the wrong sign, or they are of"
+                " different joints",
+                certain=t < -4 * _FRICTION_T,
+            )
+
+
+def _friction_of(evidence: Evidence, joint: int) -> tuple[float, float]:
+    """Coefficient of the direction in a joint's torque, and its t statistic.
+
+    Beside it the torque may depend on the position and the acceleration of the joint: load and
+    inertia.
+    """
+    q, qd, qdd = (getattr(evidence, name)[:, joint] for name in ("q", "qd", "qdd"))
+    direction = np.tanh(qd / (0.05 * np.max(np.abs(qd))))
+    columns = [direction, qdd, np.ones_like(q), np.cos(q), np.sin(q)]
+    a = np.stack([c / max(float(np.linalg.norm(c)), 1e-300) for c in columns], axis=1)
+    tau = evidence.tau[:, joint]
+    x, _, rank, _ = np.linalg.lstsq(a, tau, rcond=1e-8)
+    residual = tau - a @ x
+    variance = float(residual @ residual) / max(1, len(tau) - rank)
+    deviation = np.sqrt(variance * np.linalg.pinv(a.T @ a, rcond=1e-8)[0, 0])
+    coefficient = float(x[0]) / max(float(np.linalg.norm(direction)), 1e-300)
+    return coefficient, float(x[0] / deviation) if deviation > 0 else 0.0

@@ -1,0 +1,192 @@
+"""Tables as text: CSV, TSV, columns of blanks, also compressed; read block by block.
+
+A cell is missing (NaN) if it is empty or reads nan, na, null, none or inf; anything else in a column
+that is wanted is an error with its place.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import warnings
+import zlib
+from typing import IO, TYPE_CHECKING, cast
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.imports.readers.layout import MISSING, Layout, NoNumbers, cells, layout_of
+from hil.runs.atomic_file import file_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.imports.map_file import Format
+
+    Array = NDArray[np.float64]
+
+BLOCK = 1 << 23
+"""Bytes that are read at a time."""
+_HEAD = 1 << 16
+_SHOWN = 40
+
+
+class TextTable:
+    """A table as text; see `hil.imports.tables.Table`."""
+
+    time: int | None = None
+
+    def __init__(self, path: Path, layout: Layout) -> None:
+        self.path = path
+        self.names = layout.names
+        self._layout = layout
+
+    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
+        """Read columns block by block."""
+        row, line = 0, 1 + self._layout.skipped
+        for text in _whole_lines(self.path, self._layout.skipped):
+            try:
+                block = self._read(text, columns)
+            except ValueError:  # NumPy's reader knows no missing cells and states no lines
+                block = self._read_row_by_row(text, columns, row, line)
+            row, line = row + len(block), line + text.count(b"\n")
+            if len(block):
+                yield block
+
+    def _read(self, text: bytes, columns: Sequence[int]) -> Array:
+        layout = self._layout
+        if layout.decimal == ",":
+            text = text.replace(b",", b".")
+        if not text.strip():
+            return np.empty((0, len(columns)))
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*input contained no data")
+            return np.loadtxt(
+                io.BytesIO(text),
+                delimiter=None if layout.delimiter == " " else layout.delimiter,
+                comments=layout.comment if layout.comment.encode() in text else None,
+                quotechar='"' if b'"' in text else None,
+                usecols=columns,
+                ndmin=2,
+                encoding="utf-8",
+            )
+
+    def _read_row_by_row(
+        self, text: bytes, columns: Sequence[int], row: int, line: int
+    ) -> Array:
+        """Read cells one by one: an empty one is missing, another one is an error with its place.
+
+        A row that is too short lacks what stands beyond its end.
+        """
+        layout, rows = self._layout, []
+        for number, content in enumerate(text.decode("utf-8", "replace").split("\n")):
+            stripped = content.strip()
+            if not stripped or stripped.startswith(layout.comment):
+                continue
+            found = cells(content, layout.delimiter)
+            try:
+                rows.append([_number(found, c, layout.decimal) for c in columns])
+            except _NoNumber as error:
+                at = f"{self.path}:{line + number}"
+                raise FileError(self._message(at, error, row + len(rows) + 1)) from error
+        return np.array(rows).reshape(-1, len(columns))
+
+    def _message(self, at: str, error: _NoNumber, row: int) -> str:
+        name = f" ({self.names[error.column]})" if self.names[error.column] else ""
+        return (
+            f"{at}: {error.cell[:_SHOWN]!r} in column {error.column + 1}{name}, row {row}, is no"
+            " number; choose another column or rows, or state the file's layout in format"
+        )
+
+
+class _NoNumber(Exception):
+    """A cell that holds something else than a number."""
+
+    def __init__(self, cell: str, column: int) -> None:
+        super().__init__(cell)
+        self.cell, self.column = cell, column
+
+
+def _number(row: Sequence[str], column: int, decimal: str) -> float:
+    cell = row[column] if column < len(row) else ""
+    if cell.lower() in MISSING:
+        return np.nan
+    try:
+        return float(cell.replace(decimal, "."))
+    except ValueError:
+        raise _NoNumber(cell, column) from None
+
+
+def open_text(path: Path, stated: Format) -> TextTable:
+    """Open a table as text.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is no text with rows of numbers.
+    """
+    with _readable(path), _opened(path) as file:
+        head = file.read(_HEAD)
+    _refuse_binary(path, head)
+    text = head.decode("utf-8-sig", "replace")
+    if len(head) == _HEAD:
+        text = text.rpartition("\n")[0]
+    try:
+        return TextTable(path, layout_of(text, stated))
+    except NoNumbers as error:
+        raise FileError(
+            f"{path}: {error}; state header, delimiter, decimal, comment or skip in format"
+        ) from error
+
+
+def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
+    """Blocks of whole lines after the first `skipped` ones."""
+    with _readable(path), _opened(path) as file:
+        for _ in range(skipped):
+            file.readline()
+        rest = b""
+        while block := file.read(BLOCK):
+            _refuse_binary(path, block)
+            end = block.rfind(b"\n") + 1
+            if not end and len(rest) + len(block) > BLOCK:
+                raise FileError(f"{path}: has a line of more than {BLOCK} bytes: it is no table")
+            whole, rest = (rest + block[:end], block[end:]) if end else (b"", rest + block)
+            if whole:
+                yield whole
+        if rest:
+            yield rest
+
+
+def _refuse_binary(path: Path, block: bytes) -> None:
+    if b"\0" in block:
+        raise FileError(
+            f"{path}: holds zero bytes: it is no text in UTF-8; save it as such, or give the file"
+            " the ending of its format"
+        )
+
+
+def _opened(path: Path) -> IO[bytes]:
+    if path.suffix == ".gz":
+        return cast("IO[bytes]", gzip.open(path, "rb"))
+    return path.open("rb")
+
+
+class _readable:  # noqa: N801 - a context manager, read like a function
+    """Errors of the file system and of decompression as `FileError`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
+        if isinstance(error, EOFError | zlib.error | gzip.BadGzipFile):
+            raise FileError(
+                f"{self._path}: cannot be unpacked: {error}; copy or download it again"
+            ) from error
+        if isinstance(error, OSError):
+            with file_errors(self._path, "read"):
+                raise error

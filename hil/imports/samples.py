@@ -1,0 +1,198 @@
+"""All samples of a recording that a map chooses, in SI and on the joint side, in rows on the disk.
+
+However long a recording is, a block of it at a time passes through memory; what comes out is a file
+that is mapped, and goes when the import ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.imports.readers import open_table
+from hil.imports.tables import NoColumn, column_of
+from hil.imports.to_si import Conversion
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.imports.map_file import ColumnName, MapFile
+    from hil.imports.tables import Table
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+    Location = tuple[str | int, ...]
+
+EPOCH = 1e8
+"""Stamps beyond count from a date, not from the recording's begin [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples as they were recorded, row by row.
+
+    Attributes
+    ----------
+    time : array (n,)
+        Stamps [s]; those of a date count from the first one.
+    values : array (n, 3 n_joints)
+        Positions, torques and velocities of all joints, SI, joint side; NaN where one is missing,
+        and throughout for velocities that were not recorded. On the disk.
+    complete : array (n,) of bool
+        Rows in which nothing that was recorded is missing.
+    begins : tuple of int
+        First row of each file.
+    from_date : bool
+        Whether stamps count from a date.
+    """
+
+    time: Array
+    values: Array
+    complete: NDArray[np.bool_]
+    begins: tuple[int, ...]
+    from_date: bool
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return int(self.values.shape[1]) // 3
+
+
+def read_samples(
+    the_map: MapFile, robot: Robot, scratch: Path, progress: Callable[[Path, int], None]
+) -> Samples:
+    """Read all files of a map.
+
+    Parameters
+    ----------
+    the_map : MapFile
+    robot : Robot
+    scratch : Path
+        File to be made, for the samples.
+    progress : callable
+        Takes the file that is read and how many rows of it were.
+
+    Raises
+    ------
+    FileError
+        A file cannot be read, or lacks a column; the message states the map's line.
+    """
+    conversion = Conversion(the_map, robot)
+    times, complete, begins, n = [], [], [], 0
+    with scratch.open("wb") as file:
+        for number, name in enumerate(the_map.content.files):
+            begins.append(n)
+            for block in _file_blocks(the_map, number, name):
+                time, values = conversion.of(block, n - begins[-1])
+                file.write(values.tobytes())
+                times.append(time)
+                complete.append(np.isfinite(time) & conversion.complete(values))
+                n += len(time)
+                progress(the_map.beside(name), n - begins[-1])
+            if n == begins[-1]:
+                raise FileError(f"{the_map.beside(name)}: has no rows; name a file with some")
+    time = np.concatenate(times)
+    values = np.memmap(scratch, np.float64, "r", shape=(n, 3 * robot.n_joints))
+    from_date = bool(np.nanmax(np.abs(time), initial=0.0) > EPOCH)
+    if from_date:
+        time -= np.nanmin(time)
+    return Samples(time, values, np.concatenate(complete), tuple(begins), from_date)
+
+
+def _file_blocks(the_map: MapFile, number: int, name: str) -> Iterator[Array]:
+    """Blocks of all columns that the map names, from one file and those beside it."""
+    tables: dict[str, tuple[Table, list[int], list[int]]] = {}
+    wanted = list(_columns(the_map))
+    for position, (location, column) in enumerate(wanted):
+        source = column.file if column is not None and column.file else name
+        if source not in tables:
+            tables[source] = (_opened(the_map, source, number, column, location), [], [])
+        table, columns, positions = tables[source]
+        columns.append(_index(the_map, table, column, location))
+        positions.append(position)
+    streams = [table.blocks(columns) for table, columns, _ in tables.values()]
+    order = np.argsort([p for _, _, positions in tables.values() for p in positions])
+    for parts in _side_by_side(streams, [the_map.beside(source) for source in tables]):
+        yield np.concatenate(parts, axis=1)[:, order]
+
+
+def _columns(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:
+    """Every column: time (None: the format's own), positions, torques, then velocities."""
+    content = the_map.content
+    if content.time is None or content.time.column is not None:
+        stated = content.time is not None
+        yield ("time", "column") if stated else (), content.time.column if content.time else None
+    for key in ("position", "torque", "velocity"):
+        for joint, mapped in enumerate(content.joints):
+            if (part := getattr(mapped, key)) is not None:
+                yield ("joints", joint, key, "column"), part.column
+
+
+def _opened(
+    the_map: MapFile, source: str, number: int, column: ColumnName | None, location: Location
+) -> Table:
+    beside = column is not None and column.file is not None
+    if beside and len(the_map.content.files) > 1:
+        raise the_map.wrong(
+            location, "a column of another file needs files to be one alone: rows must fit"
+        )
+    at = location if beside else ("files", number)
+    try:
+        return open_table(the_map.beside(source), the_map.content.format)
+    except FileError as error:
+        raise the_map.wrong(at, str(error)) from error
+
+
+def _index(the_map: MapFile, table: Table, column: ColumnName | None, at: Location) -> int:
+    if column is None:
+        if table.time is None:
+            raise the_map.wrong(
+                (), f"time: missing, and {table.path} has no stamps of its own; add time: {{column:"
+                " ..., unit: s}, or time: {rate: ...} in Hz"
+            )
+        return table.time
+    try:
+        return column_of(table, column.column)
+    except NoColumn as error:
+        raise the_map.wrong(at, str(error)) from error
+
+
+def _side_by_side(
+    streams: Sequence[Iterator[Array]], paths: Sequence[Path]
+) -> Iterator[list[Array]]:
+    """Blocks of equal rows of all streams.
+
+    Raises
+    ------
+    FileError
+        One stream has more rows than another.
+    """
+    waiting: list[Array | None] = [None] * len(streams)
+    while True:
+        waiting = [
+            following if block is None else block
+            for block, following in (
+                (block, next(stream, None) if block is None else None)
+                for block, stream in zip(waiting, streams, strict=True)
+            )
+        ]
+        present = [block for block in waiting if block is not None]
+        if not present:
+            return
+        if len(present) < len(waiting):
+            longer, shorter = (
+                next(p for p, b in zip(paths, waiting, strict=True) if (b is None) == gone)
+                for gone in (False, True)
+            )
+            raise FileError(
+                f"{longer}: has more rows than {shorter}; files side by side need equal rows"
+            )
+        n = min(len(block) for block in present)
+        yield [block[:n] for block in present]
+        waiting = [block[n:] if len(block) > n else None for block in present]

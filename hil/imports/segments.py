@@ -1,0 +1,134 @@
+"""Which rows of a recording make which motions.
+
+Rows or times that a map states, and files whose stamps begin anew, make segments; gaps split these
+into stretches (`stamps`), and long stretches are cut into motions of at most a minute, since one
+motion at a time passes through memory. Each has blocks of some seconds, for friction that changes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.imports.map_file import MapFile
+    from hil.imports.samples import Samples
+    from hil.imports.stamps import Stretch
+
+    Rows = NDArray[np.int64]
+
+LONGEST = 60.0
+"""Of a motion [s]."""
+SHORTEST = 1.0
+"""Of a motion, and of a block [s]."""
+BLOCK = 30.0
+"""Longest block [s]."""
+BLOCKS = 8
+"""Of a whole recording, at least, where blocks of `SHORTEST` allow it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A motion without a gap.
+
+    Attributes
+    ----------
+    stretch : Stretch
+        What it is a part of.
+    first, n : int
+        First sample on the even grid of the stretch, and number of samples.
+    """
+
+    stretch: Stretch
+    first: int
+    n: int
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return (self.n - 1) * self.stretch.period
+
+    @property
+    def grid(self) -> NDArray[np.float64]:
+        """Instants of the samples [s]."""
+        stretch = self.stretch
+        at = np.arange(self.first, self.first + self.n)
+        return np.asarray(stretch.instants[0] + at * stretch.period)
+
+
+def chosen_rows(the_map: MapFile, samples: Samples) -> list[Rows]:
+    """Rows of each segment, from 0.
+
+    Raises
+    ------
+    FileError
+        Rows or times beyond the recording.
+    """
+    n = len(samples.time)
+    parts = [np.arange(n)]
+    if (stated := the_map.content.rows) is not None:
+        if stated[-1][1] > n:
+            raise the_map.wrong(
+                ("rows",), f"row {stated[-1][1]} must be at most {n}, the last row of the recording"
+            )
+        parts = [np.arange(first - 1, last) for first, last in stated]
+    elif the_map.content.time_range is not None:
+        parts = list(_within_times(the_map, samples))
+    stamped = the_map.content.time is None or the_map.content.time.rate is None
+    return [part for rows in parts for part in _of_one_file(samples, rows, stamped=stamped)]
+
+
+def _within_times(the_map: MapFile, samples: Samples) -> Iterator[Rows]:
+    time = samples.time
+    for number, (begin, end) in enumerate(the_map.content.time_range or ()):
+        rows = np.flatnonzero((time >= begin) & (time <= end))
+        if len(rows) < 2:
+            counted = ", counted from its first stamp" if samples.from_date else ""
+            raise the_map.wrong(
+                ("time_range", number),
+                f"[{begin:g}, {end:g}] s has no samples; the recording has times from"
+                f" {np.nanmin(time):.6g} to {np.nanmax(time):.6g} s{counted}",
+            )
+        yield rows
+
+
+def _of_one_file(samples: Samples, rows: Rows, *, stamped: bool) -> list[Rows]:
+    """Split where a file begins whose stamps do not go on from the file before."""
+    cuts = []
+    for begin in samples.begins[1:]:
+        at = int(np.searchsorted(rows, begin))
+        if 0 < at < len(rows):
+            goes_on = stamped and samples.time[rows[at]] > samples.time[rows[at - 1]]
+            cuts += [] if goes_on else [at]
+    return np.split(rows, cuts)
+
+
+def pieces_of(stretch: Stretch) -> list[Piece]:
+    """Cut a stretch into motions of about equal length; none where it is too short."""
+    n = math.floor(stretch.duration / stretch.period + 1e-6) + 1
+    if (n - 1) * stretch.period < SHORTEST * (1 - 1e-6):
+        return []
+    parts = math.ceil((n - 1) * stretch.period / LONGEST - 1e-6)
+    edges = np.linspace(0, n, parts + 1).round().astype(int).tolist()
+    return [Piece(stretch, a, b - a) for a, b in zip(edges, edges[1:], strict=False)]
+
+
+def block_counts(durations: Sequence[float]) -> list[int]:
+    """Number of blocks of each motion of a recording, from their durations [s]."""
+    longest = min(BLOCK, max(SHORTEST, sum(durations) / BLOCKS))
+    return [
+        max(1, min(math.ceil(duration / longest - 1e-6), math.floor(duration / SHORTEST + 1e-6)))
+        for duration in durations
+    ]
+
+
+def blocks(n: int, count: int) -> NDArray[np.int16]:
+    """Number of the block that each of `n` samples is in."""
+    return np.asarray(np.arange(n) * count // n, dtype=np.int16)

@@ -1,0 +1,102 @@
+"""What an import states of a recording: samples, rate, gaps, velocities, motions, findings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.imports.map_file import MapFile
+    from hil.imports.stamps import Timing
+    from hil.imports.suspicion import Suspicion
+    from hil.imports.velocities import VelocityChoice
+    from hil.planning.free_motion import FreeMotion
+
+_INSTANTS = {
+    "even": "are even as they are",
+    "counted": "are counted, since positions are smoother so than by their stamps",
+    "stamped": "are the stamps, resampled by cubics, since positions are smoother so than counted",
+}
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What was found of the recording of one map.
+
+    Attributes
+    ----------
+    the_map : MapFile
+    timing : Timing
+    velocities : tuple of VelocityChoice
+        Of each joint.
+    motions : tuple of FreeMotion
+    suspicions : tuple of Suspicion
+        That the map accepts, or that are not certain.
+    """
+
+    the_map: MapFile
+    timing: Timing
+    velocities: tuple[VelocityChoice, ...]
+    motions: tuple[FreeMotion, ...]
+    suspicions: tuple[Suspicion, ...]
+
+    def lines(self) -> list[str]:
+        """Sentences, the most general first."""
+        return [
+            *self._samples(),
+            *self._left_out(),
+            *self._velocities(),
+            self._motions(),
+            *(f"{place(s.location)}: {s.message}" for s in self.suspicions),
+        ]
+
+    def _samples(self) -> Iterator[str]:
+        timing, counts = self.timing, self.timing.counts
+        files = ", ".join(self.the_map.content.files)
+        jitter = f"{1e6 * counts.jitter:.3g} us" if counts.jitter < 1e-3 else (
+            f"{1e3 * counts.jitter:.3g} ms"
+        )
+        yield (
+            f"{files}: {counts.rows} rows at {1 / timing.period:.6g} Hz (jitter {jitter});"
+            f" instants {_INSTANTS[timing.instants]}"
+        )
+
+    def _left_out(self) -> Iterator[str]:
+        counts = self.timing.counts
+        for number, what in (
+            (counts.missing, "rows lack a number and are left out"),
+            (counts.doubled, "rows have the time stamp of the row before"),
+            (counts.disordered, "rows were out of order in time and are sorted"),
+            (counts.bridged, "samples are interpolated, where fewer than a gap's are missing"),
+            (counts.gaps, f"gaps, {counts.lost:.3g} s in all, are left out"),
+            (counts.short, f"stretches are too short, {counts.short_time:.3g} s in all"),
+        ):
+            if number:
+                yield f"{number} {what}"
+
+    def _velocities(self) -> Iterator[str]:
+        by_reason: dict[tuple[bool, str], list[int]] = {}
+        for joint, choice in enumerate(self.velocities, start=1):
+            by_reason.setdefault((choice.recorded, choice.reason), []).append(joint)
+        for (recorded, reason), joints in by_reason.items():
+            which = "as recorded" if recorded else "derived from the position"
+            yield f"velocity of {_joints(joints, len(self.velocities))} {which}: {reason}"
+
+    def _motions(self) -> str:
+        seconds = sum(motion.duration for motion in self.motions)
+        parts = sum(motion.cycles for motion in self.motions)
+        alone = self.motions[0].alone
+        what = "blocks" if alone is None else f"pairs of strokes of joint {alone}"
+        first, last = self.motions[0].id, self.motions[-1].id
+        ids = first if len(self.motions) == 1 else f"{first} to {last}"
+        return f"{len(self.motions)} motions, {ids}: {seconds:.4g} s in {parts} {what}"
+
+
+def _joints(joints: Sequence[int], of: int) -> str:
+    if len(joints) == of:
+        return "all joints" if of > 1 else "joint 1"
+    return f"joint{'s' * (len(joints) > 1)} {', '.join(map(str, joints))}"

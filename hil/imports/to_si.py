@@ -1,0 +1,130 @@
+"""Columns as they were recorded into SI on the joint side: units, signs, gears, coupled motors.
+
+What is on the motor side comes to the joint side by the motor matrix R of the robot, motor angles
+for joint angles: q = R^-1 q_motor + offset, and tau = R^T tau_motor since power is the same.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.imports.motor_side import motor_matrix
+from hil.imports.units import JOINT_TYPES, SECONDS, position_factor
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.imports.map_file import MapFile
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+
+class Conversion:
+    """What turns rows of a map's columns into SI.
+
+    Parameters
+    ----------
+    the_map : MapFile
+    robot : Robot
+
+    Raises
+    ------
+    FileError
+        Columns that do not fit the robot: their number, or their units.
+    """
+
+    def __init__(self, the_map: MapFile, robot: Robot) -> None:
+        content = the_map.content
+        joints = content.joints
+        _refuse_unfit(the_map, robot)
+        self._n = len(joints)
+        self._time = content.time
+        self._moving = np.array([joint.velocity is not None for joint in joints])
+        positions, torques = [j.position for j in joints], [j.torque for j in joints]
+        velocities = [joint.velocity for joint in joints if joint.velocity]
+        q, qd = (
+            np.array([p.sign * position_factor(p.unit, p.per_unit) for p in parts])
+            for parts in (positions, velocities)
+        )
+        to_joints = np.diag(q).T
+        speeds, efforts = np.diag(qd), np.diag([torque.factor for torque in torques])
+        if "motor" in {content.position_side, content.torque_side}:
+            matrix = motor_matrix(robot)
+            if content.position_side == "motor":
+                inverse = np.linalg.inv(matrix)
+                to_joints = to_joints @ inverse.T
+                speeds = speeds @ inverse[np.ix_(self._moving, self._moving)].T
+            if content.torque_side == "motor":
+                efforts = efforts @ matrix
+        self._matrices = (to_joints, efforts, speeds)
+        self._offset = np.array([position.offset for position in positions])
+
+    def of(self, block: Array, row: int) -> tuple[Array, Array]:
+        """Times [s] (n,), and positions, torques and velocities (n, 3 n_joints) of raw rows.
+
+        Parameters
+        ----------
+        block : array (n, n_columns)
+            As `hil.imports.samples` orders columns.
+        row : int
+            Number of the first row within its file, from 0.
+        """
+        n = self._n
+        if self._time is not None and self._time.rate is not None:
+            time, rest = (row + np.arange(len(block))) / self._time.rate, block
+        else:
+            unit = SECONDS[self._time.unit] if self._time else SECONDS["ns"]
+            time, rest = block[:, 0] * unit, block[:, 1:]
+        rest = np.where(np.isfinite(rest), rest, np.nan)
+        to_joints, efforts, speeds = self._matrices
+        values = np.full((len(block), 3 * n), np.nan)
+        values[:, :n] = rest[:, :n] @ to_joints + self._offset
+        values[:, n : 2 * n] = rest[:, n : 2 * n] @ efforts
+        values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ speeds
+        return time, values
+
+    def complete(self, values: Array) -> NDArray[np.bool_]:
+        """Rows of converted values in which nothing that was recorded is missing."""
+        recorded = np.concatenate([np.ones(2 * self._n, dtype=bool), self._moving])
+        found: NDArray[np.bool_] = np.isfinite(values[:, recorded]).all(axis=1)
+        return found
+
+
+def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
+    content = the_map.content
+    if len(content.joints) != robot.n_joints:
+        raise the_map.wrong(
+            ("joints",),
+            f"{len(content.joints)} joints must be {robot.n_joints}, one for each joint of"
+            f" {robot.name}, in the robot's order",
+        )
+    problems = []
+    for number, joint in enumerate(content.joints):
+        kind = "revolute" if robot.revolute[number] else "prismatic"
+        for key, side in (
+            ("position", content.position_side),
+            ("velocity", content.position_side),
+            ("torque", content.torque_side),
+        ):
+            part = getattr(joint, key)
+            wanted = kind if side == "joint" else "revolute"
+            if part is not None and JOINT_TYPES.get(part.unit, wanted) != wanted:
+                problems.append(
+                    the_map.wrong(
+                        ("joints", number, key, "unit"),
+                        f"{part.unit} does not suit joint {number + 1} of {robot.name}, which is"
+                        f" {kind}; correct the unit, or the order of the joints",
+                    )
+                )
+    moving = [joint.velocity is not None for joint in content.joints]
+    if content.position_side == "motor" and any(moving) and not all(moving):
+        at = ("joints", moving.index(False))
+        problems.append(
+            the_map.wrong(at, "has no velocity: on the motor side all joints need one, or none")
+        )
+    if problems:
+        raise FileError("\n".join(map(str, problems)))

@@ -1,0 +1,60 @@
+"""Units in which recordings state times, positions, velocities and torques; all become SI.
+
+A unit is angular or linear, so that millimetres of a joint that turns are refused. Counts and
+currents have neither: what one of them is worth is stated in the map.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+TimeUnit = Literal["s", "ms", "us", "ns", "min"]
+PositionUnit = Literal["rad", "deg", "m", "mm", "counts"]
+VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s", "counts/s"]
+TorqueUnit = Literal["N m", "N", "A", "V", "per mille"]
+
+SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+"""Of each unit of time [s]."""
+POSITIONS: dict[str, float] = {"rad": 1.0, "deg": math.pi / 180, "m": 1.0, "mm": 1e-3}
+"""Of each unit of position [rad or m]; counts have none of their own."""
+VELOCITIES: dict[str, float] = {
+    "rad/s": 1.0,
+    "deg/s": math.pi / 180,
+    "rpm": math.pi / 30,
+    "m/s": 1.0,
+    "mm/s": 1e-3,
+}
+"""Of each unit of velocity [rad/s or m/s]; counts/s have none of their own."""
+JOINT_TYPES: dict[str, str] = {
+    "rad": "revolute",
+    "deg": "revolute",
+    "rad/s": "revolute",
+    "deg/s": "revolute",
+    "rpm": "revolute",
+    "N m": "revolute",
+    "m": "prismatic",
+    "mm": "prismatic",
+    "m/s": "prismatic",
+    "mm/s": "prismatic",
+    "N": "prismatic",
+}
+"""Type of the joints that a unit suits, on the joint side; units that are not here suit both."""
+NEEDS_GAIN = ("A", "V", "per mille")
+"""Units of torque that are worth nothing without a gain."""
+
+
+def position_factor(unit: str, per_unit: float | None) -> float:
+    """SI units [rad or m, also per second] that one unit of a position or velocity is worth.
+
+    Parameters
+    ----------
+    unit : str
+        A `PositionUnit` or `VelocityUnit`.
+    per_unit : float, optional
+        Of a count [rad or m].
+    """
+    if unit.startswith("counts"):
+        assert per_unit is not None  # noqa: S101 - the map is refused without it
+        return per_unit
+    return POSITIONS[unit] if unit in POSITIONS else VELOCITIES[unit]
