@@ -9,6 +9,7 @@ forward, has no number.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,11 +75,7 @@ def _runs(direction: Array) -> list[tuple[int, int, int]]:
 def pairs_of(q: Array, period: float) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     """Strokes forward, each with the stroke back that follows it."""
     strokes = strokes_of(q, period)
-    return [
-        (forth[:2], back[:2])
-        for forth, back in zip(strokes, strokes[1:], strict=False)
-        if forth[2] and not back[2]
-    ]
+    return [(forth[:2], back[:2]) for forth, back in pairwise(strokes) if forth[2] and not back[2]]
 
 
 def pieces_by_pairs(
@@ -101,7 +98,7 @@ def pieces_by_pairs(
     edges = [0, *(group[0][0][0] for group in groups[1:]), n]
     longest = round(LONGEST / stretch.period)
     found = []
-    for group, begin, end in zip(groups, edges, edges[1:], strict=False):
+    for group, (begin, end) in zip(groups, pairwise(edges), strict=True):
         first, last = max(begin, group[-1][1][1] - longest), group[-1][1][1]
         last = min(end, max(last, first + longest))
         found.append((Piece(stretch, first, last - first), _numbers(group, first, last)))

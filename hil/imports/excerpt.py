@@ -85,7 +85,7 @@ def _on_grid(instants: Array, values: Array, grid: Array, period: float) -> Arra
     """Values on a grid; as they are where all of it was sampled."""
     nearest = np.searchsorted(instants, grid - period / 2).clip(max=len(instants) - 1)
     if np.all(np.abs(instants[nearest] - grid) < _SAME * period):
-        return values[nearest]
+        return np.asarray(values[nearest])
     return resampled(instants, values, grid)
 
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 from checked_files.yaml_file import FileError
 from hil.imports.excerpt import excerpts_of
 from hil.imports.map_file import load_map
+from hil.imports.motions import measured_motions, numbered_pieces
 from hil.imports.plausibility import suspicions
 from hil.imports.robot_of_map import robot_of
 from hil.imports.samples import read_samples
-from hil.imports.motions import measured_motions, numbered_pieces
 from hil.imports.segments import chosen_rows
 from hil.imports.stamps import WrongStamps, timing_of
 from hil.imports.statement import Statement
@@ -73,7 +73,9 @@ def import_recordings(
     robots = [robot_of(the_map) for the_map in loaded]
     _refuse_differing(loaded, robots)
     with _made_whole(output) as folder:
-        started, motions, statements = now(), [], []
+        started = now()
+        motions: list[FreeMotion] = []
+        statements = []
         for number, the_map in enumerate(loaded):
             statement = _import_one(the_map, robots[0], folder, _stem(loaded, number), progress)
             state(statement)
@@ -183,7 +185,7 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
 
 
 def _stem(maps: Sequence[MapFile], number: int) -> str:
-    """Begin of the ids of a map's motions: its file's name, with its number where that is shared."""
+    """Begin of the ids of a map's motions: its file's name, and its number where that is shared."""
     stems = [re.sub(r"[^A-Za-z0-9_.-]+", "-", m.path.stem).strip("-._")[:40] for m in maps]
     stem = stems[number] or "map"
     return stem if stems.count(stems[number]) == 1 else f"{stem}-{number + 1}"

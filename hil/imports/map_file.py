@@ -78,7 +78,7 @@ def _gain(value: object) -> object:
             " that scale alone; state the gain, with its gain_uncertainty if it is doubtful"
         )
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{value!r} must be a number: torque or force for one unit")
+        raise ValueError(f"{value!r} must be a number: torque or force for one unit")  # noqa: TRY004 - pydantic expects ValueError
     if not value > 0:
         raise ValueError(f"{value:g} must be positive; what is turned round has sign: -1")
     return value
@@ -173,9 +173,9 @@ class MappedRobot(FileModel):
 
 def _pairs(value: object) -> object:
     """A pair alone is a list of one."""
-    is_list = isinstance(value, list | tuple)
-    alone = is_list and len(value) == 2 and not any(isinstance(v, list | tuple) for v in value)  # type: ignore[arg-type,union-attr]
-    return [value] if alone else value
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        return value
+    return value if any(isinstance(v, list | tuple) for v in value) else [value]
 
 
 def _alone(value: object) -> object:

@@ -70,8 +70,8 @@ def _nothing_left(the_map: MapFile, timing: Timing) -> Exception:
     return the_map.wrong(
         at,
         f"no stretch without a gap is as long as {SHORTEST:g} s: the longest of"
-        f" {len(timing.stretches)} has {longest:.3g} s at a period of {timing.period:.4g} s; correct"
-        " the unit of time or the rate, or choose other rows",
+        f" {len(timing.stretches)} has {longest:.3g} s at a period of {timing.period:.4g} s;"
+        " correct the unit of time or the rate, or choose other rows",
     )
 
 

@@ -2,8 +2,7 @@
 
 Signs, the order of joints, degrees for radians and the motor's side for the joint's leave traces: in
 the derivative of the position against the recorded velocity, in ranges and limits, in friction,
-which never drives, and in how gravity and inertia depend on the positions (`model_shape`). What is
-certain refuses the import, unless the map accepts it; the rest is stated.
+which never drives, and in how torques depend on the positions (`model_shape`). What is certain refuses the import, unless the map accepts it; the rest is stated.
 """
 
 from __future__ import annotations
@@ -205,7 +204,7 @@ def _why_scaled(scale: float, gear: float) -> str:
         1e3: "velocity is in mm/s: correct unit",
         1e-3: "position is in mm: correct its unit",
         30 / pi: "velocity is in rpm: correct unit",
-        gear: f"velocity is on the motor's side at a gear ratio of {gear:g}: correct it with rows of"
+        gear: f"velocity is on the motor's side at a gear ratio of {gear:g}: its unit is on"
         " the joint's side",
         1 / gear: f"position is on the motor's side at a gear ratio of {gear:g}: correct"
         " position_side",

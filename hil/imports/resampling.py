@@ -36,9 +36,7 @@ def resampled(instants: Array, values: Array, grid: Array) -> Array:
     h = np.diff(instants)[interval]
     u = np.clip((grid - instants[interval]) / h, 0.0, 1.0)
     slopes = _slopes(instants, values)
-    before, after = (
-        (values[at], slopes[at] * h[:, None]) for at in (interval, interval + 1)
-    )
+    before, after = ((values[at], slopes[at] * h[:, None]) for at in (interval, interval + 1))
     u = u[:, None]
     result: Array = (
         (1 + 2 * u) * (1 - u) ** 2 * before[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import yaml
@@ -9,9 +10,13 @@ import yaml
 from checked_files.yaml_file import FileError
 from hil.errors import UnknownName
 from hil.model.robot import Robot, available_robots, load_robot, parse_robot
+from hil.model.robot_file import UNKNOWN
+from hil.model.urdf_robot import robot_from_urdf
 
 if TYPE_CHECKING:
     from hil.imports.map_file import MapFile
+
+_UNKNOWN_DRIVE = dict.fromkeys(("gear_ratio", "rotor_inertia", "torque_constant"), UNKNOWN)
 
 
 def robot_of(the_map: MapFile) -> Robot:
@@ -20,20 +25,23 @@ def robot_of(the_map: MapFile) -> Robot:
     Raises
     ------
     FileError
-        There is none, it cannot be used, or a URDF is named.
+        There is none, or it cannot be used.
     """
-    stated = the_map.content.robot
-    if stated.urdf is not None:
-        raise the_map.wrong(
-            ("robot", "urdf"),
-            f"write a robot file first: hil robot new --urdf {the_map.beside(stated.urdf)}",
-        )
-    name = str(stated.name)
     try:
-        robot = load_robot(name if name in available_robots() else the_map.beside(name))
+        robot = _stated(the_map)
     except (FileError, UnknownName) as error:
         raise the_map.wrong(("robot",), str(error)) from error
     return _with_uncertainties(the_map, robot)
+
+
+def _stated(the_map: MapFile) -> Robot:
+    stated = the_map.content.robot
+    if stated.urdf is not None:
+        urdf = the_map.beside(stated.urdf)
+        return robot_from_urdf(urdf, stated.base, stated.tip, stated.gravity)
+    name = str(stated.name)
+    known = name in available_robots() or not Path(name).suffix
+    return load_robot(name if known else the_map.beside(name))
 
 
 def _with_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
@@ -47,6 +55,7 @@ def _with_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
     content = robot.file.model_dump(mode="json", exclude_none=True)
     for joint, uncertainty in zip(content["joints"], relative, strict=True):
         if uncertainty:
-            joint["drive"]["torque_constant_uncertainty"] = uncertainty
+            drive = joint.setdefault("drive", dict(_UNKNOWN_DRIVE))
+            drive["torque_constant_uncertainty"] = uncertainty
     text = yaml.safe_dump(content, sort_keys=False, width=200)
     return parse_robot(f"# {robot.source}, with the gains' uncertainties\n{text}", robot.source)

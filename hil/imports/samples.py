@@ -153,8 +153,9 @@ def _index(the_map: MapFile, table: Table, column: ColumnName | None, at: Locati
     if column is None:
         if table.time is None:
             raise the_map.wrong(
-                (), f"time: missing, and {table.path} has no stamps of its own; add time: {{column:"
-                " ..., unit: s}, or time: {rate: ...} in Hz"
+                (),
+                f"time: missing, and {table.path} has no stamps of its own; add time: {{column:"
+                " ..., unit: s}, or time: {rate: ...} in Hz",
             )
         return table.time
     try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,7 +118,7 @@ def pieces_of(stretch: Stretch) -> list[Piece]:
         return []
     parts = math.ceil((n - 1) * stretch.period / LONGEST - 1e-6)
     edges = np.linspace(0, n, parts + 1).round().astype(int).tolist()
-    return [Piece(stretch, a, b - a) for a, b in zip(edges, edges[1:], strict=False)]
+    return [Piece(stretch, a, b - a) for a, b in pairwise(edges)]
 
 
 def block_counts(durations: Sequence[float]) -> list[int]:

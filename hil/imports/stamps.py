@@ -35,6 +35,7 @@ EVEN = 0.01
 """Deviation from the period that counts as none, as share of it."""
 _WINDOW = 50
 _DISORDER = 0.01
+_SAME_STAMP = 1e-6
 _COMPARED = 20_000
 
 Instants = Literal["even", "counted", "stamped"]
@@ -141,7 +142,7 @@ def timing_of(samples: Samples, segments: list[Rows], *, trusted: bool = False) 
     instants: Instants = "even" if trusted else _instants(samples, parts, period)
     stretches = []
     for rows in parts:
-        kept = rows if instants != "stamped" else _distinct(samples.time, rows, counts)
+        kept = rows if instants != "stamped" else _distinct(samples.time, rows, period)
         if len(kept) > 1:
             stretches.append(_stretch(samples.time[kept], kept, period, instants, counts))
     return Timing(stretches, period, instants, counts)
@@ -213,8 +214,8 @@ def _lost(time: Array, at: int, period: float) -> float:
 
 def _note_jitter(times: list[Array], period: float, counts: Counts) -> None:
     steps = np.concatenate([np.diff(t) for t in times]) if times else np.zeros(1)
-    counts.jitter = float(np.std(steps))
-    counts.doubled += int(np.count_nonzero(steps < 1e-6 * period))
+    counts.jitter = round(float(np.std(steps)), 9)
+    counts.doubled += int(np.count_nonzero(steps <= _SAME_STAMP * period))
 
 
 def _instants(samples: Samples, parts: list[Rows], period: float) -> Instants:
@@ -251,27 +252,22 @@ def _roughness(q: Array, h: Array, period: float) -> Array:
     return np.array([np.sum(counted**2, axis=0), np.sum(stamped**2, axis=0)])
 
 
-def _distinct(time: Array, rows: Rows, counts: Counts) -> Rows:
+def _distinct(time: Array, rows: Rows, period: float) -> Rows:
     """Rows without those that bear the stamp of the row before."""
-    steps = np.diff(time[rows])
-    del counts  # doubled ones are counted already
-    return rows[np.concatenate([[True], steps > 1e-6 * np.median(steps[steps > 0], axis=0)])]
+    apart = np.diff(time[rows]) > _SAME_STAMP * period
+    return rows[np.concatenate([[True], apart])]
 
 
-def _stretch(
-    time: Array, rows: Rows, period: float, instants: Instants, counts: Counts
-) -> Stretch:
+def _stretch(time: Array, rows: Rows, period: float, instants: Instants, counts: Counts) -> Stretch:
     if instants == "stamped":
         counts.bridged += int(np.sum(np.maximum(np.rint(np.diff(time) / period) - 1, 0)))
         return Stretch(rows, time, period)
     slots = _slots(time, period)
     counts.bridged += int(slots[-1]) + 1 - len(slots)
-    if len(slots) > 2:
-        slope, begin = np.polynomial.polynomial.polyfit(slots, time - time[0], 1)[::-1]
-    else:
-        slope, begin = (time[-1] - time[0]) / slots[-1], 0.0
-    exact = period if abs(slope - period) * slots[-1] < EVEN * period else float(slope)
-    return Stretch(rows, time[0] + begin + exact * slots, exact)
+    if instants == "even":
+        return Stretch(rows, time[0] + period * slots, period)
+    own, begin = np.polyfit(slots, time, 1) if len(slots) > 2 else (period, time[0])
+    return Stretch(rows, begin + own * slots, float(own))
 
 
 def _slots(time: Array, period: float) -> NDArray[np.int64]:
@@ -279,4 +275,4 @@ def _slots(time: Array, period: float) -> NDArray[np.int64]:
     steps = np.ones(len(time) - 1, dtype=np.int64)
     for at in np.flatnonzero(np.diff(time) > 1.5 * period):
         steps[at] += max(0, round(_lost(time, int(at), period) / period))
-    return np.concatenate([[0], np.cumsum(steps)])
+    return np.asarray(np.concatenate([[0], np.cumsum(steps)]), dtype=np.int64)

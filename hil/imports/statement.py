@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 _INSTANTS = {
     "even": "are even as they are",
-    "counted": "are counted, since positions are smoother so than by their stamps",
-    "stamped": "are the stamps, resampled by cubics, since positions are smoother so than counted",
+    "counted": "are counted, since positions are smoother so",
+    "stamped": "are the stamps, resampled by cubics, since positions are smoother so",
 }
 
 
@@ -57,11 +57,8 @@ class Statement:
     def _samples(self) -> Iterator[str]:
         timing, counts = self.timing, self.timing.counts
         files = ", ".join(self.the_map.content.files)
-        jitter = f"{1e6 * counts.jitter:.3g} us" if counts.jitter < 1e-3 else (
-            f"{1e3 * counts.jitter:.3g} ms"
-        )
         yield (
-            f"{files}: {counts.rows} rows at {1 / timing.period:.6g} Hz (jitter {jitter});"
+            f"{files}: {counts.rows} rows at {1 / timing.period:.6g} Hz (jitter {1e3 * counts.jitter:.2g} ms);"
             f" instants {_INSTANTS[timing.instants]}"
         )
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.motor_side import motor_matrix
 from hil.imports.units import JOINT_TYPES, SECONDS, position_factor
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ class Conversion:
         to_joints = np.diag(q).T
         speeds, efforts = np.diag(qd), np.diag([torque.factor for torque in torques])
         if "motor" in {content.position_side, content.torque_side}:
-            matrix = motor_matrix(robot)
+            matrix = _motor_matrix(the_map, robot)
             if content.position_side == "motor":
                 inverse = np.linalg.inv(matrix)
                 to_joints = to_joints @ inverse.T
@@ -90,8 +89,19 @@ class Conversion:
     def complete(self, values: Array) -> NDArray[np.bool_]:
         """Rows of converted values in which nothing that was recorded is missing."""
         recorded = np.concatenate([np.ones(2 * self._n, dtype=bool), self._moving])
-        found: NDArray[np.bool_] = np.isfinite(values[:, recorded]).all(axis=1)
-        return found
+        return np.asarray(np.isfinite(values[:, recorded]).all(axis=1))
+
+
+def _motor_matrix(the_map: MapFile, robot: Robot) -> Array:
+    unknown = np.flatnonzero(np.isnan(robot.motor_matrix).any(axis=1))
+    if len(unknown):
+        key = "position_side" if the_map.content.position_side == "motor" else "torque_side"
+        raise the_map.wrong(
+            (key,),
+            f"motor needs the gear ratio of joint {unknown[0] + 1}, which {robot.source} leaves"
+            " unknown; state it there",
+        )
+    return robot.motor_matrix
 
 
 def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:

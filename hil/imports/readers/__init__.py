@@ -46,7 +46,7 @@ def _refuse_unreadable(path: Path) -> None:
             raise FileError(f"{path}: is empty; name a file with a recording")
 
 
-def _reader(path: Path) -> Callable[[Path, Format], Table]:  # noqa: PLR0911 - a line a format
+def _reader(path: Path) -> Callable[[Path, Format], Table]:
     """Import a format's reader, and with it what that needs."""
     ending = Path(path.stem).suffix.lower() if path.suffix == ".gz" else path.suffix.lower()
     if path.is_dir() or ending in BAGS:

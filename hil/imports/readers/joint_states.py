@@ -7,7 +7,6 @@ message's header, and ``received`` the bag's own, both in ns.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -114,8 +114,7 @@ class _opened:  # noqa: N801 - a context manager, read like a function
         return self._reader
 
     def __exit__(self, *_: object) -> None:
-        if self._reader.isopen:
-            self._reader.close()
+        self._reader.close()
 
 
 class _Sound:

@@ -67,9 +67,7 @@ def layout_of(text: str, stated: Format) -> Layout:
     names = _names(rows[first - 1][1]) if first else _in_comment(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
-    return Layout(
-        delimiter, decimal, stated.comment, names or ("",) * width, rows[first][0]
-    )
+    return Layout(delimiter, decimal, stated.comment, names or ("",) * width, rows[first][0])
 
 
 def cells(line: str, delimiter: str) -> list[str]:

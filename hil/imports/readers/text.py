@@ -1,7 +1,7 @@
 """Tables as text: CSV, TSV, columns of blanks, also compressed; read block by block.
 
-A cell is missing (NaN) if it is empty or reads nan, na, null, none or inf; anything else in a column
-that is wanted is an error with its place.
+A cell is missing (NaN) if it is empty or reads nan, na, null, none or inf; anything else in a
+column that is wanted is an error with its place.
 """
 
 from __future__ import annotations
@@ -74,9 +74,7 @@ class TextTable:
                 encoding="utf-8",
             )
 
-    def _read_row_by_row(
-        self, text: bytes, columns: Sequence[int], row: int, line: int
-    ) -> Array:
+    def _read_row_by_row(self, text: bytes, columns: Sequence[int], row: int, line: int) -> Array:
         """Read cells one by one: an empty one is missing, another one is an error with its place.
 
         A row that is too short lacks what stands beyond its end.

@@ -1,0 +1,226 @@
+"""A first map for a file: what can be seen in it, and marks where only the user knows more.
+
+Columns are matched to joints by their names; a unit stands in the draft only where the format
+itself has one, as joint states of ROS do. Elsewhere it is marked, and names and magnitudes give the guess
+that the mark's text states, so that nothing guessed goes unread.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import UNSTATED, FileError
+from hil.imports.map_file import Format
+from hil.imports.readers import open_table
+from hil.imports.units import SECONDS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.imports.tables import Table
+
+    Array = NDArray[np.float64]
+
+ROWS = 100_000
+"""Rows that are looked at, about."""
+_UNIT_IN_NAME = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I)
+_WORDS = {
+    "position": {"position", "positions", "pos", "q", "theta", "angle", "x"},
+    "velocity": {"velocity", "velocities", "vel", "qd", "dq", "qdot", "speed", "omega", "v"},
+    "torque": {
+        *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr"),
+        *("force", "i", "u", "f", "tq", "voltage"),
+    },
+}
+"""What columns of a kind are called."""
+_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds"}
+_SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
+_FILLERS = {"actual", "measured", "meas", "act"}
+_UNITS = {
+    "position": "rad, deg, m, mm or counts",
+    "velocity": "rad/s, deg/s, rpm, m/s, mm/s or counts/s",
+    "torque": "N m, N, A, V or per mille",
+}
+
+
+@dataclass(frozen=True)
+class SeenColumn:
+    """A column as it looks: its number from 1, name, and the extremes of its values."""
+
+    number: int
+    name: str
+    low: float
+    high: float
+    rises: bool
+    step: float
+
+    @property
+    def key(self) -> str:
+        """Name or number as a map states it."""
+        return json.dumps(self.name, ensure_ascii=False) if self.name else str(self.number)
+
+
+def draft_map(path: Path, name: str) -> str:
+    """Text of a first map.
+
+    Parameters
+    ----------
+    path : Path
+        Of a file of a recording.
+    name : str
+        Of the file as the map is to state it.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or holds no columns of numbers.
+    """
+    table = open_table(path, Format())
+    columns, looked_at = _look(table)
+    if not columns:
+        raise FileError(f"{path}: holds no columns of numbers")
+    time = _time_of(table, columns)
+    joints = _joints([column for column in columns if column is not time])
+    return "\n".join(
+        [
+            f"# Map of {' '.join(name.split())}, drafted from its first {looked_at} rows.",
+            f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
+            "# Columns and what they hold:",
+            *(f"#   {_described(column)}" for column in columns),
+            f"robot: {UNSTATED} a robot file, a URDF, or the name of a robot",
+            f"files: [{json.dumps(name, ensure_ascii=False)}]",
+            *_time_lines(time, from_format=table.time is not None),
+            "joints: # in the robot's order, as many as it has",
+            *(line for joint in joints for line in _joint(joint, from_ros=table.time is not None)),
+            "torque_side: joint # or motor",
+            "position_side: joint # or motor",
+            "kind: free # or {back_and_forth: JOINT}",
+            "",
+        ]
+    )
+
+
+def _look(table: Table) -> tuple[list[SeenColumn], int]:
+    """Columns of numbers, and how many rows of them were read."""
+    every = list(range(len(table.names)))
+    try:
+        values = _first_rows(table, every)
+        columns = dict(zip(every, values.T, strict=True))
+    except FileError:  # text in a column, or lengths that differ: column by column
+        columns = {}
+        for index in every:
+            with suppress(FileError):
+                columns[index] = _first_rows(table, [index])[:, 0]
+    seen = [_seen(index, table.names[index], values) for index, values in columns.items()]
+    return [s for s in seen if s is not None], max(map(len, columns.values()), default=0)
+
+
+def _first_rows(table: Table, columns: Sequence[int]) -> Array:
+    blocks, n = [np.empty((0, len(columns)))], 0
+    for block in table.blocks(columns):
+        blocks.append(block)
+        n += len(block)
+        if n >= ROWS:
+            break
+    return np.concatenate(blocks)
+
+
+def _seen(index: int, name: str, values: Array) -> SeenColumn | None:
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return None
+    steps = np.diff(values)
+    rises = bool(len(steps) and np.all(steps >= 0) and values[-1] > values[0])
+    step = (values[-1] - values[0]) / max(1, len(steps))
+    extremes = float(values.min()), float(values.max())
+    return SeenColumn(index + 1, name, *extremes, rises, float(step))
+
+
+def _described(column: SeenColumn) -> str:
+    name = f" {' '.join(column.name.split())}" if column.name else ""
+    rising = ", rising" if column.rises else ""
+    return f"{column.number}{name}: {column.low:.6g} to {column.high:.6g}{rising}"
+
+
+def _time_of(table: Table, columns: Sequence[SeenColumn]) -> SeenColumn | None:
+    if table.time is not None:
+        return next(column for column in columns if column.number == table.time + 1)
+    rising = [column for column in columns if column.rises]
+    named = [column for column in rising if _TIMES.intersection(_words(column.name))]
+    unnamed = [column for column in rising if not column.name]
+    return next(iter([*named, *unnamed]), None)
+
+
+def _time_lines(time: SeenColumn | None, *, from_format: bool) -> Iterator[str]:
+    if time is None:
+        yield f"time: {{rate: {UNSTATED} samples per second [Hz]}}"
+    elif from_format:
+        yield "time: {column: time, unit: ns}"
+    else:
+        rates = {unit: 1 / (time.step * s) for unit, s in SECONDS.items() if time.step > 0}
+        likely = [f"{unit} if {rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5]
+        yield "time:"
+        yield f"  column: {time.key}"
+        yield f"  unit: {UNSTATED} {', '.join(likely) or ', '.join(SECONDS)}"
+
+
+def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
+    """Columns of each joint, as far as their names say; one joint without any otherwise."""
+    found: dict[tuple[str, ...], dict[str, SeenColumn]] = {}
+    for column in columns:
+        words = _words(_UNIT_IN_NAME.sub("", column.name))
+        for key, known in _WORDS.items():
+            named = [word for word in words if word in known]
+            if named and not _SET_POINTS.intersection(words):
+                joint = tuple(word for word in words if word not in {named[0], *_FILLERS})
+                found.setdefault(joint, {}).setdefault(key, column)
+                break
+    return [joint for joint in found.values() if "position" in joint] or [{}]
+
+
+def _words(name: str) -> list[str]:
+    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", name)]
+
+
+def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
+    start = "  - "
+    for key in ("position", "velocity", "torque"):
+        column = joint.get(key)
+        if column is None and key == "velocity":
+            continue
+        yield f"{start}{key}:"
+        start = "    "
+        number = column.key if column else f"{UNSTATED} number or name of the column of its {key}s"
+        yield f"      column: {number}"
+        yield f"      unit: {_unit(key, column, from_ros=from_ros)}"
+        if key == "torque" and not from_ros:
+            yield f"      gain: {UNSTATED} N m, or N, for one unit; 1 for N m and N"
+
+
+def _unit(key: str, column: SeenColumn | None, *, from_ros: bool) -> str:
+    if from_ros:
+        turning = {"position": "rad", "velocity": "rad/s", "torque": "N m"}[key]
+        return f"{turning} # as ROS has it for joints that turn"
+    return f"{UNSTATED} {_UNITS[key]}{_guess(key, column)}"
+
+
+def _guess(key: str, column: SeenColumn | None) -> str:
+    """What name and magnitude suggest, in words."""
+    if column is None:
+        return ""
+    most = max(abs(column.low), abs(column.high))
+    if match := _UNIT_IN_NAME.search(column.name):
+        return f"; up to {most:.4g}, and its name says {match[1] or match[2]}"
+    if key != "position":
+        return f"; up to {most:.4g}"
+    likely = "rad or m" if most < 7 else "deg" if most <= 400 else "counts or mm"
+    return f"; up to {most:.4g} looks like {likely}"
