@@ -1,8 +1,8 @@
 """A first map for a file: what can be seen in it, and marks where only the user knows more.
 
 Columns are matched to joints by their names; a unit stands in the draft only where the format
-itself has one, as joint states of ROS do. Elsewhere it is marked, and names and magnitudes give the guess
-that the mark's text states, so that nothing guessed goes unread.
+itself has one, as joint states of ROS do. Elsewhere it is marked, and names and magnitudes give
+the guess that the mark's text states, so that nothing guessed goes unread.
 """
 
 from __future__ import annotations

@@ -37,6 +37,7 @@ CERTAIN = 3.0
 _EXPLAINED = 0.7
 _WELL = 0.35
 _WIDEST = 20.0
+_LEAST = 0.02
 _RIDGE = 1e-9
 
 
@@ -57,7 +58,8 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
         array[::step] for array in (evidence.q, evidence.qd, evidence.qdd, evidence.tau)
     )
     moving = np.ptp(q, axis=0) > np.maximum(0.01 * np.nan_to_num(robot.q_max - robot.q_min), 1e-3)
-    scale = np.std(tau, axis=0)
+    scatter = np.std(tau, axis=0)
+    scale = np.maximum(scatter, _LEAST * scatter.max())
     if len(q) < POINTS // 2 or not moving.any() or not scale.all():
         return
     motion = (q, qd, qdd)
@@ -83,7 +85,7 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
 def _design(robot: Robot, motion: Motion, scale: Array) -> Array:
     """Columns of the base parameters, inertia, friction and offset, each of norm 1.
 
-    A joint's rows are divided by `scale`, the scatter of its torques.
+    A joint's rows are divided by `scale`, the scatter of its torques as far as it is notable.
     """
     rigid = regressor(robot, *motion)
     n, joints, n_base = rigid.shape

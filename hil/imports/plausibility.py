@@ -1,8 +1,9 @@
 """What contradicts itself in a recording, found before anything is estimated from it.
 
-Signs, the order of joints, degrees for radians and the motor's side for the joint's leave traces: in
-the derivative of the position against the recorded velocity, in ranges and limits, in friction,
-which never drives, and in how torques depend on the positions (`model_shape`). What is certain refuses the import, unless the map accepts it; the rest is stated.
+Signs, the order of joints, degrees for radians and the motor's side for the joint's leave traces:
+in the derivative of the position against the recorded velocity, in ranges and limits, in friction,
+which never drives, and in how torques depend on the positions (`model_shape`). What is certain
+refuses the import, unless the map accepts it; the rest is stated.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ _AGREES = 0.1
 _BEYOND = 1.05
 _FAR_BEYOND = 3.0
 _FRICTION_T = 6.0
+_OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ def suspicions(
     evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *_ranges(evidence, robot)]
     found += [*_velocities(evidence, robot), *_friction(evidence)]
-    if not any(suspicion.certain for suspicion in found):
+    if alone is None and not any(suspicion.certain for suspicion in found):
         found += shape_suspicions(evidence, robot)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
@@ -107,13 +109,14 @@ def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
         if excess > (_BEYOND - 1) * (high - low):
-            reason = _other_unit(q, joint, robot)
+            far = excess > (_FAR_BEYOND - 1) * (high - low)
             yield Suspicion(
                 "range",
                 ("joints", joint, "position"),
                 f"reaches from {q.min():.4g} to {q.max():.4g} {unit}, but joint {joint + 1} of"
-                f" {robot.name} has {low:.4g} to {high:.4g} {unit}; {reason}",
-                certain=excess > (_FAR_BEYOND - 1) * (high - low),
+                f" {robot.name} has {low:.4g} to {high:.4g} {unit};"
+                f" {_other_unit(q, joint, robot) if far else _OTHERWISE}",
+                certain=far,
             )
             continue
         for key, values, limit, per in (
@@ -138,13 +141,17 @@ def _other_unit(q: Array, joint: int, robot: Robot) -> str:
     slack = 0.02 * (high - low)
     turning = bool(robot.revolute[joint])
     gear = float(robot.gear_ratio[joint])
-    for factor, what in (
-        (pi / 180 if turning else 1e-3, f"they look like unit: {'deg' if turning else 'mm'}"),
-        (1 / gear, f"they look like the motor's side at a gear ratio of {gear:g}"),
-    ):
-        if factor != 1 and low - slack <= factor * q.min() and factor * q.max() <= high + slack:
-            return what
-    return "correct unit, offset or column, or the range in the robot file"
+    fitting = [
+        what
+        for factor, what in (
+            (pi / 180 if turning else 1e-3, f"unit: {'deg' if turning else 'mm'}"),
+            (1 / gear, f"the motor's side at a gear ratio of {gear:g}"),
+        )
+        if factor != 1
+        and low - slack <= factor * q.min()
+        and factor * q.max() <= high + slack
+    ]
+    return f"they look like {' or '.join(fitting)}" if fitting else _OTHERWISE
 
 
 def _velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:

@@ -1,14 +1,15 @@
 """Time stamps: what of a recording is without a gap, and at which instants it was sampled.
 
 The period is the middle one of the mean periods of fifty samples each, so that neither stamps in
-bursts nor gaps nor a coarse clock decide it. Rows without a number, and rows that bear the stamp of
-the row before, are left out and counted. Where more than `GAP` passes between two rows, and later
+bursts nor gaps nor a coarse clock decide it. Rows without a number, and rows that repeat the row
+before, are left out and counted. Where more than `GAP` passes between two rows, and later
 rows do not make up for it, samples are missing and the recording is split; a stall of the recorder
 after which rows come in a burst is none.
 
 Instants are the stamps themselves, or even ones by counting the samples: whichever makes the
 positions smoother. A recorder that polls is late at sampling, and its stamps are right; one that
-stamps what arrives is late at stamping, and the count is right.
+stamps what arrives is late at stamping, and the count is right. Where more than a twentieth of the
+rows bear the stamp of another one, the clock is coarse, and the count is right as well.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ EVEN = 0.01
 _WINDOW = 50
 _DISORDER = 0.01
 _SAME_STAMP = 1e-6
+_COARSE = 0.05
 _COMPARED = 20_000
 
 Instants = Literal["even", "counted", "stamped"]
@@ -103,7 +105,7 @@ class Counts:
 
 @dataclass
 class Timing:
-    """Stretches of a recording, their period [s], how instants were found, and what was counted."""
+    """Stretches of a recording, the longest one's period [s], whence instants are, and counts."""
 
     stretches: list[Stretch]
     period: float
@@ -136,6 +138,7 @@ def timing_of(samples: Samples, segments: list[Rows], *, trusted: bool = False) 
     if not period > 0:
         raise WrongStamps("time does not pass; choose another column of time, or state its rate")
     ordered = [_ordered(samples, rows, period, counts) for rows in usable]
+    ordered = [_without_repeats(samples, rows, counts) for rows in ordered]
     parts = [part for rows in ordered for part in _split(samples.time[rows], rows, period, counts)]
     parts = [part for part in parts if len(part) > 1]
     _note_jitter([samples.time[rows] for rows in parts], period, counts)
@@ -145,7 +148,8 @@ def timing_of(samples: Samples, segments: list[Rows], *, trusted: bool = False) 
         kept = rows if instants != "stamped" else _distinct(samples.time, rows, period)
         if len(kept) > 1:
             stretches.append(_stretch(samples.time[kept], kept, period, instants, counts))
-    return Timing(stretches, period, instants, counts)
+    longest = max(stretches, key=lambda stretch: len(stretch.rows))
+    return Timing(stretches, longest.period, instants, counts)
 
 
 def _usable(samples: Samples, rows: Rows, counts: Counts) -> Rows:
@@ -189,6 +193,16 @@ def _ordered(samples: Samples, rows: Rows, period: float, counts: Counts) -> Row
     return rows[np.argsort(time, kind="stable")]
 
 
+def _without_repeats(samples: Samples, rows: Rows, counts: Counts) -> Rows:
+    """Rows without those that repeat the row before, stamp and values."""
+    same = np.flatnonzero(np.diff(samples.time[rows]) == 0)
+    equal = np.array(
+        [np.array_equal(*samples.values[rows[at : at + 2]], equal_nan=True) for at in same], bool
+    )
+    counts.doubled += int(np.count_nonzero(equal))
+    return np.delete(rows, same[equal] + 1)
+
+
 def _split(time: Array, rows: Rows, period: float, counts: Counts) -> Iterator[Rows]:
     """Split rows where samples are missing for longer than is bridged."""
     longest = max(GAP, GAP_PERIODS * period)
@@ -223,6 +237,9 @@ def _instants(samples: Samples, parts: list[Rows], period: float) -> Instants:
     steps = [np.diff(samples.time[rows]) for rows in parts]
     if all(np.all(np.abs(s - period) < EVEN * period) for s in steps):
         return "even"
+    every = np.concatenate(steps)
+    if np.mean(every <= _SAME_STAMP * period) > _COARSE:
+        return "counted"
     rough = np.zeros((2, samples.n_joints))
     for rows in _some_of(parts):
         q, h = samples.values[rows, : samples.n_joints], np.diff(samples.time[rows])
@@ -266,13 +283,28 @@ def _stretch(time: Array, rows: Rows, period: float, instants: Instants, counts:
     counts.bridged += int(slots[-1]) + 1 - len(slots)
     if instants == "even":
         return Stretch(rows, time[0] + period * slots, period)
-    own, begin = np.polyfit(slots, time, 1) if len(slots) > 2 else (period, time[0])
-    return Stretch(rows, begin + own * slots, float(own))
+    own, begin = _line(slots, time, period)
+    return Stretch(rows, begin + own * slots, own)
+
+
+def _line(slots: NDArray[np.int64], time: Array, period: float) -> tuple[float, float]:
+    """Slope and begin of even instants, by the least late stamps here and there [s]."""
+    if len(slots) < 3 * _WINDOW:
+        return float((time[-1] - time[0]) / slots[-1]), float(time[0])
+    late = time - period * slots
+    parts = np.array_split(np.arange(len(slots)), len(slots) // _WINDOW)
+    least = np.array([part[np.argmin(late[part])] for part in parts])
+    slope, begin = np.polyfit(slots[least], time[least], 1)
+    return float(slope), float(begin)
 
 
 def _slots(time: Array, period: float) -> NDArray[np.int64]:
-    """Number of each sample in an even count that goes on where samples are missing."""
-    steps = np.ones(len(time) - 1, dtype=np.int64)
-    for at in np.flatnonzero(np.diff(time) > 1.5 * period):
+    """Number of each sample in an even count that goes on where samples are missing.
+
+    What is lost within a tick of a coarse clock cannot be seen.
+    """
+    steps, passed = np.ones(len(time) - 1, dtype=np.int64), np.diff(time)
+    tick = float(np.median(passed[passed > _SAME_STAMP * period]))
+    for at in np.flatnonzero(passed > 1.5 * max(period, tick)):
         steps[at] += max(0, round(_lost(time, int(at), period) / period))
     return np.asarray(np.concatenate([[0], np.cumsum(steps)]), dtype=np.int64)

@@ -58,8 +58,8 @@ class Statement:
         timing, counts = self.timing, self.timing.counts
         files = ", ".join(self.the_map.content.files)
         yield (
-            f"{files}: {counts.rows} rows at {1 / timing.period:.6g} Hz (jitter {1e3 * counts.jitter:.2g} ms);"
-            f" instants {_INSTANTS[timing.instants]}"
+            f"{files}: {counts.rows} rows at {1 / timing.period:.6g} Hz,"
+            f" jitter {1e3 * counts.jitter:.2g} ms; instants {_INSTANTS[timing.instants]}"
         )
 
     def _left_out(self) -> Iterator[str]:

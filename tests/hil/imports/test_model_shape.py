@@ -1,0 +1,58 @@
+"""Gravity and inertia show signs, order, zeros and units that the map has wrong."""
+
+import numpy as np
+import pytest
+from synthetic import TABLE_3_A
+
+from hil.imports.model_shape import shape_suspicions
+from hil.imports.plausibility import Evidence
+from hil.model.dynamics import inverse_dynamics
+
+
+@pytest.fixture(scope="module")
+def evidence(manutec):
+    """A free motion of the manutec-r15, with friction."""
+    t = np.arange(0, 30, 0.1)
+    w = 2 * np.pi * np.array([0.11, 0.13, 0.17, 0.19, 0.23, 0.29])
+    q = 0.7 * np.sin(np.outer(t, w)) + np.array([0, 0.3, -0.4, 0, 0.5, 0])
+    qd, qdd = 0.7 * w * np.cos(np.outer(t, w)), -0.7 * w**2 * np.sin(np.outer(t, w))
+    motors = manutec.reflected_inertia * qdd
+    tau = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd) + motors + 10 * np.tanh(qd / 0.03)
+    tau += np.random.default_rng(1).normal(0, 0.3, tau.shape)
+    return Evidence(q, qd, qdd, tau, np.full_like(q, np.nan))
+
+
+def found(evidence, manutec, q=None, qd=None, tau=None):
+    changed = Evidence(
+        evidence.q if q is None else q,
+        evidence.qd if qd is None else qd,
+        evidence.qdd,
+        evidence.tau if tau is None else tau,
+        evidence.recorded_qd,
+    )
+    return [s.message for s in shape_suspicions(changed, manutec)]
+
+
+def test_the_right_map_raises_no_suspicion(evidence, manutec):
+    assert found(evidence, manutec) == []
+
+
+@pytest.mark.parametrize(("turn", "words"), [(np.pi / 2, "-pi/2"), (-np.pi / 2, "pi/2")])
+def test_a_zero_that_is_a_quarter_turn_off(evidence, manutec, turn, words):
+    shift = np.array([0, 0, turn, 0, 0, 0])
+    (message,) = found(evidence, manutec, q=evidence.q + shift)
+    assert message.endswith(f"if, say, the positions of joint 3 had {words} rad more")
+
+
+def test_torques_in_another_order(evidence, manutec):
+    (message,) = found(evidence, manutec, tau=evidence.tau[:, [0, 2, 1, 3, 4, 5]])
+    assert message.endswith("if, say, the torques of joints 2 and 3 are exchanged")
+
+
+def test_joints_in_another_order(evidence, manutec):
+    order = [0, 2, 1, 3, 4, 5]
+    changed = Evidence(*(getattr(evidence, name)[:, order]
+                         for name in ("q", "qd", "qdd", "tau", "recorded_qd")))  # fmt: skip
+    (suspicion,) = shape_suspicions(changed, manutec)
+    assert suspicion.message.endswith("if, say, joints 2 and 3 are exchanged")
+    assert suspicion.location == ("joints", 1)
