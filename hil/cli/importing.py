@@ -44,7 +44,7 @@ def import_(
             _state,
             lambda path, rows: status.update(f"reading {path.name}: {rows} rows"),
         )
-    say(f"{output}: {len(run)} motions of {run.robot.name}; go on with: hil identify {output}")
+    say(f"{output}: a run of {run.robot.name}; go on with: hil identify {output}")
 
 
 def _state(statement: Statement) -> None:

@@ -21,8 +21,8 @@ from hil.runs.recording import IDLE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.imports.instants import Stretch
     from hil.imports.samples import Samples
-    from hil.imports.stamps import Stretch
 
     Array = NDArray[np.float64]
 

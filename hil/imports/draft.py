@@ -66,7 +66,7 @@ class SeenColumn:
     @property
     def key(self) -> str:
         """Name or number as a map states it."""
-        return json.dumps(self.name, ensure_ascii=False) if self.name else str(self.number)
+        return json.dumps(self.name) if self.name else str(self.number)
 
 
 def draft_map(path: Path, name: str) -> str:
@@ -92,12 +92,12 @@ def draft_map(path: Path, name: str) -> str:
     joints = _joints([column for column in columns if column is not time])
     return "\n".join(
         [
-            f"# Map of {' '.join(name.split())}, drafted from its first {looked_at} rows.",
+            f"# Map of {_plain(name)}, drafted from its first {looked_at} rows.",
             f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
             "# Columns and what they hold:",
             *(f"#   {_described(column)}" for column in columns),
             f"robot: {UNSTATED} a robot file, a URDF, or the name of a robot",
-            f"files: [{json.dumps(name, ensure_ascii=False)}]",
+            f"files: [{json.dumps(name)}]",
             *_time_lines(time, from_format=table.time is not None),
             "joints: # in the robot's order, as many as it has",
             *(line for joint in joints for line in _joint(joint, from_ros=table.time is not None)),
@@ -146,9 +146,14 @@ def _seen(index: int, name: str, values: Array) -> SeenColumn | None:
 
 
 def _described(column: SeenColumn) -> str:
-    name = f" {' '.join(column.name.split())}" if column.name else ""
+    name = f" {_plain(column.name)}" if column.name else ""
     rising = ", rising" if column.rises else ""
     return f"{column.number}{name}: {column.low:.6g} to {column.high:.6g}{rising}"
+
+
+def _plain(text: str) -> str:
+    """Text as it may stand in a comment or a mark, whatever a file calls its columns."""
+    return " ".join(re.sub(r"[^\x21-\x39\x3b-\x7e\xa1-\uffff]|#", " ", text).split())
 
 
 def _time_of(table: Table, columns: Sequence[SeenColumn]) -> SeenColumn | None:
@@ -162,7 +167,8 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> SeenColumn | None:
 
 def _time_lines(time: SeenColumn | None, *, from_format: bool) -> Iterator[str]:
     if time is None:
-        yield f"time: {{rate: {UNSTATED} samples per second [Hz]}}"
+        yield "time:"
+        yield f"  rate: {UNSTATED} samples per second [Hz]"
     elif from_format:
         yield "time: {column: time, unit: ns}"
     else:
@@ -219,7 +225,7 @@ def _guess(key: str, column: SeenColumn | None) -> str:
         return ""
     most = max(abs(column.low), abs(column.high))
     if match := _UNIT_IN_NAME.search(column.name):
-        return f"; up to {most:.4g}, and its name says {match[1] or match[2]}"
+        return f"; up to {most:.4g}, and its name says {_plain(match[1] or match[2])}"
     if key != "position":
         return f"; up to {most:.4g}"
     likely = "rad or m" if most < 7 else "deg" if most <= 400 else "counts or mm"

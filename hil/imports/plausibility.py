@@ -147,9 +147,7 @@ def _other_unit(q: Array, joint: int, robot: Robot) -> str:
             (pi / 180 if turning else 1e-3, f"unit: {'deg' if turning else 'mm'}"),
             (1 / gear, f"the motor's side at a gear ratio of {gear:g}"),
         )
-        if factor != 1
-        and low - slack <= factor * q.min()
-        and factor * q.max() <= high + slack
+        if factor != 1 and low - slack <= factor * q.min() and factor * q.max() <= high + slack
     ]
     return f"they look like {' or '.join(fitting)}" if fitting else _OTHERWISE
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.imports.instants import Stretch
     from hil.imports.map_file import MapFile
     from hil.imports.samples import Samples
-    from hil.imports.stamps import Stretch
 
     Rows = NDArray[np.int64]
 

@@ -58,22 +58,23 @@ class Statement:
         timing, counts = self.timing, self.timing.counts
         files = ", ".join(self.the_map.content.files)
         yield (
-            f"{files}: {counts.rows} rows at {1 / timing.period:.6g} Hz,"
+            f"{files}: {counts.rows} rows at {1 / timing.period:.5g} Hz,"
             f" jitter {1e3 * counts.jitter:.2g} ms; instants {_INSTANTS[timing.instants]}"
         )
 
     def _left_out(self) -> Iterator[str]:
         counts = self.timing.counts
-        for number, what in (
-            (counts.missing, "rows lack a number and are left out"),
-            (counts.doubled, "rows have the time stamp of the row before"),
-            (counts.disordered, "rows were out of order in time and are sorted"),
-            (counts.bridged, "samples are interpolated, where fewer than a gap's are missing"),
-            (counts.gaps, f"gaps, {counts.lost:.3g} s in all, are left out"),
-            (counts.short, f"stretches are too short, {counts.short_time:.3g} s in all"),
+        gaps, short = f"{counts.lost:.3g} s in all", f"{counts.short_time:.3g} s in all"
+        for number, one, many in (
+            (counts.missing, "row lacks a number", "rows lack a number"),
+            (counts.doubled, "row has the stamp of another", "rows have the stamp of another"),
+            (counts.disordered, "row was out of order in time", "rows were out of order in time"),
+            (counts.bridged, "missing sample is interpolated", "missing samples are interpolated"),
+            (counts.gaps, f"gap, {gaps}, is left out", f"gaps, {gaps}, are left out"),
+            (counts.short, f"stretch is too short, {short}", f"stretches are too short, {short}"),
         ):
             if number:
-                yield f"{number} {what}"
+                yield f"{number} {one if number == 1 else many}"
 
     def _velocities(self) -> Iterator[str]:
         by_reason: dict[tuple[bool, str], list[int]] = {}
@@ -90,7 +91,8 @@ class Statement:
         what = "blocks" if alone is None else f"pairs of strokes of joint {alone}"
         first, last = self.motions[0].id, self.motions[-1].id
         ids = first if len(self.motions) == 1 else f"{first} to {last}"
-        return f"{len(self.motions)} motions, {ids}: {seconds:.4g} s in {parts} {what}"
+        plural = "s" if len(self.motions) > 1 else ""
+        return f"{len(self.motions)} motion{plural}, {ids}: {seconds:.4g} s in {parts} {what}"
 
 
 def _joints(joints: Sequence[int], of: int) -> str:

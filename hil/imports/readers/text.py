@@ -6,6 +6,7 @@ column that is wanted is an error with its place.
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
 import warnings
@@ -143,9 +144,10 @@ def open_text(path: Path, stated: Format) -> TextTable:
 def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
     """Blocks of whole lines after the first `skipped` ones."""
     with _readable(path), _opened(path) as file:
+        rest = file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
         for _ in range(skipped):
             file.readline()
-        rest = b""
+            rest = b""
         while block := file.read(BLOCK):
             _refuse_binary(path, block)
             end = block.rfind(b"\n") + 1

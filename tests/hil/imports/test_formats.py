@@ -154,6 +154,17 @@ def test_empty_cells_and_short_rows_are_missing(tmp_path):
     )
 
 
+@pytest.mark.parametrize("header", ["", "t,q\r\n"])
+@pytest.mark.parametrize("cell", ["5", ""])
+def test_files_of_windows_are_read(tmp_path, header, cell):
+    text = f"\ufeff{header}0,1\r\n1,2\r\n2,{cell}\r\n"
+    (tmp_path / "a.csv").write_bytes(text.encode())
+    found = open_table(tmp_path / "a.csv", Format())
+    assert found.names == (("t", "q") if header else ("", ""))
+    values = np.concatenate(list(found.blocks([0, 1])))
+    np.testing.assert_array_equal(values, [[0, 1], [1, 2], [2, float(cell or "nan")]])
+
+
 @pytest.mark.parametrize("name", ["a.csv", "b.csv.gz"])
 def test_blocks_end_anywhere(tmp_path, monkeypatch, name):
     WRITERS[name](tmp_path / name)
@@ -164,9 +175,7 @@ def test_blocks_end_anywhere(tmp_path, monkeypatch, name):
     np.testing.assert_array_equal(np.concatenate(blocks)[:, 0], COLUMNS["m2"])
 
 
-@pytest.mark.parametrize(
-    ("name", "package"), [("a.parquet", "pyarrow"), ("a.mcap", "rosbags")]
-)
+@pytest.mark.parametrize(("name", "package"), [("a.parquet", "pyarrow"), ("a.mcap", "rosbags")])
 def test_a_package_that_is_missing_is_named_with_its_remedy(tmp_path, monkeypatch, name, package):
     (tmp_path / name).write_bytes(b"PAR1")
     for module in (package, "pyarrow.parquet", "rosbags.highlevel", "rosbags.typesys"):

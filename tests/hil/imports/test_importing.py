@@ -70,7 +70,9 @@ def test_units_signs_and_offsets_become_si(tmp_path, key, letter, unit, more, fa
         np.testing.assert_allclose(recording.qd, qd, atol=1e-3)
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1/60)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1 / 60)]
+)
 def test_stamps_in_any_unit(tmp_path, unit, factor):
     columns = table(3.0)
     columns["t"] = columns["t"] * factor
@@ -194,9 +196,9 @@ def test_what_is_left_out_is_stated_and_kept(tmp_path):
     columns["q1"][100] = np.nan
     columns = {key: np.delete(values, np.s_[600:700]) for key, values in columns.items()}
     run, stated = made(tmp_path, columns)
-    assert "1 rows lack a number and are left out" in stated
-    assert "1 samples are interpolated" in stated
-    assert "1 gaps, 0.5 s in all, are left out" in stated
+    assert "1 row lacks a number" in stated
+    assert "1 missing sample is interpolated" in stated
+    assert "1 gap, 0.5 s in all, is left out" in stated
     assert "\n".join(run.journal.sessions[0].notes) == stated
     recording = run["map-01"].recording
     np.testing.assert_allclose(recording.q[100], motion(recording.time[[100]])[0][0], atol=1e-5)

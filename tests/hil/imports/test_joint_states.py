@@ -34,8 +34,10 @@ def messages(types):
         stamp = stamp_of(sec=BEGIN + int(t), nanosec=round(t % 1 * 1e9))
         header = {"stamp": stamp, "frame_id": ""} | ({"seq": k} if types is ROS1 else {})
         joints = [("shoulder", 1), ("elbow", 2)][:: 1 if k % 2 else -1]
-        values = {part: np.array([COLUMNS[f"{c}{j}"][k] for _, j in joints])
-                  for part, c in (("position", "q"), ("velocity", "v"), ("effort", "m"))}  # fmt: skip
+        values = {
+            part: np.array([COLUMNS[f"{letter}{j}"][k] for _, j in joints])
+            for part, letter in (("position", "q"), ("velocity", "v"), ("effort", "m"))
+        }
         yield kinds[TYPE](header=header_of(**header), name=[n for n, _ in joints], **values)
         if k % 5 == 0:
             yield kinds[TYPE](

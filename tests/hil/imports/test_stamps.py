@@ -1,5 +1,7 @@
 """Time stamps as recorders write them: even, late, doubled, coarse, in disorder, with gaps."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -123,9 +125,7 @@ def test_time_that_stands_still_is_refused():
 
 # --- the grid -------------------------------------------------------------------------------------
 
-sorted_instants = st.lists(
-    st.floats(0.01, 1.0), min_size=3, max_size=30
-).map(lambda steps: np.cumsum(steps))  # fmt: skip
+sorted_instants = st.lists(st.floats(0.01, 1.0), min_size=3, max_size=30).map(np.cumsum)
 
 
 @given(sorted_instants, st.tuples(*[st.floats(-10, 10)] * 3))
@@ -171,7 +171,7 @@ def test_pieces_are_a_minute_at_most_and_leave_nothing_out(n, period):
     else:
         assert sum(piece.n for piece in pieces) == n
         assert all(0.4 < piece.duration <= 60 + period for piece in pieces)
-        assert all(a.first + a.n == b.first for a, b in zip(pieces, pieces[1:], strict=False))
+        assert all(a.first + a.n == b.first for a, b in pairwise(pieces))
 
 
 @given(st.lists(st.floats(1.0, 60.0), min_size=1, max_size=40))

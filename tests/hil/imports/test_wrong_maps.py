@@ -1,4 +1,4 @@
-"""Whatever is wrong with a map or a file: one message with its place and a remedy, nothing written."""
+"""What is wrong with a map or a file is one message with place and remedy; nothing is written."""
 
 import os
 
@@ -54,7 +54,8 @@ MAPS = {
         with_joint(0, B, column=9), "joints.0.torque.column: data.csv has 7 columns, none of"),
     "column 0": (with_joint(0, A, column=0), "columns are numbered from 1"),
     "a column that is true": (with_joint(0, A, column=True), "True must be a column's number"),
-    "an unknown unit": (with_joint(0, A, unit="grad"), "joints.0.position.unit: 'grad': must be 'rad', 'deg'"),
+    "an unknown unit": (
+        with_joint(0, A, unit="grad"), "joints.0.position.unit: 'grad': must be 'rad', 'deg'"),
     "a unit of another kind": (
         with_joint(1, A, unit="mm"),
         "joints.1.position.unit: mm does not suit joint 2 of pair, which is revolute"),
@@ -85,7 +86,7 @@ MAPS = {
         a_map(rows=[1, 500], time_range=[0, 2]), "rows and time_range exclude each other"),
     "no time": (a_map(time=None), "time: missing, and data.csv has no stamps of its own"),
     "time and a rate": (
-        a_map(time={"column": "t", "rate": 200}), "needs a column, or a rate in Hz: one of the two"),
+        a_map(time={"column": "t", "rate": 200}), "needs a column, or a rate in Hz: one of"),
     "a rate that is none": (a_map(time={"rate": 0}), "time.rate: 0: "),
     "milliseconds for seconds": (
         a_map(time={"column": "t", "unit": "ms"}), "map.yaml:4: time: no stretch without a gap"),
@@ -217,7 +218,8 @@ DATA = {
     "degrees for radians": (
         {"q1": np.degrees(Q[:, 0])},
         " rad, but joint 1 of pair has -2 to 2 rad; they look like unit: deg"),
-    "the motor's side": ({"q2": 20 * Q[:, 1]}, "they look like unit: deg or the motor's side at a gear ratio of 20"),
+    "the motor's side": (
+        {"q2": 20 * Q[:, 1]}, "they look like unit: deg or the motor's side at a gear ratio of 20"),
     "a velocity of the wrong sign": (
         {"v1": -QD[:, 0]}, "one of the two has the wrong sign: correct sign"),
     "a velocity in degrees": (

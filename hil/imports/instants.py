@@ -1,0 +1,158 @@
+"""When samples were taken: at their stamps, or evenly.
+
+Instants are the stamps themselves, or even ones by counting the samples: whichever makes the
+positions smoother. A recorder that polls is late at sampling, and its stamps are right; one that
+stamps what arrives is late at stamping, and the count is right. Where more than a twentieth of the
+rows bear the stamp of another one, the clock is coarse, and the count is right as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.imports.samples import Samples
+
+    Array = NDArray[np.float64]
+    Rows = NDArray[np.int64]
+
+EVEN = 0.01
+"""Deviation from the period that counts as none, as share of it."""
+SAME_STAMP = 1e-6
+"""Time between rows up to which their stamps count as the same, in periods."""
+WINDOW = 50
+"""Samples over which periods are averaged, and among which the least late one is looked for."""
+_COARSE = 0.05
+_COMPARED = 20_000
+
+Instants = Literal["even", "counted", "stamped"]
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of a recording without a gap.
+
+    Attributes
+    ----------
+    rows : array (n,) of int
+        Rows of the samples, in the order of time.
+    instants : array (n,)
+        When they were sampled, rising [s].
+    period : float
+        Of an even grid for them [s].
+    """
+
+    rows: Rows
+    instants: Array
+    period: float
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return float(self.instants[-1] - self.instants[0])
+
+    @property
+    def bridged(self) -> int:
+        """Samples of the grid beyond those that were recorded."""
+        return max(0, round(self.duration / self.period) + 1 - len(self.rows))
+
+
+def lost(time: Array, at: int, period: float) -> float:
+    """Time that is missing between two samples: later ones do not make up for it [s].
+
+    Stamps may be late, never early: the least late ones before and after state the time that passed
+    for the samples in between.
+    """
+    reach = int(min((time[at + 1] - time[at]) / period, len(time))) + 7
+    before, after = np.arange(max(0, at + 1 - reach), at + 1), np.arange(at + 1, at + 1 + reach)
+    after = after[after < len(time)]
+    least = [float(np.min(time[these] - these * period)) for these in (before, after)]
+    return least[1] - least[0]
+
+
+def instants_of(samples: Samples, parts: list[Rows], period: float) -> Instants:
+    """Whether instants are even anyway, or better counted than taken from the stamps."""
+    steps = [np.diff(samples.time[rows]) for rows in parts]
+    if all(np.all(np.abs(s - period) < EVEN * period) for s in steps):
+        return "even"
+    every = np.concatenate(steps)
+    if np.mean(every <= SAME_STAMP * period) > _COARSE:
+        return "counted"
+    rough = np.zeros((2, samples.n_joints))
+    for rows in _some_of(parts):
+        q, h = samples.values[rows, : samples.n_joints], np.diff(samples.time[rows])
+        rough += _roughness(q, h, period)
+    some = rough.min(axis=0) > 0
+    counted_is_smoother = bool(np.sum(np.log(rough[0, some] / rough[1, some])) < 0)
+    return "counted" if counted_is_smoother else "stamped"
+
+
+def _some_of(parts: list[Rows]) -> Iterator[Rows]:
+    left = _COMPARED
+    for rows in sorted(parts, key=len, reverse=True):
+        middle = rows[max(0, len(rows) // 2 - left // 2) :][:left]
+        if len(middle) > 3:
+            yield middle
+        left -= len(middle)
+        if left <= 0:
+            return
+
+
+def _roughness(q: Array, h: Array, period: float) -> Array:
+    """Sums of squared second differences: of evenly counted samples, and by their stamps."""
+    counted = np.diff(q, n=2, axis=0)
+    step = np.maximum(h, 1e-3 * period)[:, None]
+    slope = np.diff(q, axis=0) / step
+    stamped = 2 * np.diff(slope, axis=0) / (step[1:] + step[:-1]) * period**2
+    return np.array([np.sum(counted**2, axis=0), np.sum(stamped**2, axis=0)])
+
+
+def distinct(time: Array, rows: Rows, period: float) -> Rows:
+    """Rows without those that bear the stamp of the row before."""
+    apart = np.diff(time[rows]) > SAME_STAMP * period
+    kept: Rows = rows[np.concatenate([[True], apart])]
+    return kept
+
+
+def stretch_of(time: Array, rows: Rows, period: float, instants: Instants) -> Stretch:
+    """Find the instants of rows without a gap between them."""
+    if instants == "stamped":
+        return Stretch(rows, time, period)
+    slots = _slots(time, period)
+    if instants == "even":
+        return Stretch(rows, time[0] + period * slots, period)
+    own, begin = _line(slots, time, period)
+    return Stretch(rows, np.asarray(begin + own * slots, dtype=np.float64), own)
+
+
+def _line(slots: NDArray[np.int64], time: Array, period: float) -> tuple[float, float]:
+    """Slope and begin of even instants, by the least late stamps here and there [s]."""
+    if len(slots) < 3 * WINDOW:
+        return float((time[-1] - time[0]) / slots[-1]), float(time[0])
+    late = time - period * slots
+    parts = np.array_split(np.arange(len(slots)), len(slots) // WINDOW)
+    least = np.array([part[np.argmin(late[part])] for part in parts])
+    columns = np.stack([slots[least], np.ones(len(least))], axis=1)
+    slope, begin = np.linalg.lstsq(columns, time[least] - time[0], rcond=None)[0]
+    return float(slope), float(begin + time[0])
+
+
+def _slots(time: Array, period: float) -> NDArray[np.int64]:
+    """Number of each sample in an even count that goes on where samples are missing.
+
+    What is lost within a tick of a coarse clock cannot be seen.
+    """
+    steps, passed = np.ones(len(time) - 1, dtype=np.int64), np.diff(time)
+    tick = float(np.median(passed[passed > SAME_STAMP * period]))
+    for at in np.flatnonzero(passed > 1.5 * max(period, tick)):
+        steps[at] += max(0, round(lost(time, int(at), period) / period))
+    slots = np.zeros(len(time), dtype=np.int64)
+    np.cumsum(steps, out=slots[1:])
+    return slots

@@ -1,0 +1,106 @@
+"""First maps: what a file shows stands in them, what it does not is marked and refused."""
+
+import numpy as np
+import pytest
+import yaml
+from small_recording import table, write_csv, write_map
+
+from checked_files.yaml_file import FileError
+from hil.imports.draft import draft_map
+from hil.imports.importing import import_recordings
+from hil.imports.map_file import load_map
+
+
+class _Marks(yaml.SafeLoader):
+    """Marks as their texts."""
+
+
+_Marks.add_constructor("!state", lambda loader, node: f"? {loader.construct_scalar(node)}")
+
+
+def drafted(path):
+    return yaml.load(draft_map(path, path.name), _Marks)  # noqa: S506 - a safe loader
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("time", "q1", "q2", "qd1", "qd2", "tau1", "tau2"),
+        ("timestamp", "actual_q_0", "actual_q_1", "actual_qd_0", "actual_qd_1",
+         "actual_current_0", "actual_current_1"),
+        ("t [s]", "joint1/pos", "joint2/pos", "joint1/vel", "joint2/vel",
+         "joint1/effort", "joint2/effort"),
+        ("stamp", "position.shoulder", "position.elbow", "velocity.shoulder", "velocity.elbow",
+         "torque.shoulder", "torque.elbow"),
+    ],
+)  # fmt: skip
+def test_columns_are_matched_to_joints_by_their_names(tmp_path, names):
+    columns = dict(zip(names, table().values(), strict=True))
+    columns["target_q_0"] = columns[names[1]]
+    write_csv(tmp_path / "a.csv", columns)
+    found = drafted(tmp_path / "a.csv")
+    assert found["time"]["column"] == names[0]
+    assert [[part["column"] for part in joint.values()] for joint in found["joints"]] == [
+        [names[1], names[3], names[5]], [names[2], names[4], names[6]],
+    ]  # fmt: skip
+
+
+def test_units_are_guessed_in_the_marks_alone(tmp_path):
+    columns = table()
+    write_csv(tmp_path / "a.csv", {
+        "t": columns["t"] * 1e3, "q1 [deg]": np.degrees(columns["q1"]), "q2": 1e4 * columns["q2"],
+        "current 1 (A)": columns["m1"],
+    })  # fmt: skip
+    found = drafted(tmp_path / "a.csv")
+    assert found["time"]["unit"] == "? ms if 200 Hz"
+    assert "its name says deg" in found["joints"][0]["position"]["unit"]
+    assert "looks like counts or mm" in found["joints"][1]["position"]["unit"]
+    assert "its name says A" in found["joints"][0]["torque"]["unit"]
+    assert found["joints"][1]["torque"]["column"].startswith("? number or name of the column")
+
+
+def test_a_draft_is_refused_until_it_is_filled_in(tmp_path):
+    write_csv(tmp_path / "a.csv", table())
+    (tmp_path / "draft.yaml").write_text(draft_map(tmp_path / "a.csv", "a.csv"))
+    with pytest.raises(FileError, match=r"draft.yaml:\d+: robot: must be stated: a robot file"):
+        load_map(tmp_path / "draft.yaml")
+
+
+def test_a_draft_that_is_filled_in_is_a_map(tmp_path):
+    names = ("t", "q1", "q2", "qd1", "qd2", "tau1", "tau2")
+    write_csv(tmp_path / "a.csv", dict(zip(names, table().values(), strict=True)))
+    text = draft_map(tmp_path / "a.csv", "a.csv")
+    for mark, value in (
+        ("!state a robot file, a URDF, or the name of a robot", "pair.yaml"),
+        ("!state s if 200 Hz", "s"),
+        ("!state rad, deg, m", "rad # "),
+        ("!state rad/s", "rad/s # "),
+        ("!state N m, N, A", "N m # "),
+        ("!state N m, or N", "1 # "),
+    ):
+        assert mark in text
+        text = text.replace(mark, value)
+    run = import_recordings([write_map(tmp_path, text)], tmp_path / "run")
+    np.testing.assert_array_equal(run["map-01"].recording.tau[:, 1], table()["m2"])
+
+
+def test_a_file_without_names_or_stamps(tmp_path):
+    columns = [table()[name] for name in ("q1", "m1")]
+    np.savetxt(tmp_path / "a.csv", np.stack(columns, axis=1), delimiter=",")
+    found = drafted(tmp_path / "a.csv")
+    assert found["time"] == {"rate": "? samples per second [Hz]"}
+    assert len(found["joints"]) == 1
+
+
+@pytest.mark.parametrize("name", ["q: [a: b]", 'q # "1"', "q\x01é [grad # : x]", "- !x", "@q {"])
+def test_whatever_columns_are_called_the_draft_is_yaml(tmp_path, name):
+    np.savez(tmp_path / "a.npz", **{"t": np.arange(9.0), name: np.ones(9)})
+    found = drafted(tmp_path / "a.npz")
+    assert found["time"]["column"] == "t"
+
+
+def test_text_in_a_column_is_no_column_of_numbers(tmp_path):
+    (tmp_path / "a.csv").write_text("t,mode,q\n" + "".join(f"{k},run,{k}\n" for k in range(50)))
+    text = draft_map(tmp_path / "a.csv", "a.csv")
+    assert "#   3 q: 0 to 49, rising" in text
+    assert "mode" not in text

@@ -1,0 +1,99 @@
+"""Recordings of two real machines, where they are at hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from checked_files.yaml_file import FileError
+from hil.imports.importing import import_recordings
+
+DATA = Path(__file__).parents[3] / "../shared/data"
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the public recordings are not at hand; docs say where they are from"
+)
+
+EMPS = """
+robot: emps
+files: [{data}/emps/estimation.csv.gz]
+time: {{column: t, unit: s}}
+joints:
+  - position: {{column: q, unit: m}}
+    torque: {{column: u, unit: V, gain: 35.15065188}}
+kind: {{back_and_forth: 1}}
+"""
+
+
+TX40 = """
+robot: staubli-tx40
+files: ['{data}/tx40/pos_read_data.csv.gz']
+time: {{rate: 5000}}
+position_side: motor
+torque_side: motor
+joints:
+"""
+JOINT = """
+  - position: {{{{column: {joint}, unit: rad, sign: {sign}}}}}
+    torque:
+      column: {{{{file: '{{data}}/tx40/curr_data.csv.gz', column: {torque}}}}}
+      unit: N m
+      sign: {sign}
+"""
+
+
+def tx40(torques=(1, 2, 3, 4, 5, 6)):
+    """A map of the six axes, with the columns of their torques."""
+    joints = enumerate(torques, start=1)
+    return TX40 + "".join(
+        JOINT.format(joint=joint, torque=torque, sign=-1 if joint == 4 else 1)
+        for joint, torque in joints
+    )
+
+
+def imported(folder, text):
+    (folder / "map.yaml").write_text(text.format(data=DATA.resolve()))
+    stated = []
+    run = import_recordings([folder / "map.yaml"], folder / "run", stated.append)
+    return run, stated[0]
+
+
+def test_a_carriage_that_goes_back_and_forth(tmp_path):
+    run, stated = imported(tmp_path, EMPS)
+    (measured,) = run
+    recording, motion = measured.recording, measured.measurement
+    stroke, steps = recording.stroke[1:], np.diff(recording.q[:, 0])
+    assert stated.timing.instants == "even"
+    assert recording.n_samples == 24_841
+    assert motion.alone == 1
+    assert set(stroke) == set(range(-1, 2 * motion.cycles))
+    assert np.mean(steps[(stroke >= 0) & (stroke % 2 == 0)] > -1e-5) > 0.99
+    assert np.mean(steps[(stroke >= 0) & (stroke % 2 == 1)] < 1e-5) > 0.99
+    assert stated.suspicions == ()
+
+
+def test_a_force_of_the_wrong_sign_is_refused(tmp_path):
+    with pytest.raises(FileError, match="friction would drive joint 1"):
+        imported(tmp_path, EMPS.replace("unit: V", "unit: V, sign: -1"))
+
+
+def test_six_axes_with_a_coupled_wrist(tmp_path):
+    run, stated = imported(tmp_path, tx40())
+    (measured,) = run
+    recording = measured.recording
+    assert recording.n_samples == 45_000
+    assert recording.period == pytest.approx(0.0002)
+    assert measured.measurement.cycles == 8
+    assert stated.suspicions == ()
+    low, high = run.robot.q_min, run.robot.q_max
+    assert np.all((recording.q > low) & (recording.q < high))
+
+
+def test_torques_in_another_order_are_found(tmp_path):
+    with pytest.raises(FileError, match=r"the torques of joints 3 and 4 are exchanged"):
+        imported(tmp_path, tx40(torques=(1, 2, 4, 3, 5, 6)))
+
+
+def test_motors_taken_for_joints_are_found(tmp_path):
+    text = tx40().replace("position_side: motor", "position_side: joint")
+    with pytest.raises(FileError, match=r"the motor's side at a gear ratio of 32"):
+        imported(tmp_path, text)
