@@ -26,6 +26,7 @@ from small_run import write_run
 from checked_files.yaml_file import FileError, FileModel, load_yaml, parse_yaml
 from drivers.drives_file import DrivesFile, load_drives
 from drivers.found_settings.settings_file import load_found_settings
+from hil.imports.map_file import load_map
 from hil.model.robot import ROBOTS, load_robot, parse_robot
 from hil.planning.plan import load_plan
 from hil.planning.workspace import load_workspace
@@ -80,6 +81,21 @@ JOURNAL = """
  "axes": [{"name": "1", "identity": "z", "torque_resolution": 0.1, "position_resolution": 1e-5}]}]}
 """
 
+MAP = """
+robot: {urdf: arm.urdf, from: base, to: tool, gravity: [0, 0, -9.81]}
+files: [a.csv, b.csv]
+format: {header: true, delimiter: ",", skip: 2}
+rows: [[1, 500], [600, 900]]
+time: {column: t, unit: ms}
+joints:
+  - position: {column: 2, unit: counts, per_unit: 1.0e-4, sign: -1, offset: 0.1}
+    velocity: {column: v, unit: rpm}
+    torque: {column: {file: c.csv, column: 1}, unit: A, gain: 2.5, gain_uncertainty: 0.1}
+torque_side: motor
+cut_off: 8
+kind: {back_and_forth: 1}
+accept: [shape]
+"""
 FOUND = """
 format: 1
 restored: false
@@ -117,6 +133,7 @@ LOADERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "model": (MODEL, lambda path: load_yaml(path, ModelFile)),
     "journal": (JOURNAL, read_journal),
     "found settings": (FOUND, load_found_settings),
+    "map of a recording": (MAP, load_map),
 }
 
 ODD = st.sampled_from(

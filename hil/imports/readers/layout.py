@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from hil.imports.map_file import Format
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+"""Begin of an instant."""
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _LOOKED_AT = 30
@@ -119,6 +121,8 @@ def _first_row(rows: Sequence[tuple[int, list[str]]], decimal: str, stated: Form
 
 
 def _is_number(cell: str, decimal: str) -> bool:
+    if DATE.match(cell):
+        return True
     return bool(_NUMBER.fullmatch(cell)) and ("." if decimal == "," else ",") not in cell
 
 

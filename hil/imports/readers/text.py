@@ -1,7 +1,8 @@
 """Tables as text: CSV, TSV, columns of blanks, also compressed; read block by block.
 
 A cell is missing (NaN) if it is empty or reads nan, na, null, none or inf; anything else in a
-column that is wanted is an error with its place.
+column that is wanted is an error with its place. Instants, such as 2026-01-31
+12:00:00.005, become ns.
 """
 
 from __future__ import annotations
@@ -11,12 +12,13 @@ import gzip
 import io
 import warnings
 import zlib
+from contextlib import suppress
 from typing import IO, TYPE_CHECKING, cast
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.readers.layout import MISSING, Layout, NoNumbers, cells, layout_of
+from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, layout_of
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -116,6 +118,9 @@ def _number(row: Sequence[str], column: int, decimal: str) -> float:
     try:
         return float(cell.replace(decimal, "."))
     except ValueError:
+        if DATE.match(cell):
+            with suppress(ValueError):
+                return float(np.datetime64(cell.removesuffix("Z"), "ns").astype(np.int64))
         raise _NoNumber(cell, column) from None
 
 

@@ -154,6 +154,14 @@ def test_empty_cells_and_short_rows_are_missing(tmp_path):
     )
 
 
+def test_instants_as_text_are_nanoseconds(tmp_path):
+    rows = [f"2026-01-31{mark}12:00:00.{k:03}{zone},{k}" for k, (mark, zone) in
+            enumerate([(" ", ""), ("T", ""), ("T", "Z")])]  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(["when,q", *rows]))
+    values = np.concatenate(list(open_table(tmp_path / "a.csv", Format()).blocks([0])))[:, 0]
+    np.testing.assert_allclose(np.diff(values), 1e6, atol=300)  # doubles of 2026 hold 256 ns
+
+
 @pytest.mark.parametrize("header", ["", "t,q\r\n"])
 @pytest.mark.parametrize("cell", ["5", ""])
 def test_files_of_windows_are_read(tmp_path, header, cell):
