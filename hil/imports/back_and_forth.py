@@ -90,7 +90,7 @@ def pieces_by_pairs(
     """
     n = math.floor(stretch.duration / stretch.period + 1e-6) + 1
     grid = stretch.instants[0] + np.arange(n) * stretch.period
-    position = np.asarray(samples.values[stretch.rows, axis])
+    position = samples.read(stretch.rows)[:, axis]
     q = resampled(stretch.instants, position[:, None], grid)[:, 0]
     if n * stretch.period < SHORTEST:
         return []

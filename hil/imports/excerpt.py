@@ -74,9 +74,7 @@ def even_samples(samples: Samples, piece: Piece) -> tuple[Array, Array, Array]:
     begin = max(0, int(np.searchsorted(instants, grid[0])) - _MARGIN)
     end = int(np.searchsorted(instants, grid[-1])) + _MARGIN
     instants, rows = instants[begin:end], rows[begin:end]
-    contiguous = rows[-1] - rows[0] == len(rows) - 1
-    chosen = slice(rows[0], rows[-1] + 1) if contiguous else rows
-    values = _on_grid(instants, np.asarray(samples.values[chosen]), grid, piece.stretch.period)
+    values = _on_grid(instants, samples.read(rows), grid, piece.stretch.period)
     n = samples.n_joints
     return values[:, :n], values[:, n : 2 * n], values[:, 2 * n :]
 

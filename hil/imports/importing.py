@@ -124,7 +124,7 @@ def _import_one(
     choices = tuple(choose(excerpts, joint) for joint in range(robot.n_joints))
     measured = measured_motions(the_map, samples, numbered, choices, stem)
     motions = tuple(_written(each, folder) for each in measured)
-    return Statement(the_map, timing, choices, motions, tuple(found))
+    return Statement(the_map, timing, samples.wraps, choices, motions, tuple(found))
 
 
 def _timing(the_map: MapFile, samples: Samples) -> Timing:

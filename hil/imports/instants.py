@@ -87,7 +87,7 @@ def instants_of(samples: Samples, parts: list[Rows], period: float) -> Instants:
         return "counted"
     rough = np.zeros((2, samples.n_joints))
     for rows in _some_of(parts):
-        q, h = samples.values[rows, : samples.n_joints], np.diff(samples.time[rows])
+        q, h = samples.read(rows)[:, : samples.n_joints], np.diff(samples.time[rows])
         rough += _roughness(q, h, period)
     some = rough.min(axis=0) > 0
     counted_is_smoother = bool(np.sum(np.log(rough[0, some] / rough[1, some])) < 0)

@@ -16,6 +16,7 @@ import numpy as np
 
 from hil.imports.model_shape import shape_suspicions
 from hil.imports.suspicion import Suspicion
+from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,12 +30,16 @@ if TYPE_CHECKING:
 
 MOVES = 1e-4
 """Range of positions from which on a joint counts as moving [rad or m]."""
+POINTS = 400
+"""Instants at which friction is looked for, as far as there are so many."""
 FITS = 0.9
 """Correlation from which on two velocities count as of one joint."""
 _AGREES = 0.1
 _BEYOND = 1.05
 _FAR_BEYOND = 3.0
 _FRICTION_T = 6.0
+_NOTABLE = 0.02
+_RANK = 1e-8
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 
 
@@ -70,7 +75,7 @@ def suspicions(
     """
     evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *_ranges(evidence, robot)]
-    found += [*_velocities(evidence, robot), *_friction(evidence)]
+    found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
     if alone is None and not any(suspicion.certain for suspicion in found):
         found += shape_suspicions(evidence, robot)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
@@ -80,7 +85,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
     ways = np.ptp(evidence.q, axis=0)
     for joint, way in enumerate(ways):
         at = ("joints", joint)
-        if np.ptp(evidence.tau[:, joint]) == 0 and way > 0:
+        if np.ptp(evidence.tau[:, joint]) == 0 and way > MOVES:
             torque = evidence.tau[0, joint]
             yield Suspicion(
                 "still", (*at, "torque"), f"is {torque:g} throughout; name the column of its torque"
@@ -220,37 +225,36 @@ def _why_scaled(scale: float, gear: float) -> str:
     return "correct unit, per_unit or the column of time"
 
 
-def _friction(evidence: Evidence) -> Iterator[Suspicion]:
-    """Torque that opposes motion where friction would take it."""
-    for joint in range(evidence.q.shape[1]):
-        if np.ptp(evidence.q[:, joint]) < MOVES:
+def friction_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+    """Torques that decrease with the direction of motion, where friction would increase them."""
+    some = slice(None, None, max(1, len(evidence.q) // POINTS))
+    rigid = regressor(robot, evidence.q[some], evidence.qd[some], evidence.qdd[some])
+    for joint in range(robot.n_joints):
+        scatter = float(np.std(evidence.tau[:, joint]))
+        if np.ptp(evidence.q[:, joint]) < MOVES or not scatter:
             continue
-        coefficient, t = _friction_of(evidence, joint)
-        if t < -_FRICTION_T:
+        qd, qdd, tau = (getattr(evidence, name)[some, joint] for name in ("qd", "qdd", "tau"))
+        coefficient, t = _direction(rigid[:, joint], qd, qdd, tau)
+        if t < -_FRICTION_T and coefficient < -_NOTABLE * scatter:
             yield Suspicion(
                 "friction",
                 ("joints", joint, "torque"),
                 f"decreases with the direction of motion by {-coefficient:.3g}: friction would"
                 f" drive joint {joint + 1}; position or torque has the wrong sign, or they are of"
                 " different joints",
-                certain=t < -4 * _FRICTION_T,
+                certain=t < -2 * _FRICTION_T,
             )
 
 
-def _friction_of(evidence: Evidence, joint: int) -> tuple[float, float]:
-    """Coefficient of the direction in a joint's torque, and its t statistic.
-
-    Beside it the torque may depend on the position and the acceleration of the joint: load and
-    inertia.
-    """
-    q, qd, qdd = (getattr(evidence, name)[:, joint] for name in ("q", "qd", "qdd"))
+def _direction(rigid: Array, qd: Array, qdd: Array, tau: Array) -> tuple[float, float]:
+    """Coefficient of the direction in a joint's torque beside its rigid body, and its t."""
     direction = np.tanh(qd / (0.05 * np.max(np.abs(qd))))
-    columns = [direction, qdd, np.ones_like(q), np.cos(q), np.sin(q)]
-    a = np.stack([c / max(float(np.linalg.norm(c)), 1e-300) for c in columns], axis=1)
-    tau = evidence.tau[:, joint]
-    x, _, rank, _ = np.linalg.lstsq(a, tau, rcond=1e-8)
+    a = np.concatenate([np.stack([direction, qdd, np.ones_like(qd)], axis=1), rigid], axis=1)
+    norms = np.maximum(np.linalg.norm(a, axis=0), 1e-12)
+    a /= norms
+    inverse = np.linalg.pinv(a.T @ a, rcond=_RANK)
+    x = inverse @ (a.T @ tau)
     residual = tau - a @ x
-    variance = float(residual @ residual) / max(1, len(tau) - rank)
-    deviation = np.sqrt(variance * np.linalg.pinv(a.T @ a, rcond=1e-8)[0, 0])
-    coefficient = float(x[0]) / max(float(np.linalg.norm(direction)), 1e-300)
-    return coefficient, float(x[0] / deviation) if deviation > 0 else 0.0
+    freedom = max(1.0, len(tau) - np.trace(a @ inverse @ a.T))
+    deviation = float(np.sqrt(residual @ residual / freedom * inverse[0, 0]))
+    return float(x[0] / norms[0]), float(x[0] / deviation) if deviation > 0 else 0.0

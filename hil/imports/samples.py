@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
+    Rows = NDArray[np.int64]
     Location = tuple[str | int, ...]
 
 EPOCH = 1e8
@@ -50,6 +51,8 @@ class Samples:
         First row of each file.
     from_date : bool
         Whether stamps count from a date.
+    wraps : int
+        Steps of positions by more than half a turn: angles that were kept within one turn.
     """
 
     time: Array
@@ -57,11 +60,21 @@ class Samples:
     complete: NDArray[np.bool_]
     begins: tuple[int, ...]
     from_date: bool
+    wraps: int = 0
 
     @property
     def n_joints(self) -> int:
         """Number of joints."""
         return int(self.values.shape[1]) // 3
+
+    def read(self, rows: Rows) -> Array:
+        """Values at these rows, which follow each other; angles go on beyond a turn."""
+        contiguous = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
+        chosen = slice(rows[0], rows[-1] + 1) if contiguous else rows
+        values = np.array(self.values[chosen])
+        if self.wraps:
+            values[:, : self.n_joints] = np.unwrap(values[:, : self.n_joints], axis=0)
+        return values
 
 
 def read_samples(
@@ -84,7 +97,7 @@ def read_samples(
         A file cannot be read, or lacks a column; the message states the map's line.
     """
     conversion = Conversion(the_map, robot)
-    times, complete, begins, n = [], [], [], 0
+    times, complete, begins, n, wraps = [], [], [], 0, 0
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
@@ -94,6 +107,7 @@ def read_samples(
                 times.append(time)
                 complete.append(np.isfinite(time) & conversion.complete(values))
                 n += len(time)
+                wraps += _wraps(values[:, : robot.n_joints])
                 progress(the_map.beside(name), n - begins[-1])
             if n == begins[-1]:
                 raise FileError(f"{the_map.beside(name)}: has no rows; name a file with some")
@@ -102,7 +116,12 @@ def read_samples(
     from_date = bool(np.nanmax(np.abs(time), initial=0.0) > EPOCH)
     if from_date:
         time -= np.nanmin(time)
-    return Samples(time, values, np.concatenate(complete), tuple(begins), from_date)
+    return Samples(time, values, np.concatenate(complete), tuple(begins), from_date, wraps)
+
+
+def _wraps(positions: Array) -> int:
+    """Steps of more than half a turn, which no robot makes within a sample; nor half of 6 m."""
+    return int(np.count_nonzero(np.abs(np.diff(positions, axis=0)) > np.pi))
 
 
 def _file_blocks(the_map: MapFile, number: int, name: str) -> Iterator[Array]:

@@ -31,6 +31,8 @@ class Statement:
     ----------
     the_map : MapFile
     timing : Timing
+    wraps : int
+        Steps of positions by more than half a turn.
     velocities : tuple of VelocityChoice
         Of each joint.
     motions : tuple of FreeMotion
@@ -40,6 +42,7 @@ class Statement:
 
     the_map: MapFile
     timing: Timing
+    wraps: int
     velocities: tuple[VelocityChoice, ...]
     motions: tuple[FreeMotion, ...]
     suspicions: tuple[Suspicion, ...]
@@ -69,6 +72,7 @@ class Statement:
             (counts.missing, "row lacks a number", "rows lack a number"),
             (counts.doubled, "row has the stamp of another", "rows have the stamp of another"),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
+            (self.wraps, "step of a whole turn is undone", "steps of whole turns are undone"),
             (counts.bridged, "missing sample is interpolated", "missing samples are interpolated"),
             (counts.gaps, f"gap, {gaps}, is left out", f"gaps, {gaps}, are left out"),
             (counts.short, f"stretch is too short, {short}", f"stretches are too short, {short}"),

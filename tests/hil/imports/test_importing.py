@@ -204,6 +204,21 @@ def test_what_is_left_out_is_stated_and_kept(tmp_path):
     np.testing.assert_allclose(recording.q[100], motion(recording.time[[100]])[0][0], atol=1e-5)
 
 
+def test_angles_that_were_kept_within_a_turn_go_on(tmp_path):
+    columns = table()
+    columns["t"] = columns["t"] + 0.002 * np.sin(np.arange(len(columns["t"])))
+    turned = columns["q1"] + 2.5
+    columns["q1"] = (turned + np.pi) % (2 * np.pi) - np.pi
+    content = a_map(accept=["range"])
+    content["joints"][0]["position"]["offset"] = -2.5
+    run, stated = made(tmp_path, columns, content)
+    q = run["map-01"].recording.q[:, 0]
+    assert np.abs(np.diff(q)).max() < 0.05
+    turns = (q[:1900] - table()["q1"][:1900]) / (2 * np.pi)
+    np.testing.assert_allclose(turns, round(turns[0]), atol=0.01)
+    assert "steps of whole turns are undone" in stated
+
+
 # --- velocities -----------------------------------------------------------------------------------
 
 

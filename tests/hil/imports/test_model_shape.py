@@ -5,7 +5,7 @@ import pytest
 from synthetic import TABLE_3_A
 
 from hil.imports.model_shape import shape_suspicions
-from hil.imports.plausibility import Evidence
+from hil.imports.plausibility import Evidence, friction_suspicions
 from hil.model.dynamics import inverse_dynamics
 
 
@@ -42,6 +42,13 @@ def test_a_zero_that_is_a_quarter_turn_off(evidence, manutec, turn, words):
     shift = np.array([0, 0, turn, 0, 0, 0])
     (message,) = found(evidence, manutec, q=evidence.q + shift)
     assert message.endswith(f"if, say, the positions of joint 3 had {words} rad more")
+
+
+def test_a_robot_without_friction_raises_no_suspicion_of_it(evidence, manutec):
+    q, qd, qdd = evidence.q, evidence.qd, evidence.qdd
+    frictionless = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd)
+    bare = Evidence(q, qd, qdd, frictionless, evidence.recorded_qd)
+    assert list(friction_suspicions(bare, manutec)) == []
 
 
 def test_torques_in_another_order(evidence, manutec):
