@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hil import errors
+    from hil.imports.importing import import_recordings
     from hil.model.base_parameters import base_parameters
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
     from hil.model.motors import motor_torque
@@ -38,6 +39,7 @@ __all__ = [
     "errors",
     "gravity_torque",
     "identify",
+    "import_recordings",
     "inverse_dynamics",
     "mass_matrix",
     "motor_torque",
@@ -52,6 +54,7 @@ _LATER = {
     "base_parameters": "hil.model.base_parameters",
     "gravity_torque": "hil.model.dynamics",
     "identify": "hil.results.identification",
+    "import_recordings": "hil.imports.importing",
     "inverse_dynamics": "hil.model.dynamics",
     "mass_matrix": "hil.model.dynamics",
     "motor_torque": "hil.model.motors",

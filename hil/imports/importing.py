@@ -6,7 +6,7 @@ import hashlib
 import re
 import secrets
 import shutil
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,7 +87,11 @@ def import_recordings(
 
 @contextmanager
 def _made_whole(output: Path) -> Iterator[Path]:
-    """Yield a folder beside `output` that gets its name at the end, or goes."""
+    """Yield a folder beside `output` that gets its name at the end, or goes.
+
+    Folders about it that had to be made go with it.
+    """
+    missing = [folder for folder in output.parents if not folder.exists()]
     part = output.with_name(f".{output.name}.{secrets.token_hex(4)}{PART}")
     with file_errors(output, "made"):
         (part / "recordings").mkdir(parents=True)
@@ -98,6 +102,9 @@ def _made_whole(output: Path) -> Iterator[Path]:
             part.rename(output)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
+        with suppress(OSError):  # somebody else put something there meanwhile
+            for folder in missing:
+                folder.rmdir()
         raise
 
 

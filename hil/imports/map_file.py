@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
 from hil.imports.units import NEEDS_GAIN, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 
-CHECKS = ("range", "velocity", "friction", "shape", "still")
+Check = Literal["range", "velocity", "friction", "shape", "still"]
 """Checks of plausibility whose refusal a map may overrule."""
 _MOST_PER_COUNT = 0.5
 
@@ -205,7 +205,7 @@ class RecordingMap(FileModel):
     torque_side: Literal["joint", "motor"] = "joint"
     cut_off: Annotated[float, Field(gt=0, le=1e4)] | None = None
     kind: Annotated[int | None, BeforeValidator(_alone)] = None
-    accept: tuple[Literal["range", "velocity", "friction", "shape", "still"], ...] = ()
+    accept: tuple[Check, ...] = ()
 
     @field_validator("rows", "time_range")
     @classmethod

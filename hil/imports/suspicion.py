@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hil.imports.map_file import Check
 
 
 @dataclass(frozen=True)
@@ -11,8 +15,8 @@ class Suspicion:
 
     Attributes
     ----------
-    check : str
-        Of `hil.imports.map_file.CHECKS`: what found it.
+    check : Check
+        What found it.
     location : tuple
         The part of the map that it is about.
     message : str
@@ -21,7 +25,7 @@ class Suspicion:
         Whether it refuses the import; the others are stated.
     """
 
-    check: str
+    check: Check
     location: tuple[str | int, ...]
     message: str
     certain: bool = True

@@ -69,6 +69,8 @@ OTHERWISE = {
     ("trajectory", "cli/trajectory.py"): "the same",
     ("friction", "cli/friction.py"): "the same",
     ("friction", "study/scenarios.py"): "a key of a plant's file",
+    ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
+    ("friction", "imports/plausibility.py"): "the same",
     ("trajectory", "study/campaigns.py"): "a campaign of a study",
     ("trajectory", "study/cell.py"): "the same",
     ("trajectory", "planning/design/candidates.py"): "what a plan by minutes may choose besides",

@@ -10,7 +10,7 @@ from small_recording import ROBOT, table, write_csv
 
 from hil import cli
 from hil.imports import units
-from hil.imports.map_file import CHECKS, Format, MappedJoint, Position, RecordingMap, Torque
+from hil.imports.map_file import Check, Format, MappedJoint, Position, RecordingMap, Torque
 from hil.imports.readers import ARRAYS, BAGS, HDF5, PARQUET, TEXT
 
 DOCUMENT = (Path(__file__).parents[3] / "docs" / "recordings.md").read_text(encoding="utf-8")
@@ -50,7 +50,7 @@ def test_its_commands_print_what_it_says(tmp_path, monkeypatch, capsys):
     [
         *(model.model_fields for model in (RecordingMap, MappedJoint, Position, Torque, Format)),
         *map(get_args, (units.TimeUnit, units.PositionUnit, units.VelocityUnit, units.TorqueUnit)),
-        CHECKS,
+        get_args(Check),
         (*TEXT, *ARRAYS, *HDF5[:2], *PARQUET[:1], *BAGS, ".mat"),
     ],
 )

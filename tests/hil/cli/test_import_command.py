@@ -1,0 +1,66 @@
+"""`hil import`: what it prints, what it refuses, and that it writes nothing then."""
+
+from pathlib import Path
+
+import pytest
+from command_line import Hil
+from small_recording import a_map, table, write_csv, write_map
+
+import hil as library
+from hil.imports.importing import import_recordings
+from hil.runs.run import Run
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder, with a recording and its map."""
+    monkeypatch.chdir(tmp_path)
+    write_csv(tmp_path / "data.csv", table(4.0))
+    write_map(tmp_path, a_map())
+    return tmp_path
+
+
+def test_a_run_is_made_and_what_was_found_is_stated(hil: Hil, folder: Path) -> None:
+    status, printed, errors = hil("import", "map.yaml", "-o", "runs/x")
+    assert (status, errors) == (0, "")
+    assert printed.splitlines() == [
+        "map.yaml: data.csv: 801 rows at 200 Hz, jitter 0 ms; instants are even as they are",
+        "map.yaml: velocity of all joints derived from the position: none was recorded",
+        "map.yaml: 1 motion, map-01: 4 s in 4 blocks",
+        "runs/x: a run of pair; go on with: hil identify runs/x",
+    ]
+    assert Run.open(folder / "runs" / "x").ids == ("map-01",)
+
+
+def test_what_is_wrong_is_one_message(hil: Hil, folder: Path) -> None:
+    write_map(folder, a_map("none.csv"))
+    status, printed, errors = hil("import", "map.yaml", "-o", "runs/x")
+    assert (status, printed) == (1, "")
+    assert errors == ("map.yaml:3: files.0: none.csv: cannot be read: No such file or directory\n")
+    assert not (folder / "runs").exists()
+
+
+def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path) -> None:
+    (folder / "maps").mkdir()
+    status, printed, _ = hil("import", "--draft", "data.csv", "-o", "maps/first.yaml")
+    assert status == 0
+    assert printed == "maps/first.yaml: 12 lines marked !state are yours to fill in\n"
+    assert 'files: ["../data.csv"]' in (folder / "maps" / "first.yaml").read_text()
+
+
+def test_a_draft_is_never_written_over_a_file(hil: Hil, folder: Path) -> None:
+    status, _, errors = hil("import", "--draft", "data.csv", "-o", "map.yaml")
+    assert status == 1
+    assert "map.yaml: is there already" in errors
+
+
+@pytest.mark.parametrize("arguments", [(), ("map.yaml", "--draft", "data.csv")])
+def test_maps_or_a_draft(hil: Hil, folder: Path, arguments: tuple[str, ...]) -> None:
+    status, _, errors = hil("import", *arguments, "-o", "x")
+    assert status == 2
+    assert "one of the two" in errors
+    assert not (folder / "x").exists()
+
+
+def test_python_has_the_same() -> None:
+    assert library.import_recordings is import_recordings
