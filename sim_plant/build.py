@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sim_plant.plant_file import PlantAxis, PlantFile
 
     Array = NDArray[np.float64]
+    Arm = tuple[tuple[int, ...], Array, Array, Array, Array | None]
 
 VENDOR_ID, PRODUCT_CODE, REVISION = 0x4D2, 0x402, 0x10000
 """Identity that the plant's drives report; they exist nowhere else."""
@@ -25,15 +26,23 @@ GEAR_DAMPING = 0.05
 """Of a soft gear, share of critical damping."""
 
 
-def arm(file: PlantFile) -> tuple[tuple[int, ...], Array, Array, Array]:
-    """Joints, frames, bodies and gravity, as the compiled rigid-body dynamics takes them."""
+def arm(file: PlantFile) -> Arm:
+    """Joints, frames, bodies, gravity and kinds, as the compiled dynamics takes them."""
     angle = np.radians([axis.frame.alpha_deg for axis in file.axes])
     d, r = np.array([(axis.frame.d, axis.frame.r) for axis in file.axes]).T
     cos, sin = np.cos(angle), np.sin(angle)
     frames = np.column_stack([cos, sin, d, -sin * r, cos * r])
     order = ("m", "sx", "sy", "sz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
     bodies = np.array([[getattr(body, key) for key in order] for body in file.bodies()])
-    return tuple(range(len(bodies))), frames, bodies, np.array(file.gravity)
+    return tuple(range(len(bodies))), frames, bodies, np.array(file.gravity), _kinds(file)
+
+
+def _kinds(file: PlantFile) -> Array | None:
+    kinds = np.array(
+        [(axis.joint == "prismatic", np.radians(axis.frame.theta_deg)) for axis in file.axes],
+        dtype=float,
+    )
+    return kinds if kinds.any() else None
 
 
 def constants(axis: PlantAxis, file: PlantFile) -> Array:
@@ -90,7 +99,7 @@ def flaws(file: PlantFile) -> Array | None:
             drive.current_lag / file.step,
             drive.backlash / 2,
         )
-        row[soft_gears.LINK_Q] = math.radians(axis.position_deg)
+        row[soft_gears.LINK_Q] = axis.start
         if drive.stiffness is not None:
             inertia = 1 / (1 / drive.motor_inertia + 1 / drive.load_inertia)
             row[soft_gears.STIFFNESS] = drive.stiffness
@@ -119,8 +128,7 @@ def settings(index: int, axis: PlantAxis) -> DriveSettings:
     drive = axis.drive
     per_rad = drive.gear_ratio * drive.increments / math.tau
     limits = sorted(
-        round(drive.direction * side * math.radians(drive.range_deg) * per_rad) + drive.zero
-        for side in (-1, 1)
+        round(drive.direction * end * per_rad) + drive.zero for end in drive.reach
     )
     gear = drive.gear_ratio.as_integer_ratio()
     return DriveSettings(

@@ -97,7 +97,7 @@ class Plant:
         self.events = [int(AxisEvent.DONE | AxisEvent.STANDSTILL)] * n
         for i, axis in enumerate(file.axes):
             s = self.state[i]
-            s[st.Q] = math.radians(axis.position_deg)
+            s[st.Q] = axis.start
             s[st.TEMPERATURE] = axis.friction.temperature
             s[st.LUBRICANT] = axis.friction.lubricant
             s[st.TORQUE_LIMIT] = axis.drive.peak_torque
@@ -119,7 +119,7 @@ class Plant:
         """What the plant file says of soft gears and lagging currents."""
         found = build.flaws(self.file)
         if found is not None and found[:, soft_gears.STIFFNESS].any():
-            reach = np.radians([axis.drive.range_deg for axis in self.file.axes])
+            reach = np.array([axis.drive.reach for axis in self.file.axes])
             try:
                 refuse_steps_too_long(self._arm, self.const, found, reach, self.file.step)
             except ValueError as error:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-    Arm = tuple[tuple[int, ...], Array, Array, Array]
+    Arm = tuple[tuple[int, ...], Array, Array, Array, Array | None]
 
 FOLLOWED = 0.8
 """Largest eigenvalue that is accepted: configurations between those tried may be faster."""
@@ -41,10 +41,10 @@ def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, st
     Parameters
     ----------
     arm : tuple
-        Joints, frames, bodies, gravity of `sim_plant.physics.rigid_body`.
+        Joints, frames, bodies, gravity, kinds of `sim_plant.physics.rigid_body`.
     const, flaws : ndarray, shape (n, ...)
-    reach : ndarray, shape (n,)
-        Axes move within +- this [rad].
+    reach : ndarray, shape (n, 2)
+        Between what the axes move [rad or m].
     step : float
         [s].
 
@@ -71,7 +71,8 @@ def _modes(arm: Arm, const: Array, flaws: Array, reach: Array) -> Iterator[tuple
     soft = flaws[:, fl.STIFFNESS] > 0
     motors, own = const[:, st.MOTOR_INERTIA], slice(None, n)
     K, D = (_between(flaws[:, column]) for column in (fl.STIFFNESS, fl.DAMPING))
-    for q in np.random.default_rng(0).uniform(-1, 1, (CONFIGURATIONS, n)) * reach:
+    low, high = reach.T
+    for q in np.random.default_rng(0).uniform(low, high, (CONFIGURATIONS, n)):
         M = np.diag(np.concatenate([np.where(soft, 0.0, motors), motors]))
         M[own, own] += _mass(arm, q)
         if np.linalg.eigvalsh(M)[0] <= 0:
