@@ -10,14 +10,15 @@ import numpy as np
 from sim_plant.drive_settings import DriveSettings
 from sim_plant.physics import friction, soft_gears
 from sim_plant.physics import state as st
+from sim_plant.physics.loop_stability import Loops
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from sim_plant.physics.reflected_inertia import Arm
     from sim_plant.plant_file import PlantAxis, PlantFile
 
     Array = NDArray[np.float64]
-    Arm = tuple[tuple[int, ...], Array, Array, Array, Array | None]
 
 VENDOR_ID, PRODUCT_CODE, REVISION = 0x4D2, 0x402, 0x10000
 """Identity that the plant's drives report; they exist nowhere else."""
@@ -43,6 +44,24 @@ def _kinds(file: PlantFile) -> Array | None:
         dtype=float,
     )
     return kinds if kinds.any() else None
+
+
+def reach(file: PlantFile) -> Array:
+    """Between what the axes move, shape (n, 2) [rad or m]."""
+    return np.array([axis.drive.reach for axis in file.axes])
+
+
+def loops(file: PlantFile) -> Loops:
+    """Gains of all axes, as their stability is judged by."""
+    drives, stated = [axis.drive for axis in file.axes], file.loops
+    return Loops(
+        np.array([drive.motor_inertia for drive in drives]),
+        np.array([drive.load_inertia for drive in drives]),
+        stated.position,
+        stated.velocity,
+        stated.integral,
+        file.step,
+    )
 
 
 def constants(axis: PlantAxis, file: PlantFile) -> Array:

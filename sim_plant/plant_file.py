@@ -271,6 +271,12 @@ def packaged_plants() -> Sequence[str]:
     return sorted(path.stem for path in PLANTS.glob("*.yaml"))
 
 
+def plant_path(name_or_path: str) -> Path:
+    """Path of a packaged plant's file, or the one that is given."""
+    packaged = PLANTS / f"{name_or_path}.yaml"
+    return packaged if packaged.is_file() else Path(name_or_path)
+
+
 def load_plant_file(name_or_path: str) -> PlantFile:
     """Read a packaged plant by name, or a plant file by path.
 
@@ -279,8 +285,7 @@ def load_plant_file(name_or_path: str) -> PlantFile:
     FileError
         No such plant, or a file that does not fit.
     """
-    packaged = PLANTS / f"{name_or_path}.yaml"
-    path = packaged if packaged.is_file() else Path(name_or_path)
+    path = plant_path(name_or_path)
     if not path.is_file():
         known = ", ".join(packaged_plants())
         raise FileError(
