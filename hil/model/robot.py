@@ -175,6 +175,10 @@ class Robot:
         """Unit of q of a joint (from 0): rad or m."""
         return "rad" if self.revolute[axis] else "m"
 
+    def torque_unit(self, axis: int) -> str:
+        """Unit of the torque, or force, of a joint (from 0): N m or N."""
+        return "N m" if self.revolute[axis] else "N"
+
     @cached_property
     def alpha(self) -> NDArray[np.float64]:
         """Angles between successive axes [rad]."""

@@ -168,7 +168,10 @@ def _masses(robot: RobotDescription, shapes: Array) -> Array:
 
 
 def _demand(robot: RobotDescription, shapes: Array) -> Array:
-    """Torque at each axis that 1 kg in each link asks for at most, shape (n, n) [N m or N]."""
+    """Torque at each axis that 1 kg in each link asks for at most, shape (n, n) [N m or N].
+
+    Any one axis accelerates; the others are to hold still.
+    """
     n = len(shapes)
     accelerations = ACCELERATION * np.array([joint.acceleration_limit for joint in robot.joints])
     tried = configurations(reach_of(robot), _TRIED)
@@ -178,6 +181,6 @@ def _demand(robot: RobotDescription, shapes: Array) -> Array:
         alone[link] = shapes[link]
         arm = arm_of(robot, alone)
         gravity = np.abs([gravity_torques(arm, q) for q in tried]).max(axis=0)
-        inertia = np.max([np.diagonal(mass_matrix(arm, q)) for q in tried], axis=0)
-        found[:, link] = gravity + accelerations * inertia
+        inertia = np.max([np.abs(mass_matrix(arm, q)) * accelerations for q in tried], axis=(0, 2))
+        found[:, link] = gravity + inertia
     return found
