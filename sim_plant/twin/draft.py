@@ -137,7 +137,7 @@ def _drive(joint: RobotJoint, node: int, load: float) -> Drive:
     return Drive(
         node=node,
         gear_ratio=drive.gear_ratio,
-        rotor_inertia=drive.rotor_inertia,
+        rotor_inertia=joint.rotor_inertia,
         torque_constant=drive.torque_constant,
         rated_torque_mNm=max(round(drive.torque_constant * milliampere), 1),
         rated_current_mA=milliampere,
@@ -174,7 +174,7 @@ def _friction(joint: RobotJoint, number: int, least: float) -> Friction:
 
 def _presliding(joint: RobotJoint, creep: float, least: float) -> float:
     """A share of the range, or as far as a closed brake needs that steps can follow it."""
-    motor = joint.drive.rotor_inertia * joint.drive.gear_ratio**2
+    motor = joint.motor_inertia
     closed = creep + 1.2 * joint.torque_limit
     way = PRESLIDING * (joint.q_max - joint.q_min)
     while (closed / way * STEP**2 / 4 + math.sqrt(creep / way * motor) * STEP) / least > 0.5:

@@ -63,7 +63,7 @@ def reach_of(robot: RobotDescription) -> Array:
 
 def motors_of(robot: RobotDescription) -> Array:
     """Rotor inertias at the joints, shape (n,) [kg m^2 or kg]."""
-    return np.array([j.drive.rotor_inertia * j.drive.gear_ratio**2 for j in robot.joints])
+    return np.array([joint.motor_inertia for joint in robot.joints])
 
 
 def draft_bodies(robot: RobotDescription) -> Array:
@@ -98,7 +98,8 @@ def _shapes(robot: RobotDescription) -> Array:
     for joint, shape in zip(robot.joints, shapes, strict=True):
         shape[[name not in joint.parameters for name in LINK_PARAMETERS]] = 0.0
     found = np.array(shapes)
-    _tie(robot, found)
+    for tied, value in robot.tied():
+        found[tied] = found[value]
     return found
 
 
@@ -129,17 +130,6 @@ def _shape(span: Array, usual: float, number: int) -> Array:
     second_moment = points.T @ points / len(points)
     inertia = np.trace(second_moment) * np.eye(3) - second_moment
     return np.array([1.0, *centre, *(inertia[_INERTIAS[name]] for name in LINK_PARAMETERS[4:])])
-
-
-def _tie(robot: RobotDescription, shapes: Array) -> None:
-    for tie in robot.ties:
-        tied, value = (_place(name.strip()) for name in tie.split("="))
-        shapes[tied] = shapes[value]
-
-
-def _place(name: str) -> tuple[int, int]:
-    parameter = name.rstrip("0123456789")
-    return int(name[len(parameter) :]) - 1, LINK_PARAMETERS.index(parameter)
 
 
 def _rounder(shapes: Array) -> Array:

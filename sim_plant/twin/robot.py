@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
@@ -17,7 +18,19 @@ from checked_files.yaml_file import FileModel
 
 LINK_PARAMETERS = ("m", "sx", "sy", "sz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
-Positive = Annotated[float, Field(gt=0)]
+UNKNOWN = "unknown"
+ROTOR = 0.2
+"""Share of the torque limit that accelerates an unknown rotor at the acceleration limit."""
+_TIE = re.compile(r"^\s*([A-Za-z]+)(\d+)\s*=\s*([A-Za-z]+)(\d+)\s*$")
+
+
+def _stated(value: object) -> object:
+    if value == UNKNOWN:
+        raise ValueError("is unknown; state it, since nothing moves without it")
+    return value
+
+
+Positive = Annotated[float, BeforeValidator(_stated), Field(gt=0)]
 
 
 class _Part(FileModel):
@@ -34,10 +47,10 @@ class RobotFrame(_Part):
 
 
 class RobotDrive(_Part):
-    """Drive train of a joint."""
+    """Drive train of a joint; an unknown rotor is given what the limits lead one to expect."""
 
     gear_ratio: Positive
-    rotor_inertia: Annotated[float, Field(ge=0)]
+    rotor_inertia: Annotated[float, Field(ge=0)] | Literal["unknown"]
     torque_constant: Positive
 
 
@@ -62,6 +75,20 @@ class RobotJoint(_Part):
             raise ValueError(f"{value:g} must be greater than q_min = {low:g}")
         return value
 
+    @property
+    def rotor_inertia(self) -> float:
+        """Motor side [kg m^2]; of an unknown one, so much that it takes a share of the torque."""
+        stated = self.drive.rotor_inertia
+        if stated != UNKNOWN:
+            return float(stated)
+        reflected = ROTOR * self.torque_limit / self.acceleration_limit
+        return float(f"{reflected / self.drive.gear_ratio**2:.2g}")
+
+    @property
+    def motor_inertia(self) -> float:
+        """Of the rotor, at the joint [kg m^2 or kg]."""
+        return self.rotor_inertia * self.drive.gear_ratio**2
+
 
 class RobotDescription(_Part):
     """A robot file."""
@@ -71,6 +98,25 @@ class RobotDescription(_Part):
     lengths: dict[str, float] = Field(default_factory=dict)
     joints: Annotated[tuple[RobotJoint, ...], Field(min_length=1)]
     ties: tuple[str, ...] = ()
+    couplings: tuple[object, ...] | None = None
+
+    @field_validator("couplings")
+    @classmethod
+    def _none_coupled(cls, couplings: tuple[object, ...] | None) -> tuple[object, ...] | None:
+        if couplings:
+            raise ValueError("the virtual plant has no coupled motors; leave them out for a twin")
+        return couplings
+
+    @field_validator("ties")
+    @classmethod
+    def _ties_named(cls, ties: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        for tie in ties:
+            _tied(tie, len(info.data.get("joints", ())))
+        return ties
+
+    def tied(self) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+        """Link from 0 and place in `LINK_PARAMETERS` of each tied parameter and of its value."""
+        return [_tied(tie, len(self.joints)) for tie in self.ties]
 
     @field_validator("joints")
     @classmethod
@@ -95,6 +141,15 @@ class RobotDescription(_Part):
             )
             for joint in self.joints
         ]
+
+
+def _tied(tie: str, n: int) -> tuple[tuple[int, int], tuple[int, int]]:
+    parts = _TIE.match(tie)
+    names = [] if parts is None else [(parts[1], int(parts[2])), (parts[3], int(parts[4]))]
+    if not names or any(name not in LINK_PARAMETERS or not 1 <= k <= n for name, k in names):
+        raise ValueError(f"{tie!r} must tie two parameters of links, as in: Iyy6 = Ixx6")
+    left, right = ((k - 1, LINK_PARAMETERS.index(name)) for name, k in names)
+    return left, right
 
 
 def value_of(text: str, lengths: dict[str, float]) -> float:

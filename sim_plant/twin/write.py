@@ -37,6 +37,11 @@ def write_twin(robot: Path, folder: Path) -> str:
     OSError
         A file cannot be written.
     """
+    if robot.suffix == ".urdf":
+        raise FileError(
+            f"{robot}: a URDF states no gears and accelerations; write a robot file from it with:"
+            f" hil robot new --urdf {robot} -o {robot.stem}.yaml"
+        )
     described = load_yaml(robot, RobotDescription)
     plant, drives = folder / PLANT, folder / DRIVES
     for path in (plant, drives):
