@@ -146,9 +146,7 @@ def settings(index: int, axis: PlantAxis) -> DriveSettings:
     """What the drive of an axis reports about itself."""
     drive = axis.drive
     per_rad = drive.gear_ratio * drive.increments / math.tau
-    limits = sorted(
-        round(drive.direction * end * per_rad) + drive.zero for end in drive.reach
-    )
+    limits = sorted(round(drive.direction * end * per_rad) + drive.zero for end in drive.reach)
     gear = drive.gear_ratio.as_integer_ratio()
     return DriveSettings(
         name=axis.name,

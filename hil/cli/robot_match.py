@@ -79,7 +79,7 @@ def refuse_contradictions(axes: Sequence[StatedAxis], robot: Robot, text: str, s
 
 
 def _of_axis(axis: StatedAxis, index: int, robot: Robot) -> Iterator[tuple[_Place, str]]:
-    """Find contradictions of one axis; those of another kind of joint are about other quantities."""
+    """Find contradictions of one axis; of another kind of joint, none but this."""
     joint = "revolute" if robot.revolute[index] else "prismatic"
     if axis.joint != joint:
         yield (

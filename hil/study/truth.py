@@ -1,9 +1,9 @@
 """The truth about the virtual plant, for whoever sets an estimate against it afterwards.
 
 Only `hil compare` and benchmarks come here; nothing that measures or estimates does. Of the plant
-file just the machine is read: whether it is the robot's (`hil.study.other_machine`), and its bodies,
-link parameters and payload, put together as the robot's standard parameters of eq. (5), and from
-these the base parameters that an identification should find.
+file just the machine is read: whether it is the robot's (`hil.study.other_machine`), and its
+bodies, link parameters and payload, put together as the robot's standard parameters of eq. (5), and
+from these the base parameters that an identification should find.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class Plant(_Part):
         return found
 
     def drives(self, robot: Robot) -> Array:
-        """Motor inertias that the robot leaves unknown; no motor is coupled, there are no springs."""
+        """Motor inertias that the robot leaves unknown; there are no coupled motors and springs."""
         inertias = [axis.drive.rotor_inertia * axis.drive.gear_ratio**2 for axis in self.axes]
         unknown = np.array(inertias)[robot.rotor_inertia_unknown]
         return np.append(unknown, np.zeros(len(robot.added_parameters) - len(unknown)))
@@ -167,4 +167,3 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
             f" {', '.join(absent) or 'a tied parameter differs from the one it is tied to'};"
             " add what the plant has to the robot file and plan anew"
         )
-

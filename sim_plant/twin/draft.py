@@ -44,7 +44,7 @@ CREEP, FULL_SPEED = 0.05, 0.09
 DIRECT = 0.2
 """Of it is left without a gear."""
 GEARED = 8.0
-"""Gear ratio from which on an axis has the friction of a gear, and ripple that no gravity is like."""
+"""Gear ratio from which on there is the friction of a gear, and ripple unlike any gravity."""
 ASYMMETRIES = (0.004, -0.006, 0.005)
 HEAT_TIMES = (2100.0, 1800.0, 1500.0)
 PRESLIDING = 5e-5
@@ -120,9 +120,7 @@ def _axis(
     return PlantAxis(
         name=f"joint {number + 1}",
         joint=joint.type,
-        frame=Frame(
-            alpha_deg=math.degrees(alpha), d=d, theta_deg=math.degrees(theta), r=r
-        ),
+        frame=Frame(alpha_deg=math.degrees(alpha), d=d, theta_deg=math.degrees(theta), r=r),
         link=Body(**dict(zip(LINK_PARAMETERS, body.tolist(), strict=True))),
         drive=_drive(joint, number + 1, load),
         friction=_friction(joint, number, least),

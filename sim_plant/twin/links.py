@@ -1,4 +1,4 @@
-"""Links for a robot of which only frames and limits are known: real bodies, as heavy as it can bear.
+"""Links for a robot of which frames and limits are known: real bodies, as heavy as it can bear.
 
 A robot file says which link parameters there are, not how large. So each link becomes a body of six
 points, stretched from its own frame towards the next one and off the axes, so that no parameter is
@@ -39,7 +39,14 @@ HEAVIER = 2.5
 _TRIED = 200
 _OFF_AXIS = np.array([[0.8, -0.5, 0.33], [-0.46, 0.7, 0.55], [0.5, 0.62, -0.6]])
 """Directions of the centres of mass off the line from frame to frame, in turn."""
-_INERTIAS = {"Ixx": (0, 0), "Iyy": (1, 1), "Izz": (2, 2), "Ixy": (0, 1), "Ixz": (0, 2), "Iyz": (1, 2)}
+_INERTIAS = {
+    "Ixx": (0, 0),
+    "Iyy": (1, 1),
+    "Izz": (2, 2),
+    "Ixy": (0, 1),
+    "Ixz": (0, 2),
+    "Iyz": (1, 2),
+}
 
 
 class NoLinks(ValueError):

@@ -107,7 +107,7 @@ class TestTruth:
 
     def test_a_joint_that_slides_instead_of_turning_is_refused(self, manutec, tmp_path):
         plant = plant_file(tmp_path, "name: joint 1", "name: joint 1\n    joint: prismatic")
-        with pytest.raises(FileError, match="axes.0.joint: prismatic must be revolute"):
+        with pytest.raises(FileError, match=r"axes.0.joint: prismatic must be revolute"):
             true_parameters(manutec, plant)
 
     def test_all_that_differs_is_stated_at_once(self, manutec, tmp_path):

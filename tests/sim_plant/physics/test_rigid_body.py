@@ -69,7 +69,11 @@ def random_arm(n: int, rng: np.random.Generator, kinds: Array | None = None) -> 
             inertia[0, 1], inertia[0, 2], inertia[1, 2],
         ])  # fmt: skip
     return Arm(
-        tuple(range(n)), frames, np.array(bodies), rng.normal(size=3), kinds,
+        tuple(range(n)),
+        frames,
+        np.array(bodies),
+        rng.normal(size=3),
+        kinds,
         rng.uniform(0.0, 20.0, n),
     )
 
