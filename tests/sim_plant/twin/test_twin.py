@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from checked_files.yaml_file import FileError
+from drivers.drive_bus import DriveRefused
+from drivers.drives_file import load_drives
+from drivers.open_drive_bus import open_drive_bus
 from hil.cli.robot_drives import load_robots_drives
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
@@ -211,3 +215,17 @@ def test_frames_are_read_as_robot_files_may_write_them(text: str, value: float) 
 def test_nothing_else_is_evaluated(text: str) -> None:
     with pytest.raises(ValueError, match="is no sum, product or quotient"):
         value_of(text, {"l1": 0.5})
+
+
+def test_a_plant_with_another_gear_than_its_drives_file_is_refused_before_anything_moves(
+    folder: Path, tmp_path: Path
+) -> None:
+    """Gear 101 for 100: the drives state their own gear, so nobody need notice it later."""
+    text = (folder / "plant.yaml").read_text()
+    stated = re.search(r"gear_ratio: ([\d.]+)", text)
+    assert stated
+    other = f"gear_ratio: {1.01 * float(stated[1]):.6g}"
+    plant, drives = tmp_path / "plant.yaml", load_drives(folder / "drives.yaml")
+    plant.write_text(text.replace(stated[0], other, 1))
+    with pytest.raises(DriveRefused, match=r"joint 1 .*gear \(6091\) is"):
+        open_drive_bus(drives, "sim_plant", str(plant)).__enter__()
