@@ -137,6 +137,8 @@ class AxisInfo:
     own_limits : mapping of str to str
         Where it is the drive's own limit that holds: ``q_min``, ``q_max``, ``velocity``,
         ``acceleration`` or ``torque``, and the object that sets it, such as ``607D``.
+    unit : {"rad", "m"}
+        Of its position.
     """
 
     name: str
@@ -148,6 +150,7 @@ class AxisInfo:
     torque_resolution: float
     position_resolution: float
     own_limits: Mapping[str, str] = field(default_factory=dict)
+    unit: str = "rad"
 
 
 @runtime_checkable

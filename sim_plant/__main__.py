@@ -1,12 +1,14 @@
-"""``python -m sim_plant``: serve the plant on any python-can bus until Ctrl-C."""
+"""``python -m sim_plant``: serve the plant on any python-can bus, or draft one of any robot."""
 
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path  # noqa: TC003 - typer reads the annotations
+from typing import TYPE_CHECKING, Annotated, Any
 
 import can
 import typer
+from typer.core import TyperGroup
 
 from checked_files.yaml_file import FileError
 from sim_plant.faults.fault_plan import load_fault_plan
@@ -17,10 +19,29 @@ from sim_plant.switch_on import load_machine
 if TYPE_CHECKING:
     from sim_plant.machine_protocol import Machine
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+SERVE = "serve"
 
 
-@app.command()
+class _ServesByDefault(TyperGroup):
+    """Takes what begins with no command for options of `serve`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Return the arguments, the command first."""
+        if args and args[0] != "--help" and args[0] not in self.commands:
+            args = [SERVE, *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=_ServesByDefault,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    help="Virtual machines behind true CANopen drives.",
+)
+
+
+@app.command(SERVE)
 def main(
     interface: Annotated[str, typer.Option(help="python-can interface, e.g. socketcan.")],
     channel: Annotated[str, typer.Option(help="Its channel, e.g. vcan0.")],
@@ -36,7 +57,7 @@ def main(
     ] = CYCLE_DEFAULT,
     faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
 ) -> None:
-    """Serve the simulated plant's drives on a CAN bus."""
+    """Serve the simulated plant's drives on a CAN bus, until Ctrl-C; what happens by default."""
     try:
         options, passing = _options(bus_option or []), _clock(clock)
         machine = load_machine(plant, seed, personality)
@@ -48,6 +69,23 @@ def main(
         typer.echo("stopped")
     except (FileError, can.CanError, ValueError, OSError) as error:
         typer.echo(f"sim_plant: {error or type(error).__name__}", err=True)
+        raise typer.Exit(1) from None
+
+
+@app.command()
+def new(
+    robot: Annotated[Path, typer.Argument(help="Robot file.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder that both files are written into.")
+    ],
+) -> None:
+    """Write plant file and drives file of a robot's virtual twin."""
+    from sim_plant.twin.write import write_twin  # noqa: PLC0415 - serving needs none of it
+
+    try:
+        typer.echo(write_twin(robot, output))
+    except (FileError, OSError) as error:
+        typer.echo(f"sim_plant: {error}", err=True)
         raise typer.Exit(1) from None
 
 

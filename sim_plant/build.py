@@ -10,10 +10,12 @@ import numpy as np
 from sim_plant.drive_settings import DriveSettings
 from sim_plant.physics import friction, soft_gears
 from sim_plant.physics import state as st
+from sim_plant.physics.loop_stability import Loops
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from sim_plant.physics.reflected_inertia import Arm
     from sim_plant.plant_file import PlantAxis, PlantFile
 
     Array = NDArray[np.float64]
@@ -25,15 +27,41 @@ GEAR_DAMPING = 0.05
 """Of a soft gear, share of critical damping."""
 
 
-def arm(file: PlantFile) -> tuple[tuple[int, ...], Array, Array, Array]:
-    """Joints, frames, bodies and gravity, as the compiled rigid-body dynamics takes them."""
+def arm(file: PlantFile) -> Arm:
+    """Joints, frames, bodies, gravity and kinds, as the compiled dynamics takes them."""
     angle = np.radians([axis.frame.alpha_deg for axis in file.axes])
     d, r = np.array([(axis.frame.d, axis.frame.r) for axis in file.axes]).T
     cos, sin = np.cos(angle), np.sin(angle)
     frames = np.column_stack([cos, sin, d, -sin * r, cos * r])
     order = ("m", "sx", "sy", "sz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
     bodies = np.array([[getattr(body, key) for key in order] for body in file.bodies()])
-    return tuple(range(len(bodies))), frames, bodies, np.array(file.gravity)
+    return tuple(range(len(bodies))), frames, bodies, np.array(file.gravity), _kinds(file)
+
+
+def _kinds(file: PlantFile) -> Array | None:
+    kinds = np.array(
+        [(axis.joint == "prismatic", np.radians(axis.frame.theta_deg)) for axis in file.axes],
+        dtype=float,
+    )
+    return kinds if kinds.any() else None
+
+
+def reach(file: PlantFile) -> Array:
+    """Between what the axes move, shape (n, 2) [rad or m]."""
+    return np.array([axis.drive.reach for axis in file.axes])
+
+
+def loops(file: PlantFile) -> Loops:
+    """Gains of all axes, as their stability is judged by."""
+    drives, stated = [axis.drive for axis in file.axes], file.loops
+    return Loops(
+        np.array([drive.motor_inertia for drive in drives]),
+        np.array([drive.load_inertia for drive in drives]),
+        stated.position,
+        stated.velocity,
+        stated.integral,
+        file.step,
+    )
 
 
 def constants(axis: PlantAxis, file: PlantFile) -> Array:
@@ -90,7 +118,7 @@ def flaws(file: PlantFile) -> Array | None:
             drive.current_lag / file.step,
             drive.backlash / 2,
         )
-        row[soft_gears.LINK_Q] = math.radians(axis.position_deg)
+        row[soft_gears.LINK_Q] = axis.start
         if drive.stiffness is not None:
             inertia = 1 / (1 / drive.motor_inertia + 1 / drive.load_inertia)
             row[soft_gears.STIFFNESS] = drive.stiffness
@@ -118,10 +146,7 @@ def settings(index: int, axis: PlantAxis) -> DriveSettings:
     """What the drive of an axis reports about itself."""
     drive = axis.drive
     per_rad = drive.gear_ratio * drive.increments / math.tau
-    limits = sorted(
-        round(drive.direction * side * math.radians(drive.range_deg) * per_rad) + drive.zero
-        for side in (-1, 1)
-    )
+    limits = sorted(round(drive.direction * end * per_rad) + drive.zero for end in drive.reach)
     gear = drive.gear_ratio.as_integer_ratio()
     return DriveSettings(
         name=axis.name,

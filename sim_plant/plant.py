@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from checked_files.yaml_file import FileError
+from checked_files.yaml_file import FileError, line_of, place, read_text
 from sim_plant import build
 from sim_plant.machine_protocol import AxisEvent, Reading
 from sim_plant.physics import friction, machine_step, servo, soft_gears
 from sim_plant.physics import state as st
 from sim_plant.physics.gear_modes import refuse_steps_too_long
-from sim_plant.plant_file import PlantFile, load_plant_file
+from sim_plant.physics.loop_stability import Unstable, refuse_hard_brakes, refuse_unstable
+from sim_plant.physics.reflected_inertia import NotPositive, reflected_inertia
+from sim_plant.plant_file import PlantFile, load_plant_file, plant_path
 from sim_plant.servo_axis import ServoAxis
 
 if TYPE_CHECKING:
@@ -50,7 +52,13 @@ def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
     FileError
         No such plant, or a file that does not fit.
     """
-    return Plant(load_plant_file(name_or_path), seed)
+    file = load_plant_file(name_or_path)
+    try:
+        return Plant(file, seed)
+    except Unstable as error:
+        path = plant_path(name_or_path)
+        line = line_of(read_text(path), error.place)
+        raise FileError(f"{path}:{line}: {place(error.place)}: {error}") from error
 
 
 class Plant:
@@ -71,6 +79,13 @@ class Plant:
         `AxisEvent` bits of each axis, as last reported.
     on_event : callable
         Called with axis index and `AxisEvent` bits when these change.
+
+    Raises
+    ------
+    Unstable
+        Gains with which the drives do not hold the arm.
+    FileError
+        Links that are no bodies, or gears that steps cannot follow.
     """
 
     def __init__(self, file: PlantFile, seed: int | None = None) -> None:
@@ -81,6 +96,7 @@ class Plant:
         self.const = np.array([build.constants(axis, file) for axis in file.axes])
         self.state = np.zeros((n, st.N_STATE))
         self.profile = np.zeros((n, st.N_PROFILE))
+        self._refuse_unstable()
         self.flaws = self._soft_gears()
         self._number = 0
         self._normal = self._random.standard_normal((STOCK, n))
@@ -97,7 +113,7 @@ class Plant:
         self.events = [int(AxisEvent.DONE | AxisEvent.STANDSTILL)] * n
         for i, axis in enumerate(file.axes):
             s = self.state[i]
-            s[st.Q] = math.radians(axis.position_deg)
+            s[st.Q] = axis.start
             s[st.TEMPERATURE] = axis.friction.temperature
             s[st.LUBRICANT] = axis.friction.lubricant
             s[st.TORQUE_LIMIT] = axis.drive.peak_torque
@@ -115,13 +131,23 @@ class Plant:
         arrays = self.const, self.state, self.profile
         return ServoAxis(index, *arrays, self.events, lambda: self.time)
 
+    def _refuse_unstable(self) -> None:
+        motors, step = self.const[:, st.MOTOR_INERTIA], self.file.step
+        try:
+            inertia = reflected_inertia(self._arm, motors, build.reach(self.file))
+        except NotPositive as error:
+            raise FileError(f"{self.file.name}: {error}") from error
+        refuse_unstable(build.loops(self.file), inertia)
+        refuse_hard_brakes(self.const, inertia, step)
+
     def _soft_gears(self) -> Array | None:
         """What the plant file says of soft gears and lagging currents."""
         found = build.flaws(self.file)
         if found is not None and found[:, soft_gears.STIFFNESS].any():
-            reach = np.radians([axis.drive.range_deg for axis in self.file.axes])
             try:
-                refuse_steps_too_long(self._arm, self.const, found, reach, self.file.step)
+                refuse_steps_too_long(
+                    self._arm, self.const, found, build.reach(self.file), self.file.step
+                )
             except ValueError as error:
                 raise FileError(f"{self.file.name}: {error}") from error
         return found

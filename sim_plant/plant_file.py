@@ -7,6 +7,7 @@ truth afterwards, never by what measures or estimates.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -26,10 +27,11 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Frame(FileModel):
-    """Modified Denavit-Hartenberg frame of a revolute joint."""
+    """Modified Denavit-Hartenberg frame of a joint; q adds to theta, or to r where it slides."""
 
     alpha_deg: float = 0.0
     d: float = 0.0
+    theta_deg: float = 0.0
     r: float = 0.0
 
 
@@ -75,28 +77,34 @@ class Payload(FileModel):
 
 
 class Drive(FileModel):
-    """Motor, gear, encoder, power stage and loops of an axis."""
+    """Motor, gear, encoder, power stage and loops of an axis.
+
+    Joint side is rad and N m, or m and N of an axis that slides.
+    """
 
     node: Annotated[int, Field(ge=1, le=127)]
     gear_ratio: Positive
-    rotor_inertia: Positive
-    """Motor side [kg m^2]."""
+    """Motor angle over joint coordinate [-, or rad/m]."""
+    rotor_inertia: NotNegative
+    """Motor side [kg m^2]; 0 for a direct drive, whose rotor counts with its link."""
     torque_constant: Positive
     """[N m/A, peak amplitude]."""
     rated_torque_mNm: Annotated[int, Field(gt=0)]
     rated_current_mA: Annotated[int, Field(gt=0)]
     peak_torque: Positive
-    """At the joint [N m]."""
+    """At the joint [N m or N]."""
     increments: Annotated[int, Field(gt=0)] = 4096
     direction: Literal[-1, 1] = 1
     zero: int = 0
     """Increments at q = 0."""
     velocity_max: Positive
     acceleration_max: Positive
-    range_deg: Positive
-    """The axis moves within +- this [deg]."""
+    range_deg: Positive | None = None
+    """The axis moves within +- this [deg]; or `range` says where."""
+    range: tuple[float, float] | None = None
+    """The axis moves between these [rad or m]."""
     load_inertia: Positive
-    """Arm inertia that the velocity loop was tuned for [kg m^2]."""
+    """Arm inertia that the velocity loop was tuned for [kg m^2, or kg]."""
     stiffness: Positive | None = None
     """Of the gear, motor held [N m/rad]; rigid unless stated."""
     backlash: NotNegative = 0.0
@@ -110,11 +118,32 @@ class Drive(FileModel):
     def _backlash_has_a_gear(self) -> Self:
         if self.backlash and self.stiffness is None:
             raise ValueError(f"backlash {self.backlash:g} rad needs a stiffness too")
+        if self.stiffness is not None and not self.rotor_inertia:
+            raise ValueError(
+                f"stiffness {self.stiffness:g} needs a rotor: its rotor_inertia must be positive"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_range(self) -> Self:
+        if (self.range_deg is None) == (self.range is None):
+            raise ValueError("needs range_deg or range, one of them")
+        low, high = self.reach
+        if low >= high:
+            raise ValueError(f"range: {low:g} must be below {high:g}; exchange them")
         return self
 
     @property
+    def reach(self) -> tuple[float, float]:
+        """Ends of the axis's way [rad or m]."""
+        if self.range is not None:
+            return self.range
+        end = math.radians(self.range_deg or 0.0)
+        return -end, end
+
+    @property
     def motor_inertia(self) -> float:
-        """Rotor inertia at the joint [kg m^2]."""
+        """Rotor inertia at the joint [kg m^2, or kg]."""
         return self.rotor_inertia * self.gear_ratio**2
 
 
@@ -133,9 +162,9 @@ class Friction(FileModel):
     """Friction of an axis; see `sim_plant.physics.friction`."""
 
     creep: NotNegative
-    """At creep speed [N m]."""
+    """At creep speed [N m or N]."""
     full_speed: NotNegative
-    """At the speed limit [N m]."""
+    """At the speed limit [N m or N]."""
     heat_time: Positive
     """[s]."""
     asymmetry: float = 0.0
@@ -147,19 +176,36 @@ class Friction(FileModel):
     lubricant: Annotated[float, Field(ge=0, le=1)] = 1.0
     """Settled share of the lubricant when the machine is switched on."""
     presliding: Positive = 3e-4
-    """[rad]."""
+    """[rad or m]."""
 
 
 class PlantAxis(FileModel):
     """One joint of the arm with the link behind it."""
 
     name: str
+    joint: Literal["revolute", "prismatic"] = "revolute"
     frame: Frame
     link: Body
     drive: Drive
     friction: Friction
     position_deg: float = 0.0
-    """Where the axis stands when the machine is switched on."""
+    """Where the axis stands when the machine is switched on [deg]; or `position` says it."""
+    position: float | None = None
+    """The same [rad or m]."""
+
+    @model_validator(mode="after")
+    def _no_degrees_of_a_way(self) -> Self:
+        if self.joint == "prismatic" and (self.drive.range_deg or self.position_deg):
+            raise ValueError(
+                f"{self.name} slides: state drive.range and position [m], not range_deg and"
+                " position_deg"
+            )
+        return self
+
+    @property
+    def start(self) -> float:
+        """Where the axis stands when the machine is switched on [rad or m]."""
+        return math.radians(self.position_deg) if self.position is None else self.position
 
 
 class OtherRipple(FileModel):
@@ -225,6 +271,12 @@ def packaged_plants() -> Sequence[str]:
     return sorted(path.stem for path in PLANTS.glob("*.yaml"))
 
 
+def plant_path(name_or_path: str) -> Path:
+    """Path of a packaged plant's file, or the one that is given."""
+    packaged = PLANTS / f"{name_or_path}.yaml"
+    return packaged if packaged.is_file() else Path(name_or_path)
+
+
 def load_plant_file(name_or_path: str) -> PlantFile:
     """Read a packaged plant by name, or a plant file by path.
 
@@ -233,8 +285,7 @@ def load_plant_file(name_or_path: str) -> PlantFile:
     FileError
         No such plant, or a file that does not fit.
     """
-    packaged = PLANTS / f"{name_or_path}.yaml"
-    path = packaged if packaged.is_file() else Path(name_or_path)
+    path = plant_path(name_or_path)
     if not path.is_file():
         known = ", ".join(packaged_plants())
         raise FileError(

@@ -151,6 +151,7 @@ def _described(axis: AxisDrive, identity: str, holding: EffectiveLimits) -> Axis
         torque_resolution=abs(scale.torque),
         position_resolution=abs(scale.position),
         own_limits=holding.own,
+        unit=axis.unit,
     )
 
 

@@ -7,6 +7,7 @@ noted. Commissioning and `hil check` make the same comparisons.
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from drivers.rate_units import RateUnit
 
 POSITION = "position unit (6064)"
+GEAR = "gear (6091)"
+SAME_GEAR = 1e-3
+"""Ratios may differ by this share, which is what rounding in a drive comes to."""
 _COUNTS = "increments_per_revolution"
 _POSITION_RANGE = (objects.POSITION_RANGE_MIN, objects.POSITION_RANGE_MAX)
 _ALL_COUNTS = (1 << 32) - 1
@@ -75,7 +79,7 @@ def _note_positions(server: RemoteDictionary) -> None:
 
 
 def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Comparison]:
-    """Compare ratings (6075, 6076), position unit (608F to 60A8), velocity and acceleration units.
+    """Compare ratings (6075, 6076), positions and gear (608F to 60A8), velocities, accelerations.
 
     Raises
     ------
@@ -85,6 +89,7 @@ def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Compariso
     yield from compare_ratings(server.find, axis)
     factors = PositionFactors.read(partial(_said, server))
     yield compare_positions(factors, axis)
+    yield from another_gear(factors, axis)
     gear = factors.gear or Fraction(1)
     units = factors.unit, factors.stated.resolution
     stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
@@ -135,6 +140,28 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
         shown(stated),
         f"correct {_COUNTS} or the drive's parameters: every angle scales with it",
     )
+
+
+def _gear_is_electronic(factors: PositionFactors) -> bool:
+    """Whether a gear (6091) may be one of the drive's own: no feed or unit refers to it."""
+    return (factors.feed in {None, 1} and not factors.unit) or "gear" in factors.assumed
+
+
+def another_gear(factors: PositionFactors, axis: AxisDrive) -> Iterator[Comparison]:
+    """Find a gear that the drive states and the file states otherwise."""
+    gear, stated = factors.gear, axis.gear_ratio
+    if gear in {None, 1} or _gear_is_electronic(factors):
+        return
+    assert gear is not None  # noqa: S101 - as was asked
+    if not math.isclose(float(gear), stated, rel_tol=SAME_GEAR):
+        yield compared(
+            False,
+            GEAR,
+            f"{float(gear):g}",
+            "gear_ratio",
+            f"{stated:g}",
+            "correct gear_ratio or the drive's parameter: angles and torques scale with it",
+        )
 
 
 class _Rate(NamedTuple):

@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen.pdo_mapping import current_entry
 from drivers.commissioning.comparison import Agreement
-from drivers.commissioning.consistency import comparisons
+from drivers.commissioning.consistency import (
+    GEAR,
+    SAME_GEAR,
+    another_gear,
+    comparisons,
+)
 from drivers.commissioning.position_units import PositionFactors
 from drivers.commissioning.ratings import expected_torque
 from drivers.commissioning.verdict import Grade, Verdict, graded, unknown
@@ -27,8 +32,6 @@ if TYPE_CHECKING:
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
 
-SAME = 1e-3
-"""Ratios may differ by this share, which is what rounding in a drive comes to."""
 CONSISTENT = 0.1
 """Rated torque may differ from torque constant times rated current by this share."""
 
@@ -52,7 +55,7 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
         yield _verdict(server.label, comparison)
     if axis.current.basis is not Basis.RATED_TORQUE:
         yield _torque_constant(server.label, axis)
-    yield _gear(server, axis)
+    yield from _gear(server, axis)
     yield _polarity(server)
     yield _current(server, axis)
 
@@ -94,24 +97,25 @@ def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
     )
 
 
-def _gear(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
-    """Compare the gear; one that stands without a feed may be the drive's electronic gear."""
+def _gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
+    """State a gear that is confirmed, or stays on trust: without a feed it may be the drive's own.
+
+    One that contradicts the file is among the comparisons.
+    """
     factors = PositionFactors.read(server.find)
-    check, stated, gear = "gear (6091)", axis.gear_ratio, factors.gear
+    check, stated, gear = GEAR, axis.gear_ratio, factors.gear
     if gear is None or gear == 1:
-        return unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
-    alone = (factors.feed in {None, 1} and not factors.unit) or "gear" in factors.assumed
-    return graded(
-        math.isclose(float(gear), stated, rel_tol=SAME),
-        Grade.WARNING if alone else Grade.REFUSED,
-        server.label,
-        check,
-        f"{float(gear):g}",
-        f"file: {stated:g}",
-        "an electronic gear of the drive, or correct gear_ratio: it shows by eye, in a move"
-        if alone
-        else "correct gear_ratio or the drive's parameter: angles and torques scale with it",
-    )
+        yield unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
+    elif not list(another_gear(factors, axis)):
+        yield graded(
+            math.isclose(float(gear), stated, rel_tol=SAME_GEAR),
+            Grade.WARNING,
+            server.label,
+            check,
+            f"{float(gear):g}",
+            f"file: {stated:g}",
+            "an electronic gear of the drive, or correct gear_ratio: it shows by eye, in a move",
+        )
 
 
 def _polarity(server: RemoteDictionary) -> Verdict:

@@ -71,6 +71,7 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
     axes = [
         StatedAxis(
             axis.name,
+            axis.joint,
             axis.gear_ratio,
             axis.torque_constant,
             axis.limits.q_min,

@@ -1,6 +1,7 @@
 """Whether drives file and robot file describe the same machine.
 
-Both state gear ratios, torque constants and limits, since each is used without the other. Where
+Both state joint types, gear ratios, torque constants and limits, since each is used without the
+other. Where
 they contradict each other every torque would be wrong by the same factor, and no residual would
 show it. So they are compared before anything moves.
 """
@@ -33,6 +34,7 @@ class StatedAxis:
     """
 
     name: str
+    joint: str
     gear_ratio: float
     torque_constant: float | None
     q_min: float
@@ -65,7 +67,7 @@ def refuse_contradictions(axes: Sequence[StatedAxis], robot: Robot, text: str, s
     problems = [
         (("axes", index, *keys), message)
         for index, axis in enumerate(axes)
-        for keys, message in (*_factors(axis, index, robot), *_limits(axis, index, robot))
+        for keys, message in _of_axis(axis, index, robot)
     ]
     if problems:
         raise FileError(
@@ -74,6 +76,20 @@ def refuse_contradictions(axes: Sequence[StatedAxis], robot: Robot, text: str, s
                 for place, message in problems
             )
         )
+
+
+def _of_axis(axis: StatedAxis, index: int, robot: Robot) -> Iterator[tuple[_Place, str]]:
+    """Find contradictions of one axis; of another kind of joint, none but this."""
+    joint = "revolute" if robot.revolute[index] else "prismatic"
+    if axis.joint != joint:
+        yield (
+            ("joint",),
+            f"{axis.joint} of axis {axis.name} must be {joint} as in the robot file of"
+            f" {robot.name}; correct whichever is wrong",
+        )
+        return
+    yield from _factors(axis, index, robot)
+    yield from _limits(axis, index, robot)
 
 
 def _factors(axis: StatedAxis, index: int, robot: Robot) -> Iterator[tuple[_Place, str]]:
@@ -92,14 +108,15 @@ def _factors(axis: StatedAxis, index: int, robot: Robot) -> Iterator[tuple[_Plac
 def _limits(axis: StatedAxis, index: int, robot: Robot) -> Iterator[tuple[_Place, str]]:
     """Find limits wider than the robot's, and narrower ones that a plan would run into."""
     low, high = float(robot.q_min[index]), float(robot.q_max[index])
+    q, tau = robot.position_unit(index), robot.torque_unit(index)
     for key, stated, known, unit in (
-        ("q_min", -axis.q_min, -low, "rad"),
-        ("q_max", axis.q_max, high, "rad"),
-        ("velocity", axis.velocity, float(robot.velocity_limit[index]), "rad/s"),
-        ("acceleration", axis.acceleration, float(robot.acceleration_limit[index]), "rad/s^2"),
-        ("torque", axis.torque, float(robot.torque_limit[index]), "N m"),
+        ("q_min", -axis.q_min, -low, q),
+        ("q_max", axis.q_max, high, q),
+        ("velocity", axis.velocity, float(robot.velocity_limit[index]), f"{q}/s"),
+        ("acceleration", axis.acceleration, float(robot.acceleration_limit[index]), f"{q}/s^2"),
+        ("torque", axis.torque, float(robot.torque_limit[index]), tau),
     ):
-        slack = high - low if unit == "rad" else known
+        slack = high - low if unit == q else known
         if -NARROWER * slack <= stated - known <= SAME * slack:
             continue
         sign = -1 if key == "q_min" else 1

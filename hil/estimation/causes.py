@@ -177,7 +177,10 @@ def _accounted(name: CauseName, axes: Iterable[int], detail: str, change: Array)
 def _ripple(robot: Robot, fit: SimultaneousFit, covariance: Array) -> Iterator[Cause]:
     found = unmodelled_ripple(robot, fit)
     if found.largest:
-        each = ", ".join(f"{order} with {a:.2g} N m" for order, a in found.largest.values())
+        each = ", ".join(
+            f"{order} with {a:.2g} {robot.torque_unit(axis)}"
+            for axis, (order, a) in found.largest.items()
+        )
         part = _part(fit, found.share, covariance)
         axes, detail = tuple(found.largest), f"largest are {each}"
         yield Cause(CauseName.RIPPLE, axes, detail, found.change, part)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from drivers.drive_bus import Move
 from hil.measuring.checks.encoder_jumps import refuse_jumps
 from hil.measuring.streaming import stream
-from hil.measuring.travel import locate, pass_along, resolution, stand, until_reached
+from hil.measuring.travel import locate, pass_along, resolution, stand, units, until_reached
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 from hil.runs.recording import IDLE, Recorder
 
@@ -68,7 +68,7 @@ def _record(
     recorder.partner_stroke(IDLE)
     _rest(bus, recorder)
     recording = recorder.finish()
-    refuse_jumps(recording, measurement.highest_acceleration, resolution(bus))
+    refuse_jumps(recording, measurement.highest_acceleration, resolution(bus), units(bus))
     return recording
 
 

@@ -96,7 +96,7 @@ def measure(
         for spent, now in MANNERS[measurement.kind].prepare(bus, measurement):
             left = max(0.0, clock.remaining(now) - spent)
             yield Preparing(now, left, measurement, spent, measurement.preparation)
-        for event in _attempts(plan, bus, measurement, clock):
+        for event in _attempts(plan, robot, bus, measurement, clock):
             if isinstance(event, GaveUp):
                 gave_up.append(measurement.id)
             elif isinstance(event, Recorded) and isnan(before_first):
@@ -137,7 +137,7 @@ class _Clock:
 
 
 def _attempts(
-    plan: Plan, bus: DriveBus, measurement: Measurement, clock: _Clock
+    plan: Plan, robot: Robot, bus: DriveBus, measurement: Measurement, clock: _Clock
 ) -> Iterator[Event]:
     """Record until the checks pass or the attempts are used up.
 
@@ -146,7 +146,7 @@ def _attempts(
     tries: list[tuple[Recording, tuple[Finding, ...]]] = []
     while True:
         recording = MANNERS[measurement.kind].record(bus, measurement)
-        findings = tuple(check(recording, measurement))
+        findings = tuple(check(recording, measurement, robot))
         tries.append((recording, findings))
         now = float(recording.time[-1])
         if not findings or len(tries) == plan.attempts:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 GRACE = 5.0
 """Time for settling before a trajectory counts as failed [s]."""
 ASTRAY = 0.05
-"""How far an axis may be from its set-point at the same SYNC [rad]."""
+"""How far an axis may be from its set-point at the same SYNC [rad or m]."""
 
 
 def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
@@ -55,6 +55,7 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
         recording,
         float(np.abs(acceleration).max()),
         [axis.position_resolution for axis in bus.axes],
+        [axis.unit for axis in bus.axes],
     )
     return recording
 
@@ -73,7 +74,7 @@ def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
     return min(1.0, speed / highest) if highest > 0 else 1.0
 
 
-def astray(recording: Recording, trajectory: Trajectory) -> Iterator[Finding]:
+def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterator[Finding]:
     """Find where an axis did not follow the path."""
     period = round(recording.period, 9)
     index = np.rint((recording.time - recording.time[0]) / period).astype(int)
@@ -82,10 +83,11 @@ def astray(recording: Recording, trajectory: Trajectory) -> Iterator[Finding]:
     worst = np.nan_to_num(away).max(axis=0)
     axis = int(worst.argmax())
     if worst[axis] > ASTRAY:
+        unit = robot.position_unit(axis)
         yield Finding(
             "astray",
-            f"axis {axis + 1} is up to {worst[axis]:.3g} rad away from its set-points, at most"
-            f" {ASTRAY} rad may be; plan a slower trajectory or check the drive's tuning",
+            f"axis {axis + 1} is up to {worst[axis]:.3g} {unit} away from its set-points, at most"
+            f" {ASTRAY} {unit} may be; plan a slower trajectory or check the drive's tuning",
             float(worst[axis]),
             ASTRAY,
         )

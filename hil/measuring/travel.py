@@ -31,7 +31,7 @@ OVERDUE = 1.5
 GRACE = 5.0
 """Time for handshake and settling before a move counts as failed [s]."""
 SLACK = 2e-3
-"""A robot may stand this far outside its limits and still travel back inside [rad]."""
+"""A robot may stand this far outside its limits and still travel back inside [rad or m]."""
 
 
 def locate(bus: DriveBus) -> Sample:
@@ -61,7 +61,7 @@ def travel(
     workspace: Workspace | None = None,
     slow: float = 1.0,
 ) -> Sample:
-    """Move all axes at once to `target` [rad] and wait until they stand still.
+    """Move all axes at once to `target` [rad or m] and wait until they stand still.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def travel(
     recorder = Recorder()
     last = until_reached(bus, recorder.add, here.time, expected, "travel")
     highest = max(move.acceleration for move in moves.values())
-    refuse_jumps(recorder.finish(), highest, resolution(bus))
+    refuse_jumps(recorder.finish(), highest, resolution(bus), units(bus))
     return last
 
 
@@ -120,7 +120,7 @@ def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Samp
     begin = locate(bus).time
     bus.move({index: Move(profile.end, profile.velocity, profile.acceleration)})
     last = until_reached(bus, recorder.add, begin, profile.duration, what)
-    refuse_jumps(recorder.finish(), profile.acceleration, resolution(bus))
+    refuse_jumps(recorder.finish(), profile.acceleration, resolution(bus), units(bus))
     return last
 
 
@@ -163,21 +163,27 @@ def until_reached(
 
 
 def resolution(bus: DriveBus) -> list[float]:
-    """Steps of the encoders [rad]."""
+    """Steps of the encoders [rad or m]."""
     return [axis.position_resolution for axis in bus.axes]
+
+
+def units(bus: DriveBus) -> list[str]:
+    """Units of the axes' positions."""
+    return [axis.unit for axis in bus.axes]
 
 
 def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> None:
     limits = zip(robot.q_min, robot.q_max, strict=True)
     for index, (low, high) in enumerate(limits):
+        unit = robot.position_unit(index)
         if not low <= target[index] <= high:
             raise LimitExceeded(
-                f"axis {index + 1}: target {target[index]:.4g} rad is outside {low:.4g} ..."
-                f" {high:.4g} rad; correct the plan"
+                f"axis {index + 1}: target {target[index]:.4g} {unit} is outside {low:.4g} ..."
+                f" {high:.4g} {unit}; correct the plan"
             )
         if not low - SLACK <= here[index] <= high + SLACK:
             raise LimitExceeded(
-                f"axis {index + 1}: stands at {here[index]:.4g} rad, outside {low:.4g} ..."
-                f" {high:.4g} rad; bring it inside with the drive's own tool, or check its"
+                f"axis {index + 1}: stands at {here[index]:.4g} {unit}, outside {low:.4g} ..."
+                f" {high:.4g} {unit}; bring it inside with the drive's own tool, or check its"
                 " position offset in drives.yaml"
             )

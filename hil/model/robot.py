@@ -175,6 +175,22 @@ class Robot:
         """Unit of q of a joint (from 0): rad or m."""
         return "rad" if self.revolute[axis] else "m"
 
+    def torque_unit(self, axis: int) -> str:
+        """Unit of the torque, or force, of a joint (from 0): N m or N."""
+        return "N m" if self.revolute[axis] else "N"
+
+    @property
+    def torque_units(self) -> str:
+        """Unit of a column of torques of all joints: N m, N, or both."""
+        units = dict.fromkeys(self.torque_unit(axis) for axis in range(self.n_joints))
+        return " or ".join(units)
+
+    @property
+    def position_units(self) -> str:
+        """Unit of a column of positions of all joints: rad, m, or both."""
+        units = dict.fromkeys(self.position_unit(axis) for axis in range(self.n_joints))
+        return " or ".join(units)
+
     @cached_property
     def alpha(self) -> NDArray[np.float64]:
         """Angles between successive axes [rad]."""

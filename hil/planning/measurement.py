@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Self
 
+    from hil.model.robot import Robot
     from hil.planning.trapezoid import Trapezoid
 
 
@@ -203,6 +204,7 @@ class ElementKind(Kind):
     symbol : {"g", "M"}
         Vector or matrix that the element stands in.
     quantity, unit : str
+        What it is, of joints that turn.
     pair : bool
         Whether it belongs to two axes: one creeps and is read, the other one accelerates.
     colour, marker : str
@@ -228,6 +230,12 @@ class ElementKind(Kind):
     def label(self) -> str:
         """Quantity and unit, for the axis of a plot."""
         return f"{self.quantity} [{self.unit}]"
+
+    def unit_of(self, robot: Robot, axis: int, partner: int) -> str:
+        """Unit of one element, by whether its joints (from 0) turn or slide."""
+        if self.symbol == "g":
+            return robot.torque_unit(axis)
+        return ("kg", "kg m", "kg m²")[int(robot.revolute[axis]) + int(robot.revolute[partner])]
 
     def element(self, axis: int, partner: int) -> str:
         """One element as a formula; joint indices from 0."""

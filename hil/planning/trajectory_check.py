@@ -34,11 +34,16 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Ite
     t = np.arange(0.0, trajectory.period + period, period)
     q, qd, qdd = trajectory.motion(t)
     for joint in range(robot.n_joints):
-        share = ACCELERATION_SHARE
+        share, q_unit = ACCELERATION_SHARE, robot.position_unit(joint)
         for what, values, low, high, unit in (
-            ("position", q, float(robot.q_min[joint]), float(robot.q_max[joint]), "rad"),
-            ("velocity", qd, *_about(robot.velocity_limit[joint]), "rad/s"),
-            ("acceleration", qdd, *_about(share * robot.acceleration_limit[joint]), "rad/s^2"),
+            ("position", q, float(robot.q_min[joint]), float(robot.q_max[joint]), q_unit),
+            ("velocity", qd, *_about(robot.velocity_limit[joint]), f"{q_unit}/s"),
+            (
+                "acceleration",
+                qdd,
+                *_about(share * robot.acceleration_limit[joint]),
+                f"{q_unit}/s^2",
+            ),
         ):
             along = values[:, joint]
             worst = float(along.min() if low - along.min() > along.max() - high else along.max())

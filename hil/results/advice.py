@@ -88,13 +88,13 @@ def advice(
     return (
         *_causes(budget),
         *_campaign(estimate, plan, campaign),
-        *_outliers(estimate),
+        *_outliers(estimate, robot),
         *_misfit(estimate, robot),
         *_groups(estimate, robot),
         *_parameters(estimate, prediction, robot, plan),
         *_correlations(estimate, robot),
         *_drives(robot),
-        *_offsets(estimate),
+        *_offsets(estimate, robot),
     )
 
 
@@ -131,7 +131,7 @@ def _axes(axes: Sequence[int]) -> str:
     return _listed([f"axis {axis}" for axis in axes])
 
 
-def _outliers(estimate: Estimate) -> Iterator[Advice]:
+def _outliers(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     """Measurements whose local model leaves far more than it does in others of their kind."""
     elements = {(v.kind, v.axis, v.partner) for v in estimate.local}
     for kind, axis, partner in sorted(elements):
@@ -140,8 +140,9 @@ def _outliers(estimate: Estimate) -> Iterator[Advice]:
         for value in (v for v in alike if v.residual > OUTLIER * usual > 0):
             yield Advice(
                 value.id,
-                f"scatters by {value.residual:.2g} N m, {value.residual / usual:.0f} times as much"
-                f" as {kind} measurements of axis {axis + 1} do",
+                f"scatters by {value.residual:.2g} {robot.torque_unit(axis)},"
+                f" {value.residual / usual:.0f} times as much as {kind} measurements of axis"
+                f" {axis + 1} do",
                 "look for a cause (contact, saturation, a cable), move its recording away and"
                 " --resume",
             )
@@ -237,7 +238,7 @@ def _drives(robot: Robot) -> Iterator[Advice]:
         )
 
 
-def _offsets(estimate: Estimate) -> Iterator[Advice]:
+def _offsets(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     """Half-sums that miss the model by the same amount everywhere, if that is no cause of error."""
     if any(cause.name == CauseName.ASYMMETRY for cause in estimate.causes):
         return
@@ -246,7 +247,8 @@ def _offsets(estimate: Estimate) -> Iterator[Advice]:
     for axis in sorted({v.axis for v in gravity}):
         left = np.array([v.value - v.model for v in gravity if v.axis == axis])
         if len(left) > 2 and abs(left.mean()) > OFFSET * left.std(ddof=1) / np.sqrt(len(left)):
-            found[f"axis {axis + 1}"] = signed(f"{left.mean():.2f}") + " N m"
+            shift = f"{signed(f'{left.mean():.2f}')} {robot.torque_unit(axis)}"
+            found[f"axis {axis + 1}"] = shift
     if found:
         yield Advice(
             ", ".join(found),

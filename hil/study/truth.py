@@ -1,15 +1,16 @@
 """The truth about the virtual plant, for whoever sets an estimate against it afterwards.
 
 Only `hil compare` and benchmarks come here; nothing that measures or estimates does. Of the plant
-file just the bodies are read: link parameters and payload, put together as the robot's standard
-parameters of eq. (5), and from these the base parameters that an identification should find.
+file just the machine is read: whether it is the robot's (`hil.study.other_machine`), and its
+bodies, link parameters and payload, put together as the robot's standard parameters of eq. (5), and
+from these the base parameters that an identification should find.
 """
 
 from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -18,10 +19,9 @@ from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import influences
 from hil.model.robot_file import LINK_PARAMETERS
+from hil.study.other_machine import refuse_other_machine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
@@ -76,6 +76,7 @@ class _Payload(_Part):
 class _Frame(_Part):
     alpha_deg: float = 0.0
     d: float = 0.0
+    theta_deg: float = 0.0
     r: float = 0.0
 
 
@@ -84,14 +85,20 @@ class _Drive(_Part):
     rotor_inertia: float
 
 
-class _Axis(_Part):
+class PlantAxis(_Part):
+    """A joint of the plant: where it is, what it carries and what drives it."""
+
+    joint: Literal["revolute", "prismatic"] = "revolute"
     frame: _Frame = _Frame()
     link: _Body
     drive: _Drive
 
 
-class _Plant(_Part):
-    axes: tuple[_Axis, ...] = Field(min_length=1)
+class Plant(_Part):
+    """A plant file, as far as it is of concern here."""
+
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    axes: tuple[PlantAxis, ...] = Field(min_length=1)
     payload: _Payload | None = None
 
     def standard(self) -> Array:
@@ -102,11 +109,10 @@ class _Plant(_Part):
         return found
 
     def drives(self, robot: Robot) -> Array:
-        """Motor inertias that the robot leaves unknown, at the joints; no motor is coupled."""
+        """Motor inertias that the robot leaves unknown; there are no coupled motors and springs."""
         inertias = [axis.drive.rotor_inertia * axis.drive.gear_ratio**2 for axis in self.axes]
-        return np.append(
-            np.array(inertias)[robot.rotor_inertia_unknown], [0.0] * len(robot.couplings)
-        )
+        unknown = np.array(inertias)[robot.rotor_inertia_unknown]
+        return np.append(unknown, np.zeros(len(robot.added_parameters) - len(unknown)))
 
 
 def true_parameters(robot: Robot, plant: Path | str) -> Array:
@@ -127,11 +133,12 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     Raises
     ------
     FileError
-        No such file, or a plant whose torques no base parameters of `robot` can give.
+        No such file, another machine, or a plant whose torques no base parameters of `robot` can
+        give.
     """
     path = find_plant(plant)
-    content = load_yaml(path, _Plant)
-    _refuse_other_frames(robot, content, path)
+    content = load_yaml(path, Plant)
+    refuse_other_machine(robot, content, path)
     standard = np.append(content.standard(), content.drives(robot))
     p: Array = base_parameters(robot).matrix @ standard
     _refuse_other_links(robot, standard, p, path)
@@ -144,24 +151,6 @@ def find_plant(plant: Path | str) -> Path:
     folders = [] if spec is None else list(spec.submodule_search_locations or [])
     packaged = [Path(folder) / _PLANT_FILES / f"{plant}.yaml" for folder in folders]
     return next((path for path in packaged if path.is_file()), Path(plant))
-
-
-def _refuse_other_frames(robot: Robot, plant: _Plant, path: Path) -> None:
-    """Refuse a plant whose axes stand otherwise than the robot's."""
-    if len(plant.axes) != robot.n_joints:
-        raise FileError(
-            f"{path}: axes: {len(plant.axes)} axes must be {robot.n_joints}, as {robot.name} has;"
-            " give the file of the plant that was measured"
-        )
-    for k, frame in enumerate(axis.frame for axis in plant.axes):
-        there = (np.radians(frame.alpha_deg), frame.d, frame.r)
-        stated = (robot.alpha[k], robot.d[k], robot.r[k])
-        if not np.allclose(there, stated, atol=_TOLERANCE):
-            raise FileError(
-                f"{path}: axes.{k}.frame: alpha, d, r = {_listed(there)} must be"
-                f" {_listed(stated)}, as the robot file says; parameters of other frames cannot be"
-                " compared"
-            )
 
 
 def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> None:
@@ -178,7 +167,3 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
             f" {', '.join(absent) or 'a tied parameter differs from the one it is tied to'};"
             " add what the plant has to the robot file and plan anew"
         )
-
-
-def _listed(values: Iterable[float]) -> str:
-    return ", ".join(f"{value:.4g}" for value in values)

@@ -20,15 +20,16 @@ import numpy as np
 
 from sim_plant.physics import soft_gears as fl
 from sim_plant.physics import state as st
-from sim_plant.physics.rigid_body import WORK, bias_and_mass
+from sim_plant.physics.reflected_inertia import configurations, mass_matrix
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
+    from sim_plant.physics.reflected_inertia import Arm
+
     Array = NDArray[np.float64]
-    Arm = tuple[tuple[int, ...], Array, Array, Array]
 
 FOLLOWED = 0.8
 """Largest eigenvalue that is accepted: configurations between those tried may be faster."""
@@ -41,10 +42,10 @@ def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, st
     Parameters
     ----------
     arm : tuple
-        Joints, frames, bodies, gravity of `sim_plant.physics.rigid_body`.
+        Joints, frames, bodies, gravity, kinds of `sim_plant.physics.rigid_body`.
     const, flaws : ndarray, shape (n, ...)
-    reach : ndarray, shape (n,)
-        Axes move within +- this [rad].
+    reach : ndarray, shape (n, 2)
+        Between what the axes move [rad or m].
     step : float
         [s].
 
@@ -71,9 +72,9 @@ def _modes(arm: Arm, const: Array, flaws: Array, reach: Array) -> Iterator[tuple
     soft = flaws[:, fl.STIFFNESS] > 0
     motors, own = const[:, st.MOTOR_INERTIA], slice(None, n)
     K, D = (_between(flaws[:, column]) for column in (fl.STIFFNESS, fl.DAMPING))
-    for q in np.random.default_rng(0).uniform(-1, 1, (CONFIGURATIONS, n)) * reach:
+    for q in configurations(reach, CONFIGURATIONS):
         M = np.diag(np.concatenate([np.where(soft, 0.0, motors), motors]))
-        M[own, own] += _mass(arm, q)
+        M[own, own] += mass_matrix(arm, q)
         if np.linalg.eigvalsh(M)[0] <= 0:
             raise ValueError(
                 "links on soft gears have no motor to lend them inertia, and at q ="
@@ -87,14 +88,6 @@ def _between(value: Array) -> Array:
     """Matrix of springs or dampers that join each link with its motor."""
     diagonal = np.diag(value)
     return np.block([[diagonal, -diagonal], [-diagonal, diagonal]])
-
-
-def _mass(arm: Arm, q: Array) -> Array:
-    n = len(q)
-    bias, mass = np.empty(n), np.zeros((n, n))
-    bias_and_mass(*arm, q, np.zeros(n), bias, mass, np.empty((n, WORK)))
-    lower = np.tril(mass)
-    return lower + np.tril(lower, -1).T
 
 
 def _share(mode: tuple[Array, ...], step: float) -> float:

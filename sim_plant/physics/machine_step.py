@@ -36,6 +36,7 @@ def run(  # noqa: C901 - the compiler decides what depends on flaws
     frames: Array,
     bodies: Array,
     gravity: Array,
+    kinds: Array | None,
     const: Array,
     state: Array,
     profile: Array,
@@ -51,7 +52,7 @@ def run(  # noqa: C901 - the compiler decides what depends on flaws
         Steps done since the machine was switched on.
     h : float
         Step [s].
-    joints, frames, bodies, gravity
+    joints, frames, bodies, gravity, kinds
         See `sim_plant.physics.rigid_body`.
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.physics.state`.
@@ -76,7 +77,9 @@ def run(  # noqa: C901 - the compiler decides what depends on flaws
             middle[1, i] = v
         if flaws is not None:
             fl.place(flaws, middle, link, h)
-        rigid_body.bias_and_mass(joints, frames, bodies, gravity, link[0], link[1], rhs, mass, work)
+        rigid_body.bias_and_mass(
+            joints, frames, bodies, gravity, kinds, link[0], link[1], rhs, mass, work
+        )
         for i in range(n):
             u = servo.command(const, state, profile, i, h)
             tau = 0.5 * (state[i, st.TORQUE] + u)
@@ -125,6 +128,7 @@ def run_and_latch(
     frames: Array,
     bodies: Array,
     gravity: Array,
+    kinds: Array | None,
     const: Array,
     state: Array,
     profile: Array,
@@ -138,7 +142,8 @@ def run_and_latch(
     Entering compiled code costs as much as a step, so it is done once a SYNC.
     """
     done = run(
-        steps, number, h, joints, frames, bodies, gravity, const, state, profile, normal, flaws
+        steps, number, h, joints, frames, bodies, gravity, kinds, const, state, profile, normal,
+        flaws,
     )  # fmt: skip
     if done == steps:
         servo.latch(const, state, profile, noise[row], image, flaws)

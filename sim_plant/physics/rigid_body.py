@@ -1,11 +1,13 @@
-"""Rigid-body dynamics of a serial arm of revolute joints, compiled.
+"""Rigid-body dynamics of a serial arm, compiled.
 
 Newton-Euler in link coordinates for the torques without acceleration, composite rigid bodies for
 the mass matrix, its factors L D L' for the accelerations (Featherstone, *Rigid Body Dynamics
 Algorithms*, 2008, chapters 5 and 6). Links are given by what their motion is linear in: mass, first
 moment and inertia about the frame's origin; so a set of base parameters without mass is as good a
-link as a real body. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d) Rz(q) Tz(r)`` takes
-link i-1 to link i, and each link's vectors are expressed in its own frame.
+link as a real body. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d) Rz(theta) Tz(r)``
+takes link i-1 to link i, and each link's vectors are expressed in its own frame; q adds to theta of
+a joint that turns, to r of one that slides. Where all joints turn from theta = 0, `kinds` is None
+and the compiler leaves out whatever looks at it.
 
 Joint indices are passed as a tuple because the length of a tuple is part of its type: the
 compiler then unrolls all loops for this very arm, and the dynamics take two thirds of the time.
@@ -31,6 +33,8 @@ FRAME = 5
 """Columns of a frame: cos(alpha), sin(alpha) and where its origin lies in the frame before (3)."""
 BODY = 10
 """Columns of a body: m, sx, sy, sz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz."""
+KIND = 2
+"""Columns of a kind of joint: 1 if it slides and 0 if it turns, theta at q = 0 [rad]."""
 WORK = 8
 """Columns of the scratch array: cos(q), sin(q), force (3), moment (3)."""
 
@@ -41,6 +45,7 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     frames: Array,
     bodies: Array,
     gravity: Array,
+    kinds: Array | None,
     q: Array,
     qd: Array,
     bias: Array,
@@ -57,24 +62,31 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     bodies : ndarray, shape (n, BODY)
     gravity : ndarray, shape (3,)
         In the base frame [m/s^2].
+    kinds : ndarray, shape (n, KIND), optional
+        None where all joints turn, from theta = 0.
     q, qd : ndarray, shape (n,)
-        [rad], [rad/s].
+        [rad or m], [rad/s or m/s].
     bias : ndarray, shape (n,)
-        Written: c(q, qd) + g(q) [N m].
+        Written: c(q, qd) + g(q) [N m or N].
     mass : ndarray, shape (n, n)
-        Written: the lower triangle of M(q) [kg m^2].
+        Written: the lower triangle of M(q) [kg m^2, kg m or kg].
     work : ndarray, shape (n, WORK)
         Scratch.
     """
     n = len(joints)
+    if kinds is not None:
+        frames = _slid(frames, kinds, q)
     wx = wy = wz = 0.0
     ex = ey = ez = 0.0  # angular acceleration
     ax, ay, az = -gravity[0], -gravity[1], -gravity[2]
     for i in range(n):
         ca, sa = frames[i, 0], frames[i, 1]
         px, py, pz = frames[i, 2], frames[i, 3], frames[i, 4]
-        v = qd[i]
-        s, c = sin_cos(q[i])
+        v, angle = qd[i], q[i]
+        if kinds is not None:
+            angle = kinds[i, 1] + (1.0 - kinds[i, 0]) * angle
+            v *= 1.0 - kinds[i, 0]
+        s, c = sin_cos(angle)
         work[i, 0] = c
         work[i, 1] = s
         ux = wy * pz - wz * py
@@ -90,6 +102,10 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
         t = ca * ey + sa * ez
         ex, ey, ez = c * ex + s * t + wy * v, c * t - s * ex - wx * v, ca * ez - sa * ey
         wz += v
+        if kinds is not None:
+            slide = 2.0 * kinds[i, 0] * qd[i]  # Coriolis
+            ax += wy * slide
+            ay -= wx * slide
         m, sx, sy, sz = bodies[i, 0], bodies[i, 1], bodies[i, 2], bodies[i, 3]
         ixx, iyy, izz = bodies[i, 4], bodies[i, 5], bodies[i, 6]
         ixy, ixz, iyz = bodies[i, 7], bodies[i, 8], bodies[i, 9]
@@ -128,7 +144,11 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
         ixz += bodies[i, 8]
         iyz += bodies[i, 9]
         mass[i, i] = izz
-        _row(frames, work, i, -sy, sx, ixz, iyz, izz, mass)
+        if kinds is not None and kinds[i, 0] > 0.0:
+            bias[i], mass[i, i] = fz, m
+            _row(frames, kinds, work, i, 0.0, 0.0, m, sy, -sx, 0.0, mass)
+        else:
+            _row(frames, kinds, work, i, -sy, sx, 0.0, ixz, iyz, izz, mass)
 
         # carry wrench and composite body over joint i into the frame of link i-1
         ca, sa = frames[i, 0], frames[i, 1]
@@ -173,17 +193,18 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
 @inlined
 def _row(
     frames: Array,
+    kinds: Array | None,
     work: Array,
     i: int,
     fx: float,
     fy: float,
+    fz: float,
     nx: float,
     ny: float,
     nz: float,
     mass: Array,
 ) -> None:
     """Row i of M: the wrench of unit acceleration of joint i, felt at the joints before it."""
-    fz = 0.0
     for k in range(i, 0, -1):
         ca, sa = frames[k, 0], frames[k, 1]
         px, py, pz = frames[k, 2], frames[k, 3], frames[k, 4]
@@ -196,6 +217,19 @@ def _row(
         ny += pz * fx - px * fz
         nz += px * fy - py * fx
         mass[i, k - 1] = nz
+        if kinds is not None:
+            mass[i, k - 1] = fz if kinds[k - 1, 0] > 0.0 else nz
+
+
+@compiled
+def _slid(frames: Array, kinds: Array, q: Array) -> Array:
+    """Frames whose joints have slid to where they are."""
+    slid = frames.copy()
+    for i in range(frames.shape[0]):
+        way = kinds[i, 0] * q[i]
+        slid[i, 3] -= frames[i, 1] * way
+        slid[i, 4] += frames[i, 0] * way
+    return slid
 
 
 @compiled
@@ -240,6 +274,7 @@ def forward_dynamics(
     frames: Array,
     bodies: Array,
     gravity: Array,
+    kinds: Array | None,
     motor_inertia: Array,
     q: Array,
     qd: Array,
@@ -249,21 +284,21 @@ def forward_dynamics(
 
     Parameters
     ----------
-    joints, frames, bodies, gravity
+    joints, frames, bodies, gravity, kinds
         See `bias_and_mass`.
     motor_inertia : ndarray, shape (n,)
         Rotor inertias seen at the joints, added to the diagonal of M [kg m^2].
     q, qd, tau : ndarray, shape (n,)
-        [rad], [rad/s], [N m].
+        [rad or m], [rad/s or m/s], [N m or N].
 
     Returns
     -------
     ndarray, shape (n,)
-        qdd [rad/s^2].
+        qdd [rad/s^2 or m/s^2].
     """
     n = len(joints)
     bias, mass, work = np.empty(n), np.empty((n, n)), np.empty((n, WORK))
-    bias_and_mass(joints, frames, bodies, gravity, q, qd, bias, mass, work)
+    bias_and_mass(joints, frames, bodies, gravity, kinds, q, qd, bias, mass, work)
     mass[np.diag_indices(n)] += motor_inertia
     qdd: Array = tau - bias
     solve_in_place(joints, mass, qdd)

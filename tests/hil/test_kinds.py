@@ -71,6 +71,7 @@ OTHERWISE = {
     ("friction", "study/scenarios.py"): "a key of a plant's file",
     ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
     ("friction", "imports/plausibility.py"): "the same",
+    ("gravity", "study/other_machine.py"): "the same",
     ("trajectory", "study/campaigns.py"): "a campaign of a study",
     ("trajectory", "study/cell.py"): "the same",
     ("trajectory", "planning/design/candidates.py"): "what a plan by minutes may choose besides",
@@ -130,7 +131,7 @@ def test_a_further_kind_passes_dry_run_checks_and_estimate_by_its_entries_alone(
     assert dry_run(probed, manutec).groups == dry_run(plan, manutec).groups
     recorded = [(m, record(manutec, m, TABLE_3_A, Friction())) for m in probes]
     for m, (probe, recording) in zip(plan.measurements, recorded, strict=True):
-        assert check(recording, probe) == check(recording, m)
+        assert check(recording, probe, manutec) == check(recording, m, manutec)
     found = estimate(manutec, recorded)
     assert {value.kind for value in found.local} == {"probe", "inertia", "coupling"}
     assert found.p == pytest.approx(TABLE_3_A, rel=1e-2, abs=1e-2)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.runs.recording import Recording
 
@@ -29,20 +30,20 @@ RARE, OFTEN = 0.05, 0.9
 """Bounds of the share of equal neighbours that counts as the sensor's own."""
 
 
-def frozen(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
+def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     """Find where the torque of a measured axis repeats one value for too long in motion."""
     moving = recording.stroke >= 0
     for index in measurement.read:
-        yield from _frozen(recording.tau[moving, index], index + 1)
+        yield from _frozen(recording.tau[moving, index], index + 1, robot.torque_unit(index))
 
 
-def _frozen(tau: NDArray[np.float64], axis: int) -> Iterator[Finding]:
+def _frozen(tau: NDArray[np.float64], axis: int, unit: str) -> Iterator[Finding]:
     begin, longest = _longest_run(tau)
     bound = _explained(tau, longest)
     if longest > bound:
         yield Finding(
             "current",
-            f"the current of axis {axis} reads {tau[begin]:.4g} N m in {longest}"
+            f"the current of axis {axis} reads {tau[begin]:.4g} {unit} in {longest}"
             f" samples on end, at most {bound} may; its sensor is stuck, clipped or too coarse:"
             " check the drive's current measurement and its range",
             longest,

@@ -31,7 +31,10 @@ EVEN = 1e-6
 
 
 def refuse_jumps(
-    recording: Recording, acceleration: float, resolution: Sequence[float] | float = 0.0
+    recording: Recording,
+    acceleration: float,
+    resolution: Sequence[float] | float = 0.0,
+    units: Sequence[str] = (),
 ) -> None:
     """Raise when a position jumped.
 
@@ -39,9 +42,12 @@ def refuse_jumps(
     ----------
     recording : Recording
     acceleration : float
-        Highest of the motion [rad/s^2].
+        Highest of the motion [rad/s^2 or m/s^2].
     resolution : sequence (n_joints,) or float
-        Steps of the encoders: in a creep positions rest for many samples between two steps [rad].
+        Steps of the encoders: in a creep positions rest for many samples between two steps
+        [rad or m].
+    units : sequence of str
+        Of the axes' positions; rad where none are stated.
 
     Raises
     ------
@@ -63,10 +69,12 @@ def refuse_jumps(
     jumps = np.argwhere(bends > allowed)
     if len(jumps):
         sample, axis = jumps[0]
+        unit = units[axis] if units else "rad"
         raise Tripped(
-            f"axis {axis + 1}: its position jumps by {bends[sample, axis]:.2g} rad at"
-            f" {recording.time[sample + 1]:.3f} s, at most {allowed[sample, axis]:.2g} rad can be"
-            " motion; check encoder and cable, and reference the axis anew before measuring again"
+            f"axis {axis + 1}: its position jumps by {bends[sample, axis]:.2g} {unit} at"
+            f" {recording.time[sample + 1]:.3f} s, at most {allowed[sample, axis]:.2g} {unit} can"
+            " be motion; check encoder and cable, and reference the axis anew before measuring"
+            " again"
         )
 
 

@@ -21,10 +21,11 @@ from hil.runs.finding import Finding
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
+    from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.runs.recording import Recording
 
-    Check = Callable[[Recording, Any], Iterable[Finding]]
+    Check = Callable[[Recording, Any, Robot], Iterable[Finding]]
 
 __all__ = ["Finding", "check"]
 
@@ -34,7 +35,7 @@ DISTURBED = 0.01
 """Share of samples with doubled or late telegrams that is tolerated."""
 
 
-def check(recording: Recording, measurement: Measurement) -> list[Finding]:
+def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[Finding]:
     """Judge a recording.
 
     Parameters
@@ -42,6 +43,8 @@ def check(recording: Recording, measurement: Measurement) -> list[Finding]:
     recording : Recording
     measurement : Measurement
         What was to be recorded.
+    robot : Robot
+        For the units of its axes.
 
     Returns
     -------
@@ -49,11 +52,11 @@ def check(recording: Recording, measurement: Measurement) -> list[Finding]:
         Empty when the recording is fit to be used.
     """
     steps = (*ALWAYS, *CHECKS[measurement.kind])
-    return [finding for step in steps for finding in step(recording, measurement)]
+    return [finding for step in steps for finding in step(recording, measurement, robot)]
 
 
-def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
-    del measurement
+def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
+    del measurement, robot
     missing = int(np.any(recording.flags & SampleFlag.MISSING, axis=1).sum())
     periods = np.diff(recording.time) / np.median(np.diff(recording.time))
     left_out = int(np.sum(np.maximum(0, np.rint(periods) - 1)))
@@ -82,8 +85,8 @@ def _gaps(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
         )
 
 
-def _saturation(recording: Recording, measurement: Measurement) -> Iterator[Finding]:
-    del measurement
+def _saturation(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
+    del measurement, robot
     moving = (recording.stroke >= 0)[:, None]
     saturated = int(
         np.any((recording.flags & SampleFlag.LIMIT).astype(bool) & moving, axis=1).sum()

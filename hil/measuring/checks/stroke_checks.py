@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.model.robot import Robot
     from hil.planning.strokes import Partner, Strokes
     from hil.planning.trapezoid import Trapezoid
     from hil.runs.recording import Recording
@@ -48,8 +49,9 @@ def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -
     return np.flatnonzero(inside) + int(span.start)
 
 
-def windows(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+def windows(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
     """Constant velocity was reached, long enough and at the value asked for, in every stroke."""
+    unit = _unit(robot, measurement.index)
     for stroke in range(measurement.n_strokes):
         window = constant_velocity(recording, measurement, stroke)
         length = len(window) * recording.period
@@ -67,23 +69,23 @@ def windows(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
         if abs(reached - wanted) > VELOCITY_TOLERANCE * abs(wanted):
             yield Finding(
                 "velocity",
-                f"{_name(stroke)}: mean velocity {reached:.4g} rad/s, must be {wanted:.4g} rad/s"
+                f"{_name(stroke)}: mean velocity {reached:.4g} {unit}, must be {wanted:.4g} {unit}"
                 f" within {VELOCITY_TOLERANCE:.0%}; check the drive's velocity units and limits",
                 reached,
                 wanted,
             )
 
 
-def peaks(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+def peaks(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
     """Every accelerating stroke reached the speed of its profile."""
+    unit = _unit(robot, measurement.index)
     for stroke in range(measurement.n_strokes):
         q = recording.q[recording.span(stroke), measurement.index]
-        yield from _peak(
-            q, measurement.profile(stroke), recording.period, "velocity", _name(stroke)
-        )
+        profile = measurement.profile(stroke)
+        yield from _peak(q, profile, recording.period, "velocity", _name(stroke), unit)
 
 
-def half_sums(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
     """Friction was steady: half-sums of successive strokes show the same gravity torque."""
     torque = [
         recording.tau[constant_velocity(recording, measurement, k), measurement.index]
@@ -99,18 +101,19 @@ def half_sums(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
     spread = float(np.ptp(half_sums))
     bound = FRICTION_CHANGE * friction + 4 * noise
     if spread > bound:
+        unit = robot.torque_unit(measurement.index)
         yield Finding(
             "half-sums",
-            f"half-sums of successive strokes differ by {spread:.3g} N m, at most {bound:.3g} N m"
-            " may; friction is not steady: warm up longer, or plan more cycles",
+            f"half-sums of successive strokes differ by {spread:.3g} {unit}, at most"
+            f" {bound:.3g} {unit} may; friction is not steady: warm up longer, or plan more cycles",
             spread,
             bound,
         )
 
 
-def stuck(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+def stuck(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
     """Find where the creeping axis did not move all the time."""
-    lag = max(1, round(0.2 / recording.period))
+    lag, unit = max(1, round(0.2 / recording.period)), _unit(robot, measurement.index)
     for stroke in range(measurement.n_strokes):
         window = constant_velocity(recording, measurement, stroke)
         if len(window) <= lag:
@@ -121,22 +124,22 @@ def stuck(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
         if slowest < bound:
             yield Finding(
                 "stuck",
-                f"{_name(stroke)}: the creeping axis falls to {slowest:.3g} rad/s, must stay above"
-                f" {bound:.3g} rad/s; creep faster or let the partner accelerate less",
+                f"{_name(stroke)}: the creeping axis falls to {slowest:.3g} {unit}, must stay above"
+                f" {bound:.3g} {unit}; creep faster or let the partner accelerate less",
                 slowest,
                 bound,
             )
 
 
-def partners(recording: Recording, measurement: Strokes) -> Iterator[Finding]:
+def partners(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
     """Find where a partner did not go forth and back in a creep stroke, or too slowly."""
     for stroke in range(measurement.n_strokes):
         for partner in measurement.partners:
-            yield from _partner(recording, measurement, stroke, partner)
+            yield from _partner(recording, measurement, stroke, partner, robot)
 
 
 def _partner(
-    recording: Recording, measurement: Strokes, stroke: int, partner: Partner
+    recording: Recording, measurement: Strokes, stroke: int, partner: Partner, robot: Robot
 ) -> Iterator[Finding]:
     numbers = recording.partner_stroke[recording.span(stroke)]
     strokes = np.unique(numbers[numbers >= 0])
@@ -152,18 +155,19 @@ def _partner(
         q = recording.q[recording.partner_span(int(number)), partner.index]
         name = f"partner's {_name(int(number))}"
         profile = partner.profile(measurement.q, int(number))
-        yield from _peak(q, profile, recording.period, "partner", name)
+        unit = _unit(robot, partner.index)
+        yield from _peak(q, profile, recording.period, "partner", name, unit)
 
 
 def _peak(
-    q: NDArray[np.float64], profile: Trapezoid, period: float, check: str, name: str
+    q: NDArray[np.float64], profile: Trapezoid, period: float, check: str, name: str, unit: str
 ) -> Iterator[Finding]:
     reached = _highest_velocity(q, period)
     wanted = PEAK * _ideal_velocity(profile, round(period, 9))
     if reached < wanted:
         yield Finding(
             check,
-            f"{name}: highest velocity {reached:.3g} rad/s, must be at least {wanted:.3g} rad/s;"
+            f"{name}: highest velocity {reached:.3g} {unit}, must be at least {wanted:.3g} {unit};"
             " check the drive's velocity and acceleration units and limits",
             reached,
             wanted,
@@ -188,6 +192,11 @@ def _mean_velocity(recording: Recording, measurement: Strokes, window: NDArray[n
     q = recording.q[window, measurement.index]
     t = t - t.mean()
     return float(t @ q / (t @ t))
+
+
+def _unit(robot: Robot, index: int) -> str:
+    """Unit of velocities of an axis."""
+    return f"{robot.position_unit(index)}/s"
 
 
 def _name(stroke: int) -> str:

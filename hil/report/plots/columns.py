@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _PITCH = 1.1
 """From the beginning of a column to that of the next one, in widths of a column."""
 _NARROW = 4.0
-"""Angles that are shown at least: a joint that hardly moved is not blown up [deg]."""
+"""Positions that are shown at least: a joint that hardly moved is not blown up [deg or mm]."""
 _MARGIN = 0.08
 """On both sides of the angles, as share of their range."""
 _FRAME = 0.7
@@ -37,19 +37,23 @@ _FRAME = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column over the angle of `joint` (from 0), which it shows from `low` to `high` [deg]."""
+    """A column over the position of `joint` (from 0), which it shows from `low` to `high`.
+
+    Angles are shown in degrees, and where the joint slides millimetres.
+    """
 
     joint: int
     low: float
     high: float
+    turns: bool = True
 
     @classmethod
-    def of(cls, joint: int, angles: Sequence[float]) -> Column:
-        """Column that shows `angles` [rad]."""
-        shown = np.degrees(angles) if angles else np.zeros(1)
+    def of(cls, joint: int, positions: Sequence[float], *, turns: bool = True) -> Column:
+        """Column that shows `positions` [rad or m]."""
+        shown = _shown(np.array(positions), turns) if positions else np.zeros(1)
         low, high = float(shown.min()), float(shown.max())
         half = max((0.5 + _MARGIN) * (high - low), _NARROW / 2)
-        return cls(joint, (low + high) / 2 - half, (low + high) / 2 + half)
+        return cls(joint, (low + high) / 2 - half, (low + high) / 2 + half, turns)
 
     @property
     def begin(self) -> float:
@@ -58,15 +62,27 @@ class Column:
 
     @property
     def ticks(self) -> list[float]:
-        """Angles with a mark, right angles where the joint moves far [deg]."""
+        """Positions with a mark, right angles where the joint turns far [deg or mm]."""
         span = self.high - self.low
-        locator = MultipleLocator(180 if span > 340 else 90) if span > _NARROW else MaxNLocator(3)
+        right = self.turns and span > _NARROW
+        locator = MultipleLocator(180 if span > 340 else 90) if right else MaxNLocator(3)
         found: list[float] = np.asarray(locator.tick_values(self.low, self.high)).tolist()
         return [tick for tick in found if self.low <= tick <= self.high]
 
-    def place(self, angles: Sequence[float]) -> Array:
-        """Where `angles` [rad] stand along a panel."""
-        return self.begin + (np.degrees(angles) - self.low) / (self.high - self.low)
+    def place(self, positions: Sequence[float]) -> Array:
+        """Where `positions` [rad or m] stand along a panel."""
+        return self.along(_shown(np.array(positions), self.turns))
+
+    def along(self, shown: Array) -> Array:
+        """Where positions as they are shown stand along a panel [deg or mm]."""
+        place: Array = self.begin + (shown - self.low) / (self.high - self.low)
+        return place
+
+
+def _shown(positions: Array, turns: bool) -> Array:
+    """Positions as they are shown, from rad or m [deg or mm]."""
+    shown: Array = np.degrees(positions) if turns else 1e3 * positions
+    return shown
 
 
 def draw_columns(panel: Axes, columns: Sequence[Column]) -> None:
@@ -80,7 +96,7 @@ def draw_columns(panel: Axes, columns: Sequence[Column]) -> None:
     panel.spines[:].set_visible(False)
     low, high = panel.get_ylim()
     levels = [level for level in panel.get_yticks() if low <= level <= high]
-    places = [x for column in columns for x in column.place(np.radians(column.ticks).tolist())]
+    places = [x for column in columns for x in column.along(np.array(column.ticks))]
     _lines(panel, [((x, low), (x, high)) for x in places], color=GRID, zorder=0.5)
     _lines(panel, [((x, y), (x + 1, y)) for x in begins for y in levels], color=GRID, zorder=0.5)
     _lines(panel, [((x, 0.0), (x + 1, 0.0)) for x in begins], color=MODEL, linewidth=0.9)
@@ -92,12 +108,13 @@ def draw_columns(panel: Axes, columns: Sequence[Column]) -> None:
 def label_columns(panel: Axes, columns: Sequence[Column]) -> None:
     """Write angles and joints below the lowest panel."""
     ticks = [(x, tick) for column in columns
-             for x, tick in zip(column.place(np.radians(column.ticks).tolist()), column.ticks,
+             for x, tick in zip(column.along(np.array(column.ticks)), column.ticks,
                                 strict=True)]  # fmt: skip
     panel.set_xticks([x for x, _ in ticks], [signed(f"{tick:g}") for _, tick in ticks])
     for column in columns:
         panel.annotate(
-            f"$q_{{{column.joint + 1}}}$ [deg]", (column.begin + 0.5, 0.0),
+            f"$q_{{{column.joint + 1}}}$ [{'deg' if column.turns else 'mm'}]",
+            (column.begin + 0.5, 0.0),
             xycoords=panel.get_xaxis_transform(), xytext=(0, -19), textcoords="offset points",
             ha="center", va="top",
         )  # fmt: skip

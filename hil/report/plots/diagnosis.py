@@ -65,9 +65,9 @@ def write_diagnosis_plots(run_folder: Path, found: Diagnosis) -> Path:
 
 
 def _figures(found: Diagnosis) -> dict[str, Figure]:
-    local, n = found.estimate.local, found.robot.n_joints
+    local = found.estimate.local
     figures = {
-        name: residuals_over_angles([v for v in local if v.kind == name], n, kind)
+        name: residuals_over_angles([v for v in local if v.kind == name], found.robot, kind)
         for name, kind in ELEMENT_KINDS.items()
         if not kind.pair
     }

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.drift import Drift
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_values import LocalValue
+    from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.results.friction import FrictionResult
 
@@ -85,7 +86,7 @@ def models(result: FrictionResult) -> Figure:
         panel.set_xscale("log")
         panel.set_title(f"axis {fit.axis + 1}: {fit.chosen}")
         panel.set_xlabel("speed / speed limit")
-        panel.set_ylabel("friction [N m]")
+        panel.set_ylabel(f"friction [{result.robot.torque_unit(fit.axis)}]")
     legend(figure, panels[0][0])
     return figure
 
@@ -135,8 +136,8 @@ def in_operation(result: FrictionResult) -> Figure:
                        markersize=3, label=f"{(curve[0].time - begin) / 60:.0f} min")  # fmt: skip
         panel.axhline(0.0, color=INK, linewidth=0.5)
         panel.set_title(f"axis {axis + 1}")
-        panel.set_xlabel("speed [rad/s]")
-        panel.set_ylabel("friction [N m]")
+        panel.set_xlabel(f"speed [{result.robot.position_unit(axis)}/s]")
+        panel.set_ylabel(f"friction [{result.robot.torque_unit(axis)}]")
         panel.legend(title="operation")
     return figure
 
@@ -157,7 +158,7 @@ def axes_in_operation(result: FrictionResult) -> list[int]:
     return [axis for axis in axes if len(characteristics(result, axis)) > 1]
 
 
-def levels(local: Sequence[LocalValue]) -> Figure:
+def levels(local: Sequence[LocalValue], robot: Robot) -> Figure:
     """Draw the friction of every axis over a campaign, as step 1 finds it by the way."""
     axes = sorted({value.axis for value in local})
     figure, panels = panels_in_rows(len(axes), height=2.1)
@@ -173,7 +174,7 @@ def levels(local: Sequence[LocalValue]) -> Figure:
                        label=_friction_label(kind))  # fmt: skip
         panel.set_title(f"axis {axis + 1}")
         panel.set_xlabel("robot time [min]")
-        panel.set_ylabel("friction [N m]")
+        panel.set_ylabel(f"friction [{robot.torque_unit(axis)}]")
         panel.set_xlim(-0.02 * last, 1.02 * last)
         panel.margins(y=0.15)
     legend(figure, panels[0][0])

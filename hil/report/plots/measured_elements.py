@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hil.estimation.local_values import LocalValue
+    from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
 
 
-def measured_elements(values: Sequence[LocalValue], kind: ElementKind) -> Figure:
+def measured_elements(values: Sequence[LocalValue], kind: ElementKind, robot: Robot) -> Figure:
     """Draw elements of g(q) or M(q) of one kind as measured against those of the model.
 
     One panel an element: measured and modelled above, their difference below.
@@ -38,8 +39,9 @@ def measured_elements(values: Sequence[LocalValue], kind: ElementKind) -> Figure
         ]
         _measured_and_modelled(above, below, chosen)
         above.set_title(f"${kind.element(axis, partner)}$", fontsize=11)
-        above.set_ylabel(kind.label)
-        below.set_ylabel(f"Δ [{kind.unit}]")
+        unit = kind.unit_of(robot, axis, partner)
+        above.set_ylabel(f"{kind.quantity} [{unit}]")
+        below.set_ylabel(f"Δ [{unit}]")
         below.set_xlabel("configuration number")
         for panel in (above, below):
             align_label(figure, panel)

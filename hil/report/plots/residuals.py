@@ -64,8 +64,8 @@ def residuals(
     return figure
 
 
-def residuals_over_angles(values: Sequence[LocalValue], n_joints: int, kind: ElementKind) -> Figure:
-    """Measured less modelled elements of every axis against every joint angle.
+def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Figure:
+    """Measured less modelled elements of every axis against every joint's position.
 
     What is the same at all configurations of an axis is taken off: it is friction that differs by
     direction, or that step 1 takes for part of the element, and hides what depends on angles.
@@ -74,6 +74,7 @@ def residuals_over_angles(values: Sequence[LocalValue], n_joints: int, kind: Ele
     ----------
     values : sequence of LocalValue
         Of one kind.
+    robot : Robot
     kind : ElementKind
         Theirs.
     """
@@ -83,7 +84,11 @@ def residuals_over_angles(values: Sequence[LocalValue], n_joints: int, kind: Ele
     figure = Figure(figsize=(WIDTH, height))
     margins = {"left": 0.075, "right": 0.99, "bottom": 0.5 / height, "top": 1 - 0.5 / height}
     panels = figure.subplots(rows, squeeze=False, gridspec_kw={**margins, "hspace": 0.32})[:, 0]
-    columns = [Column.of(k, [v.q[k] for v in values]) for k in range(n_joints)]
+    n_joints = robot.n_joints
+    columns = [
+        Column.of(k, [v.q[k] for v in values], turns=bool(robot.revolute[k]))
+        for k in range(n_joints)
+    ]
     for axis, panel in zip(axes, panels, strict=False):
         own = [value for value in values if value.axis == axis]
         left = np.array([value.value - value.model for value in own])
@@ -94,8 +99,9 @@ def residuals_over_angles(values: Sequence[LocalValue], n_joints: int, kind: Ele
                        color=MEASURED, markersize=3.5, elinewidth=0.7,
                        label="measured − modelled, ± 2 standard errors")  # fmt: skip
         draw_columns(panel, columns)
-        panel.set_ylabel(f"Δ${kind.element(axis, axis)}$ [{kind.unit}]")
-        panel.set_title(f"mean {signed(f'{mean:.2g}')} {kind.unit} taken off",
+        unit = kind.unit_of(robot, axis, axis)
+        panel.set_ylabel(f"Δ${kind.element(axis, axis)}$ [{unit}]")
+        panel.set_title(f"mean {signed(f'{mean:.2g}')} {unit} taken off",
                         fontweight="normal", fontsize=8, color=MUTED)  # fmt: skip
         align_label(figure, panel, 0.66)
     label_columns(panels[-1], columns)

@@ -14,6 +14,7 @@ from hil.results.tables import friction as tables
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
     from hil.report.reported_run import IdentifiedRun
 
 
@@ -28,14 +29,14 @@ def section(run: IdentifiedRun) -> Section:
             "drift": tables.drift(drifts),
             "symmetry": tables.symmetry(of_local_values(local)),
         },
-        (_plot(run.estimate),),
+        (_plot(run.estimate, run.robot),),
     )
 
 
-def _plot(estimate: Estimate) -> Plot:
+def _plot(estimate: Estimate, robot: Robot) -> Plot:
     return Plot(
         "friction",
-        partial(levels, estimate.local),
+        partial(levels, estimate.local, robot),
         "Friction level of every axis over robot time, one panel an axis, markers by kind of"
         " measurement.",
         "Friction level of each axis as step 1 finds it by the way. Levels of different kinds come"

@@ -23,7 +23,7 @@ def section(run: IdentifiedRun) -> Section:
 def _plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
     return Plot(
         name,
-        partial(measured_elements, run.local_values(name), kind),
+        partial(measured_elements, run.local_values(name), kind, run.robot),
         f"Measured and modelled {kind.elements} over configuration number, one panel"
         f" {'a pair of axes' if kind.pair else 'an axis'}, with their differences below.",
         kind.caption,

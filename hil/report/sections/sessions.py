@@ -8,18 +8,19 @@ from hil.report.section import Section
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
+    from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
     from hil.runs.journal import Session
 
 
 def section(run: ReportedRun) -> Section:
     """Sessions with their axes, and digests of robot file and plan."""
-    sessions = [(each, _axes(each)) for each in run.source.journal.sessions]
+    sessions = [(each, _axes(each, run.robot)) for each in run.source.journal.sessions]
     values = {"sessions": sessions, "robot": run.robot, "plan": run.source.plan}
     return Section("Where it was measured", "sessions.html", values)
 
 
-def _axes(session: Session) -> Table:
+def _axes(session: Session, robot: Robot) -> Table:
     rows = (
         (
             axis.name,
@@ -34,7 +35,10 @@ def _axes(session: Session) -> Table:
         columns=(
             Column("axis"),
             Column("drive", folds=True),
-            *figures("torque resolution, N m", "position resolution, rad"),
+            *figures(
+                f"torque resolution, {robot.torque_units}",
+                f"position resolution, {robot.position_units}",
+            ),
         ),
         parts=(Part(tuple(rows)),),
     )

@@ -25,7 +25,7 @@ def section(run: IdentifiedRun) -> Section:
         "torques.html",
         {
             "residuals": tables.residuals(run.model),
-            "predicted": tables.predicted(run.prediction),
+            "predicted": tables.predicted(run.prediction, run.robot),
         },
         (_all(run), *over_angles),
     )
@@ -51,7 +51,7 @@ def _over_angles(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
     )
     return Plot(
         f"{name}-angles",
-        partial(residuals_over_angles, run.local_values(name), run.robot.n_joints, kind),
+        partial(residuals_over_angles, run.local_values(name), run.robot, kind),
         f"Residuals of the {kind.elements} over each joint angle, one row an axis.",
         f"Residuals of the {kind.elements} against every joint angle"
         + (of_gravity if kind.symbol == "g" else "."),

@@ -29,7 +29,7 @@ def models(result: FrictionResult) -> Table:
         columns=(
             AXIS,
             Column("model"),
-            *figures("rms, N m", "held out"),
+            *figures(f"rms, {result.robot.torque_units}", "held out"),
             Column("chosen"),
             Column("parameters with std. errors", folds=True),
         ),

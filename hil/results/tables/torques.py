@@ -10,6 +10,7 @@ from hil.results.rounding import percent, significant
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
+    from hil.model.robot import Robot
     from hil.results.model import Model
     from hil.results.prediction import Prediction
     from hil.results.tables.table import Row
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 
 def residuals(model: Model) -> Table:
     """What the method's models leave of each axis's torque."""
-    axes = range(model.robot.n_joints)
+    axes, unit = range(model.robot.n_joints), model.robot.torque_units
     return Table(
         title="Torque left by the fit",
-        columns=(Column("axis"), *figures("limit, N m", "rms, N m", "% of limit")),
+        columns=(Column("axis"), *figures(f"limit, {unit}", f"rms, {unit}", "% of limit")),
         parts=(Part(tuple(_residual(model, axis) for axis in axes)),),
         explanation=(
             "Root mean square of what the local models of inertia and coupling leave of the torque."
@@ -35,12 +36,13 @@ def _residual(model: Model, axis: int) -> Row:
     return str(axis + 1), f"{limit:g}", significant(left, 3), percent(left, limit)
 
 
-def predicted(prediction: Prediction) -> Table:
+def predicted(prediction: Prediction, robot: Robot) -> Table:
     """Torques of a free motion and their standard error, joint by joint."""
     each = zip(prediction.torque, prediction.standard_error, strict=True)
+    unit = robot.torque_units
     return Table(
         title="Predicted torques",
-        columns=(Column("axis"), *figures("rms, N m", "std. error, N m", "%")),
+        columns=(Column("axis"), *figures(f"rms, {unit}", f"std. error, {unit}", "%")),
         parts=(Part(tuple(_predicted(k, float(t), float(e)) for k, (t, e) in enumerate(each))),),
         explanation=(
             "Rigid-body torques on a free motion that uses the limits, and their standard error."

@@ -17,7 +17,7 @@ from drivers.open_drive_bus import open_drive_bus
 from drivers.safety.trips import Trips
 from hil.measuring.checks.recording_checks import check
 from hil.measuring.streaming import pass_slowly, stream
-from hil.model.robot import ROBOTS
+from hil.model.robot import ROBOTS, load_robot
 from hil.planning.trajectory import Trajectory
 from sim_plant.physics import profile_generator
 from sim_plant.physics import state as st
@@ -142,7 +142,7 @@ def test_all_axes_follow_a_path_and_move_on_by_themselves_afterwards(bus: Canope
     assert away.max() < 0.01
     assert recording.q[-1] == pytest.approx(TRAJECTORY.start, abs=2e-3)
     assert sorted(set(recording.stroke.tolist())) == [-1, 0, 1]
-    assert check(recording, TRAJECTORY) == []
+    assert check(recording, TRAJECTORY, load_robot("manutec-r15")) == []
     reach(bus, *(0.01,) * 6)
     assert bus.sample().q == pytest.approx((0.01,) * 6, abs=2e-3)
 

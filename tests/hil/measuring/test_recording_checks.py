@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from drivers.drive_bus import Tripped
 from hil.measuring.checks.current_checks import frozen
 from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.model.robot import load_robot
 from hil.planning.measurement import Gravity
 from hil.runs.recording import Recording
 
 PERIOD, ACCELERATION = 0.004, 8.0
+ROBOT = load_robot("manutec-r15")
 MEASUREMENT = Gravity(
     id="g", axis=1, q=(0.0, 0.0), stroke=0.4, velocity=0.4, acceleration=ACCELERATION, cycles=2
 )
@@ -83,7 +85,7 @@ def test_a_sync_that_comes_late_is_no_jump(seed: int, jitter: float) -> None:
 def test_a_sound_current_is_never_taken_for_a_stuck_one(
     seed: int, noise: float, resolution: float
 ) -> None:
-    assert list(frozen(recording(seed, noise, resolution), MEASUREMENT)) == []
+    assert list(frozen(recording(seed, noise, resolution), MEASUREMENT, ROBOT)) == []
 
 
 @given(begin=st.integers(0, 900), length=st.integers(25, 100))
@@ -91,7 +93,7 @@ def test_a_stuck_current_is_found(begin: int, length: int) -> None:
     sound = recording()
     tau = sound.tau.copy()
     tau[begin : begin + length, 0] = tau[begin, 0]
-    (finding,) = frozen(replace(sound, tau=tau), MEASUREMENT)
+    (finding,) = frozen(replace(sound, tau=tau), MEASUREMENT, ROBOT)
     assert finding.check == "current"
     assert finding.value >= length
     assert "stuck, clipped or too coarse" in finding.message
@@ -99,5 +101,5 @@ def test_a_stuck_current_is_found(begin: int, length: int) -> None:
 
 def test_a_clipped_current_is_found() -> None:
     sound = recording()
-    (finding,) = frozen(replace(sound, tau=np.clip(sound.tau, -90, 90)), MEASUREMENT)
+    (finding,) = frozen(replace(sound, tau=np.clip(sound.tau, -90, 90)), MEASUREMENT, ROBOT)
     assert "90 N m" in finding.message

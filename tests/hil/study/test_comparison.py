@@ -87,8 +87,35 @@ class TestTruth:
 
     def test_other_frames_are_refused(self, manutec, tmp_path):
         plant = plant_file(tmp_path, "d: 0.5", "d: 0.6")
-        with pytest.raises(FileError, match=r"axes.2.frame: .* 0, 0.6, 0 must be 0, 0.5, 0"):
+        with pytest.raises(FileError, match=r"axes.2.frame: .* 0, 0.6, 0, 0 must be 0, 0.5, 0, 0"):
             true_parameters(manutec, plant)
+
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            ("frame: {}", "frame: {theta_deg: 90}", r":14: axes.0.frame: .* 0, 0, 1.571, 0 must"),
+            ("drift: true", "gravity: [0, 9.81, 0]", ":10: gravity: 0, 9.81, 0 m/s2 must be 0, 0,"),
+            ("gear_ratio: 105", "gear_ratio: 106", "axes.0.drive.gear_ratio: 106 must be 105, as"),
+        ],
+    )
+    def test_whatever_makes_another_machine_is_refused_with_its_line(
+        self, manutec, tmp_path, old, new, words
+    ):
+        plant = plant_file(tmp_path, old, new)
+        with pytest.raises(FileError, match=words):
+            true_parameters(manutec, plant)
+
+    def test_a_joint_that_slides_instead_of_turning_is_refused(self, manutec, tmp_path):
+        plant = plant_file(tmp_path, "name: joint 1", "name: joint 1\n    joint: prismatic")
+        with pytest.raises(FileError, match=r"axes.0.joint: prismatic must be revolute"):
+            true_parameters(manutec, plant)
+
+    def test_all_that_differs_is_stated_at_once(self, manutec, tmp_path):
+        path = plant_file(tmp_path, "gear_ratio: 105", "gear_ratio: 106")
+        path.write_text(path.read_text().replace("alpha_deg: 90, r: 0.73", "r: 0.73"))
+        with pytest.raises(FileError) as caught:
+            true_parameters(manutec, path)
+        assert len(str(caught.value).splitlines()) == 2
 
     def test_another_number_of_axes_is_refused(self, manutec, tmp_path):
         path = tmp_path / "plant.yaml"

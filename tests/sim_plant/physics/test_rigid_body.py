@@ -42,6 +42,7 @@ class Arm(NamedTuple):
     frames: Array
     bodies: Array
     gravity: Array
+    kinds: Array | None
     motors: Array
 
 
@@ -51,8 +52,8 @@ def truth() -> Arm:
     return Arm(*plant._arm, plant.const[:, MOTOR_INERTIA])
 
 
-def random_arm(n: int, rng: np.random.Generator) -> Arm:
-    """Real bodies on frames that point anywhere."""
+def random_arm(n: int, rng: np.random.Generator, kinds: Array | None = None) -> Arm:
+    """Real bodies on frames that point anywhere; joints turn unless `kinds` says otherwise."""
     alpha = rng.uniform(-np.pi, np.pi, n)
     d, r = rng.uniform(-1.0, 1.0, (2, n))
     frames = np.column_stack(
@@ -68,7 +69,12 @@ def random_arm(n: int, rng: np.random.Generator) -> Arm:
             inertia[0, 1], inertia[0, 2], inertia[1, 2],
         ])  # fmt: skip
     return Arm(
-        tuple(range(n)), frames, np.array(bodies), rng.normal(size=3), rng.uniform(0.0, 20.0, n)
+        tuple(range(n)),
+        frames,
+        np.array(bodies),
+        rng.normal(size=3),
+        kinds,
+        rng.uniform(0.0, 20.0, n),
     )
 
 
@@ -78,8 +84,10 @@ def pinocchio_model(arm: Arm) -> pin.Model:
     model.gravity.linear = arm.gravity
     for k, (ca, sa, *origin) in enumerate(arm.frames):
         about_x = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
-        place = pin.SE3(about_x, np.array(origin))
-        joint = model.addJoint(k, pin.JointModelRZ(), place, f"joint {k + 1}")
+        slides, theta = (0.0, 0.0) if arm.kinds is None else arm.kinds[k]
+        place = pin.SE3(about_x @ pin.utils.rotate("z", float(theta)), np.array(origin))
+        moves = pin.JointModelPZ() if slides else pin.JointModelRZ()
+        joint = model.addJoint(k, moves, place, f"joint {k + 1}")
         if arm.bodies[k, 0] > 0:
             body = pin.Inertia.FromDynamicParameters(arm.bodies[k, PINOCCHIO])
             model.appendBodyToJoint(joint, body, pin.SE3.Identity())
@@ -113,6 +121,23 @@ def test_mass_matrix_and_bias_of_any_arm_are_pinocchios(seed: int) -> None:
     bias, mass = bias_and_lower_triangle(arm, q, qd)
     assert relative(mass, np.tril(pin.crba(model, data, q))) < 1e-12
     assert relative(bias, pin.nonLinearEffects(model, data, q, qd)) < 1e-12
+
+
+@settings(deadline=None, max_examples=60)
+@given(n=st.sampled_from([2, 4]), seed=st.integers(0, 2**32 - 1))
+def test_arms_that_slide_and_turn_from_any_angle_move_as_pinocchios(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    kinds = np.column_stack([rng.integers(0, 2, n), rng.uniform(-3.0, 3.0, n)])
+    arm = random_arm(n, rng, kinds)
+    model = pinocchio_model(arm)
+    q, qd, tau = rng.uniform(-3.0, 3.0, (3, n)) * np.array([[1.0], [1.0], [100.0]])
+    expected = pin.aba(model, model.createData(), q, qd, tau)
+    assert relative(forward_dynamics(*arm, q, qd, tau), expected) < 1e-9
+    bias, mass = bias_and_lower_triangle(arm, q, qd)
+    data = model.createData()
+    expected = np.tril(pin.crba(model, data, q)) - np.diag(arm.motors)
+    assert relative(mass, expected) < 1e-9
+    assert relative(bias, pin.nonLinearEffects(model, data, q, qd)) < 1e-9
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -172,7 +197,7 @@ def test_mass_matrix_of_the_truth_is_positive_definite_over_the_workspace(truth:
 def bias_and_lower_triangle(arm: Arm, q: Array, qd: Array) -> tuple[Array, Array]:
     n = len(q)
     bias, mass = np.empty(n), np.zeros((n, n))
-    bias_and_mass(*arm[:4], q, qd, bias, mass, np.empty((n, WORK)))
+    bias_and_mass(*arm[:5], q, qd, bias, mass, np.empty((n, WORK)))
     return bias, mass
 
 

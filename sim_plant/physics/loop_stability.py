@@ -1,0 +1,207 @@
+"""Whether the drives' loops hold the arm, everywhere in its workspace.
+
+A velocity loop is tuned for one inertia and turns another: that of the present configuration, with
+the other axes moving or not. Tuned for far too much it oscillates from one step to the next, for
+far too little the position loop outruns it. Both look like an axis that is blocked or overloaded,
+so such gains are refused when the plant is built.
+
+Of small motions about a configuration, with the loops as `servo.command` computes them and the
+motion as `machine_step` integrates it, the state (q, qd, integral, torque before) of all axes goes
+over into the next by a matrix. The loops are stable where its eigenvalues are within a circle of
+radius 1 - SLOWEST h. Friction, which damps, is left out; that of a closed brake is the stiffest
+spring of all and has a bound of its own (see `gear_modes` for its derivation).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_plant.physics import state as st
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from sim_plant.physics.reflected_inertia import ReflectedInertia
+
+    Array = NDArray[np.float64]
+
+SLOWEST = 1.0
+"""Rate at which a disturbance must die away at least [1/s]."""
+FOLLOWED = 0.8
+"""Largest share of what a step can follow that the spring of a closed brake may have."""
+_WIDEST = 1e6
+"""Largest factor between two inertias."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loops:
+    """Gains of all axes.
+
+    Attributes
+    ----------
+    motors, loads : ndarray, shape (n,)
+        Inertias that the velocity loops were tuned for: motor's and arm's [kg m^2 or kg].
+    position, velocity, integral : float
+        Bandwidths [1/s].
+    step : float
+        [s].
+    """
+
+    motors: Array
+    loads: Array
+    position: float
+    velocity: float
+    integral: float
+    step: float
+
+    def with_load(self, axis: int, load: float) -> Loops:
+        """The same with another load on one axis."""
+        loads = self.loads.copy()
+        loads[axis] = load
+        return self._with(loads, self.velocity)
+
+    def _with(self, loads: Array, velocity: float) -> Loops:
+        return Loops(self.motors, loads, self.position, velocity, self.integral, self.step)
+
+    def tuned(self, inertia: ReflectedInertia) -> Loops:
+        """The same, tuned for the inertias that the motors turn."""
+        return self._with(best_loads(inertia, self.motors), self.velocity)
+
+    def at(self, velocity: float) -> Loops:
+        """The same with another bandwidth of the velocity loops."""
+        return self._with(self.loads, velocity)
+
+
+class Unstable(ValueError):
+    """Gains that do not hold the arm.
+
+    Attributes
+    ----------
+    place : tuple
+        Key of the plant file that is wrong.
+    """
+
+    def __init__(self, place: tuple[str | int, ...], message: str) -> None:
+        self.place = place
+        super().__init__(message)
+
+
+def best_loads(inertia: ReflectedInertia, motors: Array) -> Array:
+    """Load inertias for which the loops are best tuned, shape (n,) [kg m^2 or kg]."""
+    best: Array = np.maximum(inertia.middle - motors, 0.01 * inertia.middle)
+    return best
+
+
+def stable(loops: Loops, inertia: ReflectedInertia) -> bool:
+    """Whether the loops hold the arm everywhere."""
+    radius = np.abs(np.linalg.eigvals(_transition(loops, inertia.masses))).max()
+    return bool(radius < 1 - SLOWEST * loops.step)
+
+
+def refuse_unstable(loops: Loops, inertia: ReflectedInertia) -> None:
+    """Refuse gains that do not hold the arm.
+
+    Raises
+    ------
+    Unstable
+        With the bounds within which the loops would be stable.
+    """
+    if stable(loops, inertia):
+        return
+    tuned = loops.tuned(inertia)
+    if not stable(tuned, inertia):
+        halves = (loops.velocity / 2**k for k in range(1, 16))
+        slower = next((x for x in halves if stable(tuned.at(x), inertia)), None)
+        raise Unstable(
+            ("loops", "velocity"),
+            f"{loops.velocity:g} 1/s makes the loops unstable in steps of"
+            f" {1e3 * loops.step:g} ms, whatever load_inertia; "
+            + (f"{slower:.3g} 1/s holds the arm" if slower else "make all three smaller"),
+        )
+    for axis, stated in enumerate(loops.loads):
+        if not stable(tuned.with_load(axis, stated), inertia):
+            message = _bound(tuned, inertia, axis, float(stated))
+            raise Unstable(("axes", axis, "drive", "load_inertia"), message)
+    worst = int(np.abs(np.log(loops.loads / tuned.loads)).argmax())
+    best = tuned.loads[worst]
+    raise Unstable(
+        ("axes", worst, "drive", "load_inertia"),
+        f"{loops.loads[worst]:g} makes the loops unstable together with those of the other axes;"
+        f" {best:.3g} suits this arm",
+    )
+
+
+def _bound(tuned: Loops, inertia: ReflectedInertia, axis: int, stated: float) -> str:
+    best = float(tuned.loads[axis])
+
+    def holds(load: float) -> bool:
+        return stable(tuned.with_load(axis, load), inertia)
+
+    much = stated > best
+    edge = _edge(holds, best, _WIDEST if much else 1 / _WIDEST)
+    bound = f"at most {0.99 * edge:.3g}" if much else f"at least {1.01 * edge:.3g}"
+    return (
+        f"{stated:g} makes the velocity loop unstable; it must be {bound}, and {best:.3g} suits"
+        " this arm"
+    )
+
+
+def _edge(holds: Callable[[float], bool], start: float, factor: float) -> float:
+    """Last value that holds on the way from `start`, which does, by `factor`, which does not."""
+    near, far = start, start * factor
+    for _ in range(20):
+        middle = float(np.sqrt(near * far))
+        near, far = (middle, far) if holds(middle) else (near, middle)
+    return near
+
+
+def _transition(loops: Loops, masses: Array) -> Array:
+    """From the state of a step to that of the next, shape (m, 4 n, 4 n)."""
+    n, h = len(loops.motors), loops.step
+    eye, none = np.eye(n), np.zeros((n, n))
+    gain = np.diag((loops.motors + loops.loads) * loops.velocity)
+    error = np.hstack([-loops.position * eye, -eye, none, none])
+    command = gain @ error + np.hstack([none, none, eye, none])
+    torque = (command + np.hstack([none, none, none, eye])) / 2
+    faster = h * np.linalg.solve(masses, np.broadcast_to(torque, (len(masses), n, 4 * n)))
+    state = np.eye(4 * n)
+    q, v, integral = state[:n], state[n : 2 * n], state[2 * n : 3 * n]
+    velocity = v + faster
+    rest = np.vstack([integral + h * loops.integral * gain @ error, command])
+    return np.concatenate(
+        [q + h * (v + velocity) / 2, velocity, np.broadcast_to(rest, (len(masses), *rest.shape))],
+        axis=1,
+    )
+
+
+def refuse_hard_brakes(const: Array, inertia: ReflectedInertia, step: float) -> None:
+    """Refuse a presliding way so short that steps cannot follow the spring of a closed brake.
+
+    Parameters
+    ----------
+    const : ndarray, shape (n, N_CONST)
+    inertia : ReflectedInertia
+    step : float
+        [s].
+
+    Raises
+    ------
+    Unstable
+    """
+    closed = const[:, st.F_COULOMB] + const[:, st.BRAKE]
+    spring = closed * const[:, st.PER_BRISTLE] * step**2 / 4
+    share = (spring + const[:, st.BRISTLE_DAMPING] * step) / inertia.least
+    axis = int(share.argmax())
+    if share[axis] > FOLLOWED:
+        present = 1 / const[axis, st.PER_BRISTLE]
+        raise Unstable(
+            ("axes", axis, "friction", "presliding"),
+            f"{present:g} makes the closed brake too stiff for steps of {1e3 * step:g} ms, with"
+            f" an inertia of {inertia.least[axis]:.3g} behind it; at least"
+            f" {present * (share[axis] / FOLLOWED) ** 2:.2g} can be followed",
+        )

@@ -1,0 +1,1 @@
+"""A virtual twin of any robot: a plant file and a drives file from its robot file."""
