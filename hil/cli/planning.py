@@ -160,9 +160,9 @@ def plan(
 def _by_counts(
     robot: Robot, counts: Mapping[str, int], warm_up: float, guard: Workspace | None
 ) -> Plan:
-    from hil.planning.design.by_counts import COUNTS, design
+    from hil.planning.design.by_counts import design
 
-    return design(robot, COUNTS | dict(counts), warm_up, guard)
+    return design(robot, counts, warm_up, guard)
 
 
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:

@@ -91,9 +91,9 @@ def pool(
     """
     found: list[Option] = []
     mean = replace(noise, torque=noise.torque / math.sqrt(THINNED))
-    groups = base_parameters(robot).groups
+    sought = base_parameters(robot).dependencies.sought()
     for name, kind in ELEMENT_KINDS.items():
-        for element in ELEMENTS[name](robot, list(groups[kind.group])):
+        for element in ELEMENTS[name](robot, list(sought[kind.group])):
             q = candidates(robot, element, workspace)[:each]
             rows = element.row(q) / robot.torque_limit[element.axis]
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
