@@ -17,8 +17,7 @@ Not counted is what no plan can predict: uncertain torque constants, and a lag o
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -142,12 +141,14 @@ def information(
     Strokes are judged by means of as many samples as the estimator takes for one, which says the
     same in less time; trajectories, whose corners are everywhere, sample by sample.
     """
-    each = max(1, round(APART / period))
-    mean = replace(noise, torque=noise.torque / math.sqrt(each))
+    each, noise = max(1, round(APART / period)), noise.sampled(period)
     useful = [m for m in measurements if shows_parameters(m)]
-    strokes = (s for m in useful if not m.streamed for s in shares(robot, m, each * period))
-    trajectories = (s for m in useful if m.streamed for s in shares(robot, m, period))
-    return added_up(robot, strokes, mean) + added_up(robot, trajectories, noise)
+    differences = noise.differences
+    strokes = (
+        s for m in useful if not m.streamed for s in shares(robot, m, each * period, differences)
+    )
+    trajectories = (s for m in useful if m.streamed for s in shares(robot, m, period, differences))
+    return added_up(robot, strokes, noise.mean(each)) + added_up(robot, trajectories, noise)
 
 
 def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
@@ -156,16 +157,19 @@ def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
     for share in found:
         at = np.ix_(place(robot, share.axis), place(robot, share.axis))
-        matrix[at] += share.information / noise.white[share.axis]
+        matrix[at] += share.information / noise.variance[share.axis]
         scatter[at] += scatter_of(share, noise)
     return Information(matrix, scatter)
 
 
 def scatter_of(share: Share, noise: Noise) -> Array:
     """Covariance of one share's right-hand side, weighted."""
-    white, walk = noise.white[share.axis], noise.walk[share.axis]
-    scatter: Array = (white * share.white + walk * share.wander) / white**2
-    return scatter
+    axis = share.axis
+    scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
+    if noise.rounding is not None:
+        scatter += noise.rounding[axis] ** 2 * share.rounding
+    weighted: Array = scatter / noise.variance[axis] ** 2
+    return weighted
 
 
 def covariance(known: Information, n_base: int) -> Array:
