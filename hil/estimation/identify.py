@@ -39,7 +39,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
 from hil.planning.prediction.identifiability import of_all_kinds
-from hil.regression.least_squares import undetermined
+from hil.regression.least_squares import IDENTIFIABLE, undetermined
 from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ if TYPE_CHECKING:
 
 TwoStepMethod = Literal["improved", "printed"]
 TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
+BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
+"""Why parameters count as not identified."""
 _FEWEST_DEGREES = 2.0
 """Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
 
@@ -261,7 +263,7 @@ def _conditions(
             continue
         hidden = together and base.dependencies.hidden[columns].any()
         N = _of_all_kinds(robot, fits, columns) if hidden else rows.T @ rows
-        lost = undetermined(N).any()
+        lost = undetermined(N, IDENTIFIABLE).any()
         condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
     return condition
 
@@ -300,8 +302,8 @@ def _require_all_groups(
             names = ", ".join(base.names[c] for c in columns)
             raise NotIdentifiable(
                 f"{len(_rows(robot, fits, group))} usable {' and '.join(_kinds(group))}"
-                f" measurements do not identify {names}; measure more configurations of that kind"
-                " (see: hil dry-run), or finish the run with --resume"
+                f" measurements do not identify {names}: {BOUND}; measure more"
+                " configurations of that kind (see: hil dry-run), or finish the run with --resume"
             )
 
 
@@ -326,8 +328,8 @@ def _require_rank(
     if lost.any():
         names = ", ".join(name for name, each in zip(base.names, lost, strict=True) if each)
         raise NotIdentifiable(
-            f"{solver.n_measurements} usable measurements do not identify {names}; measure more"
-            " configurations (see: hil dry-run), or finish the run with --resume"
+            f"{solver.n_measurements} usable measurements do not identify {names}: {BOUND}; measure"
+            " more configurations (see: hil dry-run), or finish the run with --resume"
         )
 
 

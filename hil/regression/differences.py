@@ -23,6 +23,11 @@ SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 """Second difference."""
 
 
+def jerk_window(period: float) -> Array:
+    """Taps that make the jerk by which corners of a motion are found."""
+    return np.asarray(np.convolve([0.5, 0.0, -0.5], rounding_window(period)) / period)
+
+
 def rounding_window(period: float) -> Array:
     """Taps that make smoothed accelerations of positions, sampled every `period` [s]."""
     return np.asarray(np.convolve(SECOND, weights(period)) / period**2)

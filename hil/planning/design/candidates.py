@@ -90,7 +90,7 @@ def pool(
         No configuration of an element keeps clear of the workspace's boxes.
     """
     found: list[Option] = []
-    noise = noise.sampled(period)
+    noise = noise.sampled(robot, period)
     mean = noise.mean(THINNED)
     sought = base_parameters(robot).dependencies.sought()
     for name, kind in ELEMENT_KINDS.items():
@@ -115,7 +115,7 @@ def trajectories(
     ValueError
         None of them keeps clear of the workspace's boxes.
     """
-    noise = noise.sampled(period)
+    noise = noise.sampled(robot, period)
     mean = noise.mean(THINNED)
     found: list[Option] = []
     for seed in range(DIFFERENT):

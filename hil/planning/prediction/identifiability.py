@@ -23,7 +23,13 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
-from hil.regression.least_squares import eliminated, inverse, inverse_root, undetermined
+from hil.regression.least_squares import (
+    IDENTIFIABLE,
+    eliminated,
+    inverse,
+    inverse_root,
+    undetermined,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -176,7 +182,8 @@ def _judge(
     n = len(names)
     if not n_rows:
         return Identifiability(group, names, 0, 0, float("inf"), names)
-    rank, lost, condition = inverse_root(N).shape[1], undetermined(N), float("inf")
+    rank, condition = inverse_root(N, IDENTIFIABLE).shape[1], float("inf")
+    lost = undetermined(N, IDENTIFIABLE)
     if rank == n:
         lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > INFLATION
         condition = float(np.sqrt(np.linalg.cond(N)))

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.prediction.noise import Differences
     from hil.planning.prediction.predicted_samples import Forecast
 
     Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ def shares(
     robot: Robot,
     measurement: ParameterMeasurement,
     period: float,
-    differences: float | None = None,
+    differences: Differences | None = None,
 ) -> list[Share]:
     """Information of `measurement`: an item for each axis it moves.
 
@@ -85,8 +86,8 @@ def shares(
     ----------
     period : float
         Between the samples that are looked at [s].
-    differences : float, optional
-        Between those of which differences are taken [s]; no rounding of positions without.
+    differences : Differences, optional
+        Of rounded positions; exact ones without.
     """
     planned = forecast(measurement, period)
     found = (_share(robot, planned, axis, differences) for axis in measurement.moved)
@@ -94,7 +95,9 @@ def shares(
     return [share.times(alike) for share in found if share is not None]
 
 
-def _share(robot: Robot, planned: Forecast, axis: int, differences: float | None) -> Share | None:
+def _share(
+    robot: Robot, planned: Forecast, axis: int, differences: Differences | None
+) -> Share | None:
     every = max(1, round(APART / planned.period))
     used = usable(robot, planned, axis)[::every]
     if every * used.sum() < FEWEST:
@@ -106,20 +109,37 @@ def _share(robot: Robot, planned: Forecast, axis: int, differences: float | None
     X = np.zeros_like(columns)
     X[used] = columns[used] - basis @ (basis.T @ columns[used])
     later = np.cumsum((X * friction[:, :1])[::-1], axis=0)
+    exact, kept = weights(planned.period), 1.0 if differences is None else differences.kept[axis]
+    white = _smoothed_noise(X, exact, every)
     return Share(
         axis=axis,
-        n=every * int(used.sum()) - basis.shape[1],
-        information=every * X.T @ X,
-        white=every**2 * _smoothed_noise(X, weights(planned.period), every),
-        wander=every**2 * taken.period * later.T @ later,
-        rounding=every**2 * _of_rounding(X, taken.period, differences),
+        n=round(kept * every * int(used.sum())) - basis.shape[1],
+        information=kept * every * X.T @ X,
+        white=every**2 * _thinned(white, exact @ exact * X.T @ X, kept),
+        wander=(kept * every) ** 2 * taken.period * later.T @ later,
+        rounding=every**2 * _of_rounding(X, taken.period, differences, kept),
     )
 
 
-def _of_rounding(X: Array, apart: float, differences: float | None) -> Array:
+def _of_rounding(X: Array, apart: float, differences: Differences | None, kept: float) -> Array:
     if differences is None:
         return np.zeros((X.shape[1], X.shape[1]))
-    return _smoothed_noise(X, rounding_window(differences), max(1, round(apart / differences)))
+    window = rounding_window(differences.period)
+    whole = _smoothed_noise(X, window, max(1, round(apart / differences.period)))
+    return _thinned(whole, window @ window * X.T @ X, kept)
+
+
+def _thinned(whole: Array, alone: Array, kept: float) -> Array:
+    """Covariance where chance leaves out all but a share `kept` of the samples.
+
+    Parameters
+    ----------
+    whole : ndarray
+        With all of them.
+    alone : ndarray
+        The same if no two samples had noise in common: what chance leaves cannot cancel.
+    """
+    return kept**2 * whole + kept * (1.0 - kept) * alone
 
 
 def _smoothed_noise(X: Array, window: Array, every: int) -> Array:

@@ -11,22 +11,24 @@ are expectations, stated here, or learnt from an earlier run (`hil.estimation.no
 A third thing is the increments of the encoders. Accelerations are second differences of rounded
 positions, and an inertia times their error is missing in the torque. Behind a gear the smoothing
 leaves little of it, 1 % of the variance of the rest on the manutec-r15; on a direct drive it may be
-all that counts. The increments stand in the drives file, or in the robot file as
-`encoder_resolution`; where they do not, there is no such term, and it is said. The inertia is not
-known before it is identified. Taken is the motor's, and what the limits leave for the links:
-`INERTIA` of the torque limit over the acceleration limit.
+all that counts, and jerks, third differences, then look like corners where there are none, so that
+the estimator leaves samples out (`Differences`). The increments stand in the drives file, or in the
+robot file as `encoder_resolution`; where they do not, there is no such term, and it is said. The
+inertia is not known before it is identified. Taken is the motor's, and what the limits leave for
+the links: `INERTIA` of the torque limit over the acceleration limit.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.model.motors import motor_inertia
-from hil.regression.differences import rounding_window
+from hil.regression.differences import jerk_window, rounding_window
+from hil.regression.terms import JERK
 from hil.regression.window import noise_gain
 
 if TYPE_CHECKING:
@@ -49,6 +51,21 @@ INERTIA = 0.5
 friction and the other axes."""
 
 
+class Differences(NamedTuple):
+    """What differences of rounded positions do to an estimate.
+
+    Attributes
+    ----------
+    period : float
+        Between samples [s].
+    kept : ndarray, shape (n_joints,)
+        Share of the samples whose jerk, noisy as it is, does not look like a corner.
+    """
+
+    period: float
+    kept: Array
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
     """What disturbs the torque of each axis.
@@ -62,10 +79,11 @@ class Noise:
     source : str
         Where the figures come from, in words for the operator.
     rounding : ndarray, shape (n_joints,), optional
-        Standard deviation of a position, by the encoder's increments, times the inertia that the
-        axis accelerates [rad kg m^2].
-    differences : float, optional
-        Between the samples that differences are taken of [s]; see `sampled`.
+        Standard deviation of a position, by the encoder's increments [rad].
+    inertia : ndarray, shape (n_joints,), or 0
+        That each axis accelerates [kg m^2].
+    differences : Differences, optional
+        What the estimator makes of rounded positions; see `sampled`.
     excess : ndarray, shape (n_joints,), or 0
         Variance that the rounding adds to what the low-pass leaves of a torque, as share of it.
     """
@@ -74,7 +92,8 @@ class Noise:
     wander: Array
     source: str
     rounding: Array | None = None
-    differences: float | None = None
+    inertia: Array | float = 0.0
+    differences: Differences | None = None
     excess: Array | float = 0.0
 
     @property
@@ -88,12 +107,24 @@ class Noise:
         variance: Array = self.white * (1.0 + self.excess)
         return variance
 
-    def sampled(self, period: float) -> Noise:
-        """The same where positions and torques are sampled every `period` [s]."""
+    @property
+    def of_accelerations(self) -> Array:
+        """Variance of a position times the inertia, shape (n_joints,) [(rad kg m^2)^2]."""
+        std = np.zeros_like(self.torque) if self.rounding is None else self.rounding * self.inertia
+        found: Array = std**2
+        return found
+
+    def sampled(self, robot: Robot, period: float) -> Noise:
+        """The same where `robot` is sampled every `period` [s]."""
         if self.rounding is None:
             return self
-        left = self.rounding**2 * float(np.sum(rounding_window(period) ** 2))
-        return replace(self, differences=period, excess=left / (self.white * noise_gain(period)))
+        left = self.of_accelerations * float(np.sum(rounding_window(period) ** 2))
+        jerk = self.rounding * float(np.linalg.norm(jerk_window(period)))
+        bound = JERK * robot.acceleration_limit / (jerk * math.sqrt(2.0))
+        kept = np.array([math.erf(each) for each in bound])
+        excess = left / (self.white * noise_gain(period))
+        source = self.source + _of_coarse(np.flatnonzero(excess > 1.0))
+        return replace(self, differences=Differences(period, kept), excess=excess, source=source)
 
     def mean(self, n: int) -> Noise:
         """That of means of `n` samples."""
@@ -129,7 +160,18 @@ def stated_noise(
     rounded = _increments(robot) if increments is None else np.abs(np.asarray(increments, float))
     if rounded is None:
         return Noise(torque, wander, f"{source}; increments of the encoders not stated: left out")
-    return Noise(torque, wander, source, rounded / np.sqrt(12.0) * _inertia(robot))
+    return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
+
+
+def _of_coarse(axes: NDArray[np.intp]) -> str:
+    """Say which encoders make more noise than torques have."""
+    if not axes.size:
+        return ""
+    listed = ", ".join(str(axis + 1) for axis in axes)
+    return (
+        f"; increments of the encoders make more of it at axis {listed}, where inertias come out"
+        " somewhat too small besides"
+    )
 
 
 def _inertia(robot: Robot) -> Array:

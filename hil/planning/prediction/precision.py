@@ -27,7 +27,7 @@ from hil.model.dynamics import regressor
 from hil.planning.halton import halton
 from hil.planning.measurement import shows_parameters
 from hil.planning.prediction.information import shares
-from hil.regression.least_squares import inverse, undetermined, without_nuisance
+from hil.regression.least_squares import IDENTIFIABLE, inverse, undetermined, without_nuisance
 from hil.regression.terms import n_unknowns, place
 from hil.regression.uncertainty import sandwich
 from hil.regression.window import APART
@@ -47,9 +47,6 @@ if TYPE_CHECKING:
 IMPRECISE = 0.001
 """Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
 _INSTANTS = 512
-_LOST = 1e-9
-"""Share of the information about a combination of parameters, if nothing else were unknown, below
-which it is not identifiable."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +114,7 @@ def predict(
         Of earlier measurements.
     """
     found = information(robot, measurements, period, noise)
-    return precision(robot, found + known if known else found, noise.source)
+    return precision(robot, found + known if known else found, noise.sampled(robot, period).source)
 
 
 def precision(robot: Robot, known: Information, source: str) -> Precision:
@@ -141,7 +138,7 @@ def information(
     Strokes are judged by means of as many samples as the estimator takes for one, which says the
     same in less time; trajectories, whose corners are everywhere, sample by sample.
     """
-    each, noise = max(1, round(APART / period)), noise.sampled(period)
+    each, noise = max(1, round(APART / period)), noise.sampled(robot, period)
     useful = [m for m in measurements if shows_parameters(m)]
     differences = noise.differences
     strokes = (
@@ -167,7 +164,7 @@ def scatter_of(share: Share, noise: Noise) -> Array:
     axis = share.axis
     scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
     if noise.rounding is not None:
-        scatter += noise.rounding[axis] ** 2 * share.rounding
+        scatter += noise.of_accelerations[axis] * share.rounding
     weighted: Array = scatter / noise.variance[axis] ** 2
     return weighted
 
@@ -176,8 +173,8 @@ def covariance(known: Information, n_base: int) -> Array:
     """Covariance of the base parameters, shape (n_base, n_base); inf where not identifiable."""
     P = without_nuisance(known.matrix, n_base)
     left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
-    found = sandwich(inverse(left, _LOST, alone), sandwich(P, known.scatter))
-    lost = undetermined(left, _LOST, alone)
+    found = sandwich(inverse(left, IDENTIFIABLE, alone), sandwich(P, known.scatter))
+    lost = undetermined(left, IDENTIFIABLE, alone)
     found[lost, lost] = np.inf
     return found
 
