@@ -262,13 +262,15 @@ def _conditions(
         if not (columns and len(rows)):
             continue
         hidden = together and base.dependencies.hidden[columns].any()
-        N = _of_all_kinds(robot, fits, columns) if hidden else rows.T @ rows
-        lost = undetermined(N, IDENTIFIABLE).any()
+        N, size = _of_all_kinds(robot, fits, columns) if hidden else (rows.T @ rows, None)
+        lost = undetermined(N, IDENTIFIABLE, size).any()
         condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
     return condition
 
 
-def _of_all_kinds(robot: Robot, fits: Sequence[LocalFit], columns: Sequence[int]) -> Array:
+def _of_all_kinds(
+    robot: Robot, fits: Sequence[LocalFit], columns: Sequence[int]
+) -> tuple[Array, Array]:
     axes = np.array([f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits])
     rows = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
     return of_all_kinds(rows, axes, columns)

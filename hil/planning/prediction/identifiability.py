@@ -118,7 +118,7 @@ def group_observations(
 
 def of_all_kinds(
     rows: NDArray[np.float64], of_gravity: NDArray[np.intp], columns: Sequence[int]
-) -> NDArray[np.float64]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Normal equations of some parameters, offsets and all other parameters eliminated.
 
     Parameters
@@ -133,12 +133,15 @@ def of_all_kinds(
     Returns
     -------
     N : ndarray, shape (n_columns, n_columns)
+    size : ndarray, shape (n_columns,)
+        Its diagonal before anything was eliminated, with which what is left is to be compared.
     """
     axes = np.unique(of_gravity[of_gravity >= 0])
     offsets = (of_gravity[:, np.newaxis] == axes).astype(float)
     others = np.setdiff1d(np.arange(rows.shape[1]), columns)
     W = np.hstack([rows[:, list(columns)], rows[:, others], offsets])
-    return eliminated(W.T @ W, W.shape[1] - len(columns))[0]
+    N = W.T @ W
+    return eliminated(N, W.shape[1] - len(columns))[0], np.diag(N)[: len(columns)]
 
 
 def _judged(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identifiability:
@@ -148,11 +151,13 @@ def _judged(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identif
     hidden = tuple(base.names[c] for c in columns if base.dependencies.hidden[c])
     if not (hidden and len(W)):
         return _judge(group, names, len(W), W.T @ W)
-    found = _judge(group, names, len(W), _together(plan, robot, columns))
+    found = _judge(group, names, len(W), *_together(plan, robot, columns))
     return replace(found, hidden=hidden)
 
 
-def _together(plan: Plan, robot: Robot, columns: list[int]) -> NDArray[np.float64]:
+def _together(
+    plan: Plan, robot: Robot, columns: list[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     everything = range(len(base_parameters(robot)))
     rows, axes = [], []
     for kind in ELEMENT_KINDS.values():
@@ -177,13 +182,17 @@ def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> NDArray[
 
 
 def _judge(
-    group: str, names: tuple[str, ...], n_rows: int, N: NDArray[np.float64]
+    group: str,
+    names: tuple[str, ...],
+    n_rows: int,
+    N: NDArray[np.float64],
+    size: NDArray[np.float64] | None = None,
 ) -> Identifiability:
     n = len(names)
     if not n_rows:
         return Identifiability(group, names, 0, 0, float("inf"), names)
-    rank, condition = inverse_root(N, IDENTIFIABLE).shape[1], float("inf")
-    lost = undetermined(N, IDENTIFIABLE)
+    rank, condition = inverse_root(N, IDENTIFIABLE, size).shape[1], float("inf")
+    lost = undetermined(N, IDENTIFIABLE, size)
     if rank == n:
         lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > INFLATION
         condition = float(np.sqrt(np.linalg.cond(N)))

@@ -6,6 +6,7 @@ The weight on a vertical sliding axis is the same everywhere, and so like an off
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from rich.console import Console
 from synthetic import Friction, record
 
 from hil.cli.dry_run_view import render
+from hil.errors import NotIdentifiable
 from hil.estimation.identify import estimates
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
@@ -22,10 +24,17 @@ from hil.planning.design.by_counts import LEAST_SHARE, design
 from hil.planning.dry_run import dry_run
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import predict
+from hil.results.advice import advice
+from hil.results.error_budget import error_budget
+from hil.results.prediction import predict as free_motion
 
 if TYPE_CHECKING:
+    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
+    from hil.runs.recording import Recording
 
+Recorded = list[tuple["Measurement", "Recording"]]
+TRUTH = np.array([40.0, 25.0, 9.0])
 UPRIGHT, TILTED = (0.0, 0.0, -9.81), (0.0, 5.0, -8.0)
 
 
@@ -129,13 +138,38 @@ def test_without_its_acceleration_its_mass_is_not_identifiable(robot: Robot, pla
     assert gravity.poorly_identifiable == ("p3",)
 
 
-def test_an_offset_of_the_torque_does_not_count_as_mass(robot: Robot) -> None:
-    plan = design(robot, {"inertia": 24})
-    truth = np.array([40.0, 25.0, 9.0])
+@pytest.fixture(scope="module")
+def recorded(robot: Robot) -> Recorded:
+    """A small campaign; every torque has an offset."""
     friction = Friction(12.0, 4.0, 3.0, offset=np.array([5.0, -8.0, 20.0]))
     rng = np.random.default_rng(3)
-    recorded = [
-        (m, record(robot, m, truth, friction, noise=0.001, rng=rng)) for m in plan.measurements
+    return [
+        (m, record(robot, m, TRUTH, friction, noise=0.001, rng=rng))
+        for m in design(robot, {"inertia": 24}).measurements
     ]
+
+
+def test_an_offset_of_the_torque_does_not_count_as_mass(robot: Robot, recorded: Recorded) -> None:
     found = estimates(robot, recorded, ("improved",))["improved"]
-    assert found.p == pytest.approx(truth, rel=0.005)
+    assert found.p == pytest.approx(TRUTH, rel=0.005)
+
+
+def test_without_its_acceleration_an_estimate_is_refused(robot: Robot, recorded: Recorded) -> None:
+    blind = [(m, r) for m, r in recorded if m.kind == "gravity" or m.axis < 3]
+    with pytest.raises(
+        NotIdentifiable, match=r"gravity measurements do not identify p3: the condition number .* exceeds 1e\+04"
+    ):
+        estimates(robot, blind, ("improved",))
+
+
+def test_advice_for_a_hidden_mass_is_more_acceleration(
+    robot: Robot, plan: Plan, recorded: Recorded
+) -> None:
+    found = estimates(robot, recorded, ("improved",))["improved"]
+    uncertain = replace(found, covariance=np.diag([0.0, 0.0, 2.0**2]))
+    prediction, budget = free_motion(uncertain, robot), error_budget(uncertain, robot)
+    advised = {
+        item.subject: item.remedy for item in advice(uncertain, prediction, budget, robot, plan, [])
+    }
+    assert "more inertia measurements of axis 3" in advised["p3"]
+    assert not any("gravity measurements" in remedy for remedy in advised.values())
