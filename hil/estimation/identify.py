@@ -301,11 +301,12 @@ def _require_all_groups(
     for group in GROUPS:
         columns = base.groups[group]
         if columns and not np.isfinite(condition.get(group, np.inf)):
-            names = ", ".join(base.names[c] for c in columns)
+            names, found = ", ".join(base.names[c] for c in columns), len(_rows(robot, fits, group))
+            why = "" if found < len(columns) else f": {BOUND}"
             raise NotIdentifiable(
-                f"{len(_rows(robot, fits, group))} usable {' and '.join(_kinds(group))}"
-                f" measurements do not identify {names}: {BOUND}; measure more"
-                " configurations of that kind (see: hil dry-run), or finish the run with --resume"
+                f"{found} usable {' and '.join(_kinds(group))} measurements do not identify"
+                f" {names}{why}; measure more configurations of that kind (see: hil dry-run), or"
+                " finish the run with --resume"
             )
 
 

@@ -145,8 +145,8 @@ def _thinned(whole: Array, alone: Array, kept: float) -> Array:
 def _smoothed_noise(X: Array, window: Array, every: int) -> Array:
     """Covariance of X'e for white noise that passed the window, one of `every` samples taken."""
     alike = np.correlate(window, window, mode="full")[len(window) - 1 :: every]
-    total = alike[0] * X.T @ X
+    later = alike[0] / 2 * X
     for apart, share in enumerate(alike[1:], start=1):
-        product = share * X[:-apart].T @ X[apart:]
-        total += product + product.T
-    return np.asarray(total)
+        later[:-apart] += share * X[apart:]
+    half = X.T @ later
+    return np.asarray(half + half.T)

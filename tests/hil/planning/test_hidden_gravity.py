@@ -157,7 +157,7 @@ def test_an_offset_of_the_torque_does_not_count_as_mass(robot: Robot, recorded: 
 def test_without_its_acceleration_an_estimate_is_refused(robot: Robot, recorded: Recorded) -> None:
     blind = [(m, r) for m, r in recorded if m.kind == "gravity" or m.axis < 3]
     with pytest.raises(
-        NotIdentifiable, match=r"gravity measurements do not identify p3: the condition number .* exceeds 1e\+04"
+        NotIdentifiable, match=r"gravity measurements do not identify p3: the condition .* 1e\+04"
     ):
         estimates(robot, blind, ("improved",))
 
