@@ -105,7 +105,7 @@ class Frame(FileModel):
 
 
 class Drive(FileModel):
-"""A drive train.
+    """A drive train.
 
     What is unknown need not be stated to identify a recording. An unknown rotor inertia is
     identified as well; without gear ratio and torque constant no drive can be moved.

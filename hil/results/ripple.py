@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from hil.regression.ripple import orders_left_out
@@ -16,7 +17,7 @@ def ripple_left_out(robot: Robot) -> str:
     if not found:
         return ""
     axes = "; ".join(
-        f"axis {axis + 1}, gear ratio {robot.gear_ratio[axis]:g}: {_listed(orders)}"
+        f"axis {axis + 1}, gear ratio {_stated(robot.gear_ratio[axis])}: {_listed(orders)}"
         for axis, orders in found.items()
     )
     return (
@@ -24,6 +25,10 @@ def ripple_left_out(robot: Robot) -> str:
         " be distinguished from gravity, inertia or each other; what there is of it becomes part"
         " of the base parameters"
     )
+
+
+def _stated(ratio: float) -> str:
+    return f"{ratio:g}" if math.isfinite(ratio) else "unknown"
 
 
 def _listed(orders: tuple[int, ...]) -> str:

@@ -182,10 +182,8 @@ def _inertia(robot: Robot) -> Array:
 
 def _increments(robot: Robot) -> Array | None:
     """Smallest step of each axis's position, if the robot file states all [rad]."""
-    stated = [joint.drive.encoder_resolution for joint in robot.file.joints]
-    if any(each is None for each in stated):
-        return None
-    return np.asarray(2 * np.pi / (np.array(stated, float) * robot.gear_ratio))
+    turns = 2 * np.pi / (robot.encoder_resolution * robot.gear_ratio)
+    return None if np.isnan(turns).any() else np.asarray(turns)
 
 
 def _or(stated: Sequence[float | None], expected: Array) -> Array:
