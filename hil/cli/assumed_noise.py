@@ -28,7 +28,7 @@ def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) ->
         The run is of another robot.
     """
     if run is None:
-        return stated_noise(robot, _resolution(robot, drives_file))
+        return stated_noise(robot, *_resolutions(robot, drives_file))
     folders, levels = experience_of([run])
     if folders[0].robot.digest != robot.digest:
         raise FileError(
@@ -47,7 +47,12 @@ def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
     return folders, experience(folders)
 
 
-def _resolution(robot: Robot, drives_file: Path | None) -> list[float] | None:
-    """Smallest steps of the torques, if a drives file states them [N m]."""
+def _resolutions(
+    robot: Robot, drives_file: Path | None
+) -> tuple[list[float] | None, list[float] | None]:
+    """Smallest steps of torques and positions, if a drives file states them [N m], [rad]."""
     drives = known_drives(robot, drives_file)
-    return [abs(AxisScale.of(axis).torque) for axis in drives.axes] if drives else None
+    if drives is None:
+        return None, None
+    scales = [AxisScale.of(axis) for axis in drives.axes]
+    return [abs(scale.torque) for scale in scales], [abs(scale.position) for scale in scales]

@@ -38,6 +38,14 @@ def render(result: DryRun, console: Console) -> None:
                     " joints or add configurations[/]",
                     soft_wrap=True,
                 )
+            if group.hidden:
+                names = ", ".join(group.hidden)
+                console.print(
+                    f"{names}: acceleration shows what no gravity torque distinguishes from an"
+                    " offset or from each other; condition and rank are those of all kinds of"
+                    " measurement together",
+                    soft_wrap=True,
+                )
 
 
 def describe_problems(result: DryRun, text: str, source: str) -> str:

@@ -18,7 +18,7 @@ from hil.cli.arguments import (
     refuse_existing,
 )
 from hil.planning import LONGEST
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -67,10 +67,13 @@ def dry_run_(
         from hil.cli import precision_view
         from hil.cli.assumed_noise import noise_of
         from hil.planning.prediction.precision import predict
+        from hil.results.ripple import ripple_left_out
 
         noise = noise_of(the_robot, noise_from, drives_file)
         found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
         precision_view.render(found, the_robot, out)
+        if ripple := ripple_left_out(the_robot):
+            say(ripple, style="yellow")
 
 
 @commands.command()
@@ -160,9 +163,9 @@ def plan(
 def _by_counts(
     robot: Robot, counts: Mapping[str, int], warm_up: float, guard: Workspace | None
 ) -> Plan:
-    from hil.planning.design.by_counts import COUNTS, design
+    from hil.planning.design.by_counts import design
 
-    return design(robot, COUNTS | dict(counts), warm_up, guard)
+    return design(robot, counts, warm_up, guard)
 
 
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:

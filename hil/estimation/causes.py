@@ -22,10 +22,10 @@ import numpy as np
 
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
-from hil.estimation.signals import SECOND
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.dynamics import mass_matrix
 from hil.model.motors import motor_inertia
+from hil.regression.differences import SECOND
 from hil.regression.terms import ASYMMETRIC, usable
 from hil.regression.window import HALF_WIDTH, weights
 

@@ -38,7 +38,8 @@ from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
-from hil.regression.least_squares import undetermined
+from hil.planning.prediction.identifiability import of_all_kinds
+from hil.regression.least_squares import IDENTIFIABLE, undetermined
 from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ if TYPE_CHECKING:
 
 TwoStepMethod = Literal["improved", "printed"]
 TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
+BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
+"""Why parameters count as not identified."""
 _FEWEST_DEGREES = 2.0
 """Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
 
@@ -103,7 +106,7 @@ def estimates(
 def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
     fits, useless = _local_fits(robot, raw)
-    condition = _conditions(robot, fits)
+    condition = _conditions(robot, fits, together=False)
     _require_all_groups(robot, fits, condition)
     solver = TwoStep(robot, fits)
     p, changes = _left_out_in_turn(solver)
@@ -243,17 +246,34 @@ def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
     return found
 
 
-def _conditions(robot: Robot, fits: Sequence[LocalFit]) -> dict[str, float]:
-    """Condition number of the observation matrix of each group that was measured; inf: no rank."""
+def _conditions(
+    robot: Robot, fits: Sequence[LocalFit], *, together: bool = True
+) -> dict[str, float]:
+    """Condition number of the observation matrix of each group that was measured; inf: no rank.
+
+    Parameters that gravity alone leaves open are judged by the elements of M(q) too, unless each
+    group must do by itself.
+    """
     base = base_parameters(robot)
     condition: dict[str, float] = {}
     for group in GROUPS:
         columns = list(base.groups[group])
         rows = _rows(robot, fits, group)
-        if columns and len(rows):
-            lost = undetermined(rows.T @ rows).any()
-            condition[group] = np.inf if lost else float(np.linalg.cond(rows))
+        if not (columns and len(rows)):
+            continue
+        hidden = together and base.dependencies.hidden[columns].any()
+        N, size = _of_all_kinds(robot, fits, columns) if hidden else (rows.T @ rows, None)
+        lost = undetermined(N, IDENTIFIABLE, size).any()
+        condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
     return condition
+
+
+def _of_all_kinds(
+    robot: Robot, fits: Sequence[LocalFit], columns: Sequence[int]
+) -> tuple[Array, Array]:
+    axes = np.array([f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits])
+    rows = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
+    return of_all_kinds(rows, axes, columns)
 
 
 def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:
@@ -281,11 +301,12 @@ def _require_all_groups(
     for group in GROUPS:
         columns = base.groups[group]
         if columns and not np.isfinite(condition.get(group, np.inf)):
-            names = ", ".join(base.names[c] for c in columns)
+            names, found = ", ".join(base.names[c] for c in columns), len(_rows(robot, fits, group))
+            why = "" if found < len(columns) else f": {BOUND}"
             raise NotIdentifiable(
-                f"{len(_rows(robot, fits, group))} usable {' and '.join(_kinds(group))}"
-                f" measurements do not identify {names}; measure more configurations of that kind"
-                " (see: hil dry-run), or finish the run with --resume"
+                f"{found} usable {' and '.join(_kinds(group))} measurements do not identify"
+                f" {names}{why}; measure more configurations of that kind (see: hil dry-run), or"
+                " finish the run with --resume"
             )
 
 
@@ -310,8 +331,8 @@ def _require_rank(
     if lost.any():
         names = ", ".join(name for name, each in zip(base.names, lost, strict=True) if each)
         raise NotIdentifiable(
-            f"{solver.n_measurements} usable measurements do not identify {names}; measure more"
-            " configurations (see: hil dry-run), or finish the run with --resume"
+            f"{solver.n_measurements} usable measurements do not identify {names}: {BOUND}; measure"
+            " more configurations (see: hil dry-run), or finish the run with --resume"
         )
 
 

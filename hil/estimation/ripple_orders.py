@@ -25,7 +25,8 @@ import numpy as np
 from scipy import special
 
 from hil.regression.least_squares import orthonormal
-from hil.regression.terms import RIPPLE_ORDERS, multiples, place
+from hil.regression.ripple import RIPPLE_ORDERS
+from hil.regression.terms import multiples, place
 from hil.regression.thinned import smoothed_at
 from hil.regression.window import half_window
 

@@ -31,6 +31,7 @@ import numpy as np
 from scipy import fft
 
 from hil.errors import NotEnoughData
+from hil.regression.differences import FIRST, SECOND
 from hil.regression.window import correlated, half_window, smooth, widened
 
 if TYPE_CHECKING:
@@ -47,9 +48,6 @@ ORDER = 4
 """Of the filter that runs forth and back."""
 RINGING = 0.5
 """After which the filter's response is below rounding [s]."""
-_FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
-SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
-"""Second difference of fourth order, of samples a period of 1 apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,7 +181,7 @@ def interpolation(shift: float) -> tuple[int, Array]:
 
 def derivatives(x: Array, period: float) -> tuple[Array, Array]:
     """First and second derivative along the first axis."""
-    return correlated(x, _FIRST / period), correlated(x, SECOND / period**2)
+    return correlated(x, FIRST / period), correlated(x, SECOND / period**2)
 
 
 def _forth_and_back(n: int, period: float) -> Array:

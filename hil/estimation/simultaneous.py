@@ -19,7 +19,13 @@ from hil.errors import NotIdentifiable
 from hil.estimation.condensed import Condensed, stack
 from hil.estimation.estimate import LoadFriction
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import inverse, solved, undetermined, without_nuisance
+from hil.regression.least_squares import (
+    IDENTIFIABLE,
+    inverse,
+    solved,
+    undetermined,
+    without_nuisance,
+)
 from hil.regression.terms import LOAD, n_unknowns, place
 from hil.regression.uncertainty import sandwich, scatter
 
@@ -34,9 +40,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-LOST = 1e-9
-"""Share of the information about a combination of parameters, if nothing else were unknown, below
-which it is not identifiable."""
 SIGNIFICANT = 2.0
 """Mu over its standard error from which on an axis keeps it."""
 _ROUNDS = 3
@@ -156,7 +159,7 @@ class SimultaneousFit:
         """Base parameters that all measurements together leave open, shape (n_base,)."""
         N, n = self._sum[0], self._n_base
         left = without_nuisance(N, n) @ N[:, :n]
-        return undetermined(left, LOST, np.diag(N)[:n])
+        return undetermined(left, IDENTIFIABLE, np.diag(N)[:n])
 
     def _load_friction(self) -> LoadFriction:
         """Mu of every axis, with its standard error from the measurements' scores."""

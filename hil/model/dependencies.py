@@ -6,6 +6,10 @@ that vanishes is zero everywhere, but for a set of measure zero and for rounding
 largest coefficient, against which the threshold leaves six orders of magnitude. Several
 configurations are taken, of which one would do.
 
+Not every parameter in g(q) is identified from it. A constant gravity torque, such as that of a
+vertical sliding axis, is like the offset of a torque, and several masses may occur in one sum only.
+Of such a hidden parameter M(q) must say the rest: where an axis accelerates, no offset follows.
+
 The coefficients are computed from the joints' axes seen in each link, apart from the recursion of
 `hil.model.recursion`: M_ab = S_a' I S_b, g_a = S_a' I (0, -gravity).
 """
@@ -35,6 +39,8 @@ In this order: the elements that show a group hold no parameters of the groups b
 
 _THRESHOLD = 1e-9
 _CONFIGURATIONS = 12
+_PART = 1e-6
+"""Of a parameter in a direction, from which on it counts."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +53,13 @@ class Dependencies:
         Whether parameter k occurs in M_ij(q).
     gravity : bool array, shape (n_joints, n_base)
         Whether parameter k occurs in g_i(q).
+    hidden : bool array, shape (n_base,)
+        Whether it does, yet g(q) with an unknown offset of each torque leaves it open.
     """
 
     mass: NDArray[np.bool_]
     gravity: NDArray[np.bool_]
+    hidden: NDArray[np.bool_]
 
     def groups(self) -> dict[str, tuple[int, ...]]:
         """Indices of the parameters of each of `GROUPS`, in order."""
@@ -63,10 +72,23 @@ class Dependencies:
             for name, member in zip(GROUPS, members, strict=True)
         }
 
+    def sought(self) -> dict[str, tuple[int, ...]]:
+        """Indices of what each group's own kind of element is measured for.
+
+        These are the parameters of the group, and those hidden from g(q) where M(q) shows them.
+        """
+        on_diagonal = np.einsum("iik->ik", self.mass).any(axis=0)
+        beside = self.mass.any(axis=(0, 1)) & ~on_diagonal
+        more = {DIAGONAL: self.hidden & on_diagonal, OFF_DIAGONAL: self.hidden & beside}
+        return {
+            name: (*members, *np.flatnonzero(more[name]).tolist()) if name in more else members
+            for name, members in self.groups().items()
+        }
+
 
 def find_dependencies(mass: Array, gravity: Array) -> Dependencies:
     """Find from `influences` of the base parameters where each one occurs."""
-    return Dependencies(_occurs(mass), _occurs(gravity))
+    return Dependencies(_occurs(mass), _occurs(gravity), _hidden(gravity))
 
 
 def influences(robot: Robot) -> tuple[Array, Array]:
@@ -116,4 +138,17 @@ def _occurs(coefficients: Array) -> NDArray[np.bool_]:
     size = np.abs(coefficients)
     scale = size.max(initial=0.0)
     found: NDArray[np.bool_] = (size > _THRESHOLD * scale).any(axis=0)
+    return found
+
+
+def _hidden(gravity: Array) -> NDArray[np.bool_]:
+    """Parameters in directions that change no gravity torque by more than a constant."""
+    size = np.sqrt(np.sum(gravity**2, axis=(0, 1)))
+    found: NDArray[np.bool_] = size > _THRESHOLD * size.max(initial=0.0)
+    if not found.any():
+        return found
+    varying = (gravity - gravity.mean(axis=0))[:, :, found] / size[found]
+    _, values, directions = np.linalg.svd(varying.reshape(-1, int(found.sum())))
+    rank = int(np.sum(values > _THRESHOLD))
+    found[found] = np.linalg.norm(directions[rank:], axis=0) > _PART
     return found

@@ -272,6 +272,11 @@ class Robot:
         return self._drives(lambda drive: drive.torque_constant)
 
     @cached_property
+    def encoder_resolution(self) -> NDArray[np.float64]:
+        """Increments per turn of the motors; NaN where they are not stated."""
+        return self._drives(lambda drive: drive.encoder_resolution or UNKNOWN)
+
+    @cached_property
     def rotor_inertia_uncertainty(self) -> NDArray[np.float64]:
         """Relative standard deviations of `rotor_inertia`."""
         return self._drives(lambda drive: drive.rotor_inertia_uncertainty)

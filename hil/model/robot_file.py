@@ -105,10 +105,21 @@ class Frame(FileModel):
 
 
 class Drive(FileModel):
-    """A drive train; the uncertainties are relative standard deviations.
+    """A drive train.
 
     What is unknown need not be stated to identify a recording. An unknown rotor inertia is
     identified as well; without gear ratio and torque constant no drive can be moved.
+
+    Attributes
+    ----------
+    gear_ratio : float
+        Motor angle over joint coordinate [1, or rad/m].
+    rotor_inertia, torque_constant : float
+        Of the motor [kg m^2, N m/A].
+    rotor_inertia_uncertainty, torque_constant_uncertainty : float
+        Relative standard deviations.
+    encoder_resolution : float, optional
+        Increments per turn of the motor, for predictions.
     """
 
     gear_ratio: float | Unknown = UNKNOWN
@@ -116,6 +127,17 @@ class Drive(FileModel):
     torque_constant: float | Unknown
     rotor_inertia_uncertainty: float = 0.0
     torque_constant_uncertainty: float = 0.0
+    encoder_resolution: float | None = None
+
+    @field_validator("encoder_resolution")
+    @classmethod
+    def _check_encoder_resolution(cls, value: float | None) -> float | None:
+        if value is not None and not 1 <= value <= 2**32:
+            raise ValueError(
+                f"{value:g} must be between 1 and 2^32 increments per turn of the motor; leave the"
+                " key out if it is not known"
+            )
+        return value
 
     @field_validator("gear_ratio")
     @classmethod

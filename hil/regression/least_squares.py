@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 
 RANK = 1e-12
 """Share of the largest eigenvalue of R; the square of that of columns of unit length."""
+IDENTIFIABLE = 1e-8
+"""The same for unknowns that somebody wants to know, measured and not made up: a condition number
+of columns of unit length of 1e4. Beyond, an error of 1e-4 of the torque, which noise and friction
+always leave, makes the worst combination of unknowns as uncertain as its own torque is large, no
+standard error holds what a misfit does to it, and normal equations have lost half of 16 digits."""
 SILENT = 1e-12
 """Length of a column, as share of the longest, that rounding alone may leave of zero."""
 RIDGE = 1e-12

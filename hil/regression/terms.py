@@ -14,9 +14,10 @@ up what is left of such a drift, since over every stroke, forth or back, the int
 t sign(v) qdd is minus the way.
 
 G holds a constant and |v| (asymmetric friction, sensor offset), torque ripple at multiples of the
-motor's angle, and friction that grows with the transmitted torque, |Q_t| sign(v) and, where that
-differs by direction, |Q_t|. What is transmitted is not known before there is a first estimate, so
-these two are zero here, and the estimator fills them in.
+motor's angle (zero at those that look like something else, `hil.regression.ripple`), and friction
+that grows with the transmitted torque, |Q_t| sign(v) and, where that differs by direction, |Q_t|.
+What is transmitted is not known before there is a first estimate, so these two are zero here, and
+the estimator fills them in.
 
 Left out are samples near a reversal, where friction is no function of velocity, and those where the
 acceleration changes fast, at the corners of the trapezoid: there, differences of positions and
@@ -35,8 +36,11 @@ import numpy as np
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
+from hil.regression.ripple import RIPPLE_ORDERS, ripple_orders
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
@@ -44,8 +48,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
 
-RIPPLE_ORDERS = range(1, 7)
-"""Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
 ASYMMETRIC = (0, 1)
 """Places of the columns of G by which friction differs by direction."""
 LOAD = 2 + 2 * len(RIPPLE_ORDERS)
@@ -101,7 +103,7 @@ def term_columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array,
     rows = regressor(robot, *motion.link, joints=[axis])[:, 0]
     v = motion.qd[:, axis] / robot.velocity_limit[axis]
     angle = robot.gear_ratio[axis] * motion.q[:, axis]
-    return rows, _common(angle, v), friction_columns(motion, v)
+    return rows, _common(angle, v, ripple_orders(robot, axis)), friction_columns(motion, v)
 
 
 def friction_columns(motion: Motion, v: Array) -> Array:
@@ -152,9 +154,11 @@ def multiples(angle: Array, orders: range) -> NDArray[np.complex128]:
     return np.cumprod(factors, axis=0)
 
 
-def _common(angle: Array, v: Array) -> Array:
-    ripple = multiples(angle, RIPPLE_ORDERS)
+def _common(angle: Array, v: Array, orders: Sequence[int]) -> Array:
     columns = np.zeros((N_COMMON, len(v)))
     columns[0], columns[1] = 1.0, np.abs(v)
-    columns[2:LOAD] = *ripple.real, *ripple.imag
+    if orders:
+        ripple = multiples(angle, RIPPLE_ORDERS)
+        ripple[np.setdiff1d(RIPPLE_ORDERS, orders) - RIPPLE_ORDERS[0]] = 0.0
+        columns[2:LOAD] = *ripple.real, *ripple.imag
     return columns.T

@@ -166,7 +166,7 @@ def _misfit(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
 def _groups(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
     base = base_parameters(robot)
     for kind, row in ELEMENT_KINDS.items():
-        members = base.groups[row.group]
+        members = [k for k in base.groups[row.group] if not base.dependencies.hidden[k]]
         names = ", ".join(base.names[k] for k in members)
         rows = sum(value.kind == kind for value in estimate.local)
         if members and rows < FEW_ROWS * len(members):
@@ -194,14 +194,17 @@ def _parameters(
 
 def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     """Which of the plan's measurements would lower the variance of parameter k most, if doubled."""
-    groups = base_parameters(robot).groups
-    kind, group = next(
-        (kind, row.group) for kind, row in ELEMENT_KINDS.items() if k in groups[row.group]
-    )
+    sought = base_parameters(robot).dependencies.sought()
+    # a parameter that is hidden from g(q) stands in two groups, of which the second shows it
+    kind, group = [
+        (kind, row.group) for kind, row in ELEMENT_KINDS.items() if k in sought[row.group]
+    ][-1]
     candidates = [m for m in plan.measurements if m.kind == kind]
-    W = group_observations(plan, robot, group)
+    if not candidates:
+        return f"{kind} measurements, of which there are none (hil plan chooses them)"
+    W = group_observations(plan, robot, group, sought[group])
     G = inverse(W.T @ W)
-    at = groups[group].index(k)
+    at = sought[group].index(k)
     gains = (W @ G[:, at]) ** 2 / (1.0 + np.einsum("ij,jk,ik->i", W, G, W)) / G[at, at]
     best = candidates[int(np.argmax(gains))]
     return (

@@ -21,6 +21,7 @@ from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
 from hil.regression.uncertainty import correlation_of
 from hil.results.model_file import NAME, ModelFile
+from hil.results.ripple import ripple_left_out
 from hil.results.samples import samples
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
@@ -220,6 +221,8 @@ class Model:
     def summary(self) -> Summary:
         """Parameters with their uncertainty, residuals and what could not be used, as tables."""
         remarks = tuple(f"left out: {left}" for left in self.provenance.left_out)
+        if self.method == "improved" and (ripple := ripple_left_out(self.robot)):
+            remarks = (*remarks, ripple)
         return Summary((parameters(self), residuals(self)), remarks)
 
     def __repr__(self) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.regression.terms import RIPPLE_ORDERS
+from hil.regression.ripple import RIPPLE_ORDERS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

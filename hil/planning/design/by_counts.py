@@ -6,6 +6,10 @@ greedy D-optimal choice). The elements share the number of measurements as their
 parameters. How many measurements of each kind there are is given; `hil.planning.design.by_minutes`
 chooses that too.
 
+Measurements are for what they can show. A gravity torque that is the same everywhere is like an
+offset of the torque, however often it is measured: such an axis gets few measurements, and what
+they leave open is sought in moments of inertia (`Dependencies.hidden`).
+
 The order is one of short travels, in a guarded workspace one in which they keep clear of the
 forbidden boxes (`hil.planning.design.tour`).
 """
@@ -40,6 +44,8 @@ if TYPE_CHECKING:
 
 COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
 """Measurements of each kind unless asked for: as long as the 64, 92 and 9 of section 8."""
+OF_A_PARAMETER = 3
+"""Measurements at least for each parameter that a kind is to show, unless asked for otherwise."""
 TRAVEL = 0.3
 """Share of the limits used between configurations."""
 SPACING = 0.06
@@ -50,7 +56,7 @@ LEAST_SHARE = 4
 
 def design(
     robot: Robot,
-    counts: Mapping[str, int] = COUNTS,
+    counts: Mapping[str, int] | None = None,
     warm_up: float = 0.0,
     workspace: Workspace | None = None,
 ) -> Plan:
@@ -59,8 +65,10 @@ def design(
     Parameters
     ----------
     robot : Robot
-    counts : mapping
-        Number of measurements by kind; a kind without parameters is left out.
+    counts : mapping, optional
+        Number of measurements by kind. A kind that is not named gets its own of `COUNTS`, more
+        where there are many parameters, and few of gravity where that is the same everywhere. A
+        kind without parameters is left out.
     warm_up : float
         Motion before the first measurement; 0 for none [s].
     workspace : Workspace, optional
@@ -71,21 +79,16 @@ def design(
     ValueError
         A count too small to identify the group's parameters, or no clear configurations.
     """
-    groups = base_parameters(robot).groups
-    for name, kind in ELEMENT_KINDS.items():
-        columns = groups[kind.group]
-        if counts[name] < len(columns):
-            raise ValueError(
-                f"{counts[name]} measurements for the {kind.group} group must be at least"
-                f" {len(columns)}, one for each of its parameters; raise that count"
-            )
+    _refuse_few(robot, counts or {})
+    sought = base_parameters(robot).dependencies.sought()
     guarded = narrowed(robot, workspace)
     measurements: list[Measurement] = []
     for name, kind in ELEMENT_KINDS.items():
-        columns = groups[kind.group]
+        columns = sought[kind.group]
         if columns:
             elements = ELEMENTS[name](guarded, list(columns))
-            chosen = _choose(guarded, elements, counts[name], workspace)
+            usual = max(COUNTS[name], OF_A_PARAMETER * len(columns))
+            chosen = _choose(guarded, elements, (counts or {}).get(name), usual, workspace)
             measurements += [
                 element.measure(f"{kind.letter}{k:02d}", q, number)
                 for k, (element, q, number) in enumerate(_tour(guarded, chosen), start=1)
@@ -139,10 +142,25 @@ def places(robot: Robot, q: Array) -> Array:
     return found
 
 
+def _refuse_few(robot: Robot, counts: Mapping[str, int]) -> None:
+    groups = base_parameters(robot).groups
+    for name, count in counts.items():
+        group = ELEMENT_KINDS[name].group
+        if count < len(groups[group]):
+            raise ValueError(
+                f"{count} measurements for the {group} group must be at least"
+                f" {len(groups[group])}, one for each of its parameters; raise that count"
+            )
+
+
 def _choose(
-    robot: Robot, elements: Sequence[Element], count: int, workspace: Workspace | None
+    robot: Robot,
+    elements: Sequence[Element],
+    count: int | None,
+    usual: int,
+    workspace: Workspace | None,
 ) -> list[Chosen]:
-    """Elements and configurations of `count` measurements."""
+    """Elements and configurations of `count` measurements, or of as many as are of use."""
     spread = [candidates(robot, element, workspace) for element in elements]
     weighted = [
         element.row(q) / robot.torque_limit[element.axis]
@@ -152,7 +170,7 @@ def _choose(
     covariance = 1e3 * np.eye(len(scale))
     chosen: list[Chosen] = []
     for element, q, rows, share in zip(
-        elements, spread, weighted, _shares(weighted, count), strict=True
+        elements, spread, weighted, _shares(elements, weighted, count, usual), strict=True
     ):
         picked = greedy(rows / scale, places(robot, q), covariance, share)
         chosen += [
@@ -162,9 +180,32 @@ def _choose(
     return chosen
 
 
-def _shares(rows: Sequence[Array], count: int) -> list[int]:
-    """Divide `count` among the elements in proportion to the parameters that their rows hold."""
-    held = [max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for r in rows]
+def _shares(
+    elements: Sequence[Element], rows: Sequence[Array], count: int | None, usual: int
+) -> list[int]:
+    """Divide `count` among the elements in proportion to the parameters that their rows hold.
+
+    Elements that are like an offset wherever they are measured get few, unless all are and more
+    are asked for.
+    """
+    varying = [
+        not e.like_offset or bool(np.ptp(r, axis=0).any())
+        for e, r in zip(elements, rows, strict=True)
+    ]
+    if not any(varying):
+        count = count or LEAST_SHARE * len(rows)
+        varying = [True] * len(rows)
+    return _divided(
+        [_held(r) if varies else 0 for r, varies in zip(rows, varying, strict=True)], count or usual
+    )
+
+
+def _held(rows: Array) -> int:
+    return max(1, int(np.any(np.abs(rows) > 1e-12, axis=0).sum()))
+
+
+def _divided(held: Sequence[int], count: int) -> list[int]:
+    """Divide `count` in proportion to `held`, but so that each gets a least share."""
     least = min(LEAST_SHARE, count // len(held))
     spare = count - least * len(held)
     exact = [spare * h / sum(held) for h in held]

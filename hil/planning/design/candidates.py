@@ -16,7 +16,7 @@ where friction's wander counts.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,16 +90,17 @@ def pool(
         No configuration of an element keeps clear of the workspace's boxes.
     """
     found: list[Option] = []
-    mean = replace(noise, torque=noise.torque / math.sqrt(THINNED))
-    groups = base_parameters(robot).groups
+    noise = noise.sampled(robot, period)
+    mean = noise.mean(THINNED)
+    sought = base_parameters(robot).dependencies.sought()
     for name, kind in ELEMENT_KINDS.items():
-        for element in ELEMENTS[name](robot, list(groups[kind.group])):
+        for element in ELEMENTS[name](robot, list(sought[kind.group])):
             q = candidates(robot, element, workspace)[:each]
             rows = element.row(q) / robot.torque_limit[element.axis]
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
                 turned = element.turned(robot, configuration, number)
                 measurement = element.measure(f"{kind.letter}{number}", turned, number)
-                judged = shares(robot, measurement, THINNED * period)
+                judged = shares(robot, measurement, THINNED * period, noise.differences)
                 found.append(Option(kind.group, measurement, row, worth(robot, judged, mean)))
     return found
 
@@ -114,7 +115,8 @@ def trajectories(
     ValueError
         None of them keeps clear of the workspace's boxes.
     """
-    mean = replace(noise, torque=noise.torque / math.sqrt(THINNED))
+    noise = noise.sampled(robot, period)
+    mean = noise.mean(THINNED)
     found: list[Option] = []
     for seed in range(DIFFERENT):
         wave = design_trajectory(
@@ -122,7 +124,7 @@ def trajectories(
         )
         if workspace and not _keeps_clear(robot, workspace, wave):
             continue
-        of_block = worth(robot, shares(robot, wave, THINNED * period), mean)
+        of_block = worth(robot, shares(robot, wave, THINNED * period, noise.differences), mean)
         blocks = max(1, math.ceil(60 * minutes / wave.duration))
         found += [Option("", wave, np.zeros(0), of_block)] * blocks
     if not found:
@@ -145,7 +147,7 @@ def worth(
     return tuple(
         (
             place(robot, share.axis),
-            weighed(share.information / noise.white[share.axis], scatter_of(share, noise)),
+            weighed(share.information / noise.variance[share.axis], scatter_of(share, noise)),
         )
         for share in judged
     )

@@ -74,6 +74,8 @@ class Element:
     strokes: dict[int, float]
     row: Row
     measure: Callable[[str, Sequence[float], int], ElementMeasurement]
+    like_offset: bool = False
+    """Where it does not vary with the configuration it cannot be distinguished from an offset."""
 
     @property
     def axes(self) -> tuple[int, int]:
@@ -100,6 +102,7 @@ def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:
         return Element(
             i, i, {i: motion["stroke"]}, _gravity_row(robot, i, axes, columns),
             lambda name, q, _: Gravity(id=name, axis=i + 1, q=tuple(q), **motion),
+            like_offset=True,
         )  # fmt: skip
 
     return [element(i) for i in axes]
@@ -159,7 +162,7 @@ ELEMENTS: dict[str, Callable[[Robot, list[int]], list[Element]]] = {
     "inertia": inertia_elements,
     "coupling": coupling_elements,
 }
-"""By the kind of measurement that shows them: from base parameters of its group."""
+"""By the kind of measurement that shows them: from the base parameters that are sought."""
 
 
 def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> Array:

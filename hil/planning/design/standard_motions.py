@@ -6,6 +6,10 @@ which torque ripple and the encoder's error average out, unless that takes too l
 read with as much acceleration as leaves room for the load; couplings with an axis that creeps while
 its partner accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples where SYNC is slow.
 
+Where a joint's range leaves less room an axis moves so slowly that its ramps and its constant
+velocity find their place. Below `SLOWEST` of its velocity limit the estimator does not use its
+samples, so an axis that had to be slower is refused.
+
 Measurements of the same axis differ a little in stroke and acceleration, so that the corners of
 their profiles fall anywhere between two samples. Strokes begin with a SYNC; were all alike, every
 corner would come at the same instant after one, and what sampling does to it would bias the lag of
@@ -17,7 +21,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from hil.planning.strokes import Partner
+from hil.planning.strokes import MARGIN, SHORTEST_WINDOW, Partner
+from hil.regression.terms import SLOW
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -28,16 +33,24 @@ GRAVITY_WINDOWS = 5.0
 """What the windows of one measurement last together, at least and in each direction [s]."""
 INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.15, 6
 """Shares of the limits, shortest ramp [s]."""
+RAMPS = 3
+"""Ways of a ramp that an inertia's stroke is long: both ramps, and constant velocity between."""
 LONGEST_STROKE = 1.0
 """So that a measurement stays in the neighbourhood of its configuration [rad]."""
 WAY = 0.5
 """Share of a joint's range that a stroke uses at most; the rest is left to choose from."""
 LONGEST_CREEP = 1.7
 """Way of a creeping axis [rad]."""
-CREEP_SPEED, SLOWEST_CREEP, CREEP_TIME, CREEP_CYCLES = 0.08, 0.055, 7.0, 2
-"""Shares of the speed limit, usually and where the range is short, duration [s], motions."""
+SLOWEST = 1.1 * SLOW
+"""Least speed at which anything is read, as share of the speed limit."""
+CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
+"""Share of the speed limit, unless the range is short, duration [s], motions."""
 RAMP_OF_CREEP = 0.2
-"""Duration of a ramp to constant velocity [s]."""
+"""Duration of a ramp to constant velocity, unless the acceleration limit prolongs it [s]."""
+STEEPEST = 0.99
+"""Share of the acceleration limit that such a ramp uses at most: plans round their numbers."""
+SHORTEST_CRUISE = 1.2 * (MARGIN + SHORTEST_WINDOW)
+"""Least duration of constant velocity where the range is short [s]."""
 SPREAD = 0.012
 """Instants over which corners of profiles are spread, from one measurement to the next and from
 one cycle to the next [s]: the longest usual SYNC period."""
@@ -47,28 +60,49 @@ SEQUENCE = (1 / _PLASTIC, 1 / _PLASTIC**2)
 
 
 def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
-    """Stroke, velocity, acceleration and cycles of a gravity measurement; `axis` from 0."""
-    velocity = GRAVITY_SPEED * float(robot.velocity_limit[axis])
+    """Stroke, velocity, acceleration and cycles of a gravity measurement; `axis` from 0.
+
+    Raises
+    ------
+    ValueError
+        The range is too short for constant velocity.
+    """
+    limit, room = float(robot.velocity_limit[axis]), _room(robot, axis)
+    velocity = GRAVITY_SPEED * limit
     shortest, longest = GRAVITY_TIME
     window = min(max(GRAVITY_STROKE / velocity, shortest), longest)
+    longer = _ramp(robot, axis, velocity) - RAMP_OF_CREEP
+    stroke = min(velocity * (window + longer), max(LONGEST_STROKE, velocity * longer), room)
+    velocity = min(velocity, _cruising(robot, axis, stroke))
+    _refuse_slow(robot, axis, velocity, f"gravity, in strokes of {stroke:.3g}")
     return {
-        "stroke": min(velocity * window, LONGEST_STROKE, _room(robot, axis)),
+        "stroke": stroke,
         "velocity": velocity,
-        "acceleration": velocity / RAMP_OF_CREEP,
+        "acceleration": velocity / _ramp(robot, axis, velocity),
         "cycles": math.ceil(GRAVITY_WINDOWS / window),
     }
 
 
 def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
-    """Those of inertia measurement `number` of the axis; 0 has the longest stroke."""
+    """Those of inertia measurement `number` of the axis; 0 has the longest stroke.
+
+    Raises
+    ------
+    ValueError
+        The range is too short for ramps.
+    """
     velocity = INERTIA_SPEED * float(robot.velocity_limit[axis])
-    limit = INERTIA_ACCELERATION * float(robot.acceleration_limit[axis])
+    limit, room = INERTIA_ACCELERATION * float(robot.acceleration_limit[axis]), _room(robot, axis)
+    if room < min(RAMPS * velocity * max(velocity / limit, INERTIA_RAMP) / 2, LONGEST_STROKE):
+        shared = room / RAMPS
+        velocity = min(velocity, math.sqrt(2 * limit * shared), 2 * shared / INERTIA_RAMP)
+        _refuse_slow(robot, axis, velocity / 2, f"an inertia, in strokes of {room:.3g}")
     acceleration = min(limit, velocity / INERTIA_RAMP)
     ramp = velocity**2 / (2 * acceleration)
     # the first corner comes up to SPREAD later, the second one up to SPREAD earlier
     later, earlier = (SPREAD * (number * step % 1.0) for step in SEQUENCE)
     return {
-        "stroke": min(3 * ramp, LONGEST_STROKE, _room(robot, axis)) - velocity * earlier,
+        "stroke": min(RAMPS * ramp, LONGEST_STROKE, room) - velocity * earlier,
         "velocity": velocity,
         "acceleration": velocity / (velocity / acceleration + later),
         "cycles": INERTIA_CYCLES,
@@ -79,11 +113,11 @@ def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
 def creep_motion(robot: Robot, axis: int) -> dict[str, Any]:
     """Those of the creeping axis of a coupling measurement."""
     limit, room = float(robot.velocity_limit[axis]), _room(robot, axis)
-    velocity = min(max(room / CREEP_TIME, SLOWEST_CREEP * limit), CREEP_SPEED * limit)
+    velocity = min(max(room / CREEP_TIME, SLOWEST * limit), CREEP_SPEED * limit)
     return {
         "stroke": min(velocity * CREEP_TIME, LONGEST_CREEP, room),
         "velocity": velocity,
-        "acceleration": velocity / RAMP_OF_CREEP,
+        "acceleration": velocity / _ramp(robot, axis, velocity),
         "cycles": CREEP_CYCLES,
     }
 
@@ -97,6 +131,38 @@ def partner_motion(robot: Robot, axis: int, number: int = 0) -> Partner:
         velocity=motion["velocity"],
         acceleration=motion["acceleration"],
     )
+
+
+def _ramp(robot: Robot, axis: int, velocity: float) -> float:
+    """Duration of a ramp to constant velocity [s]."""
+    return max(velocity / (STEEPEST * float(robot.acceleration_limit[axis])), RAMP_OF_CREEP)
+
+
+def _cruising(robot: Robot, axis: int, stroke: float) -> float:
+    """Highest velocity that a stroke keeps for `SHORTEST_CRUISE`."""
+    limit = STEEPEST * float(robot.acceleration_limit[axis])
+    steep = SHORTEST_CRUISE * limit / 2
+    # stroke = velocity (cruise + ramp), the ramp velocity / limit or RAMP_OF_CREEP
+    return min(
+        math.sqrt(steep**2 + limit * stroke) - steep, stroke / (SHORTEST_CRUISE + RAMP_OF_CREEP)
+    )
+
+
+def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
+    """Refuse motions of which the estimator would use no sample.
+
+    Raises
+    ------
+    ValueError
+    """
+    unit, least = robot.position_unit(axis), SLOWEST * float(robot.velocity_limit[axis])
+    if velocity < least:
+        raise ValueError(
+            f"axis {axis + 1} reaches {velocity:.2g} {unit}/s in its range for {what} {unit}; it"
+            f" must be at least {least:.2g} {unit}/s, {SLOWEST:.2g} of its velocity limit: widen"
+            " the range, lower velocity_limit in the robot file, or plan a trajectory (hil"
+            " trajectory plan)"
+        )
 
 
 def _room(robot: Robot, axis: int) -> float:

@@ -7,11 +7,15 @@ torque limit, eq. (16). The rank of a group's matrix W states whether every para
 distinguished from the others, its condition number how well the worst combination can, and, with
 columns scaled to unit length, sqrt(diag((W'W)^-1)) how many times larger a parameter's standard
 error is than if all the others were known.
+
+Where gravity parameters are hidden from g(q), behind offsets of the torque say
+(`hil.model.dependencies`), their group is judged by the rows of all kinds together: over all base
+parameters and an offset of each axis's gravity torque, everything but the group eliminated.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +23,13 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
-from hil.regression.least_squares import inverse, inverse_root, undetermined
+from hil.regression.least_squares import (
+    IDENTIFIABLE,
+    eliminated,
+    inverse,
+    inverse_root,
+    undetermined,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,6 +62,9 @@ class Identifiability:
         Ratio of its largest to its smallest singular value; inf where the rank is short.
     poorly_identifiable : tuple of str
         Parameters that cannot be distinguished from others, or only badly.
+    hidden : tuple of str
+        Parameters that gravity measurements do not distinguish from offsets of the torque, or from
+        each other: acceleration shows them.
     """
 
     group: str
@@ -60,6 +73,7 @@ class Identifiability:
     rank: int
     condition: float
     poorly_identifiable: tuple[str, ...]
+    hidden: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -71,23 +85,86 @@ def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
     """Judge each group of base parameters that the robot has."""
     base = base_parameters(robot)
     return tuple(
-        _judge(group, tuple(base.names[c] for c in columns), group_observations(plan, robot, group))
+        _judged(plan, robot, group, list(columns))
         for group, columns in base.groups.items()
         if columns
     )
 
 
-def group_observations(plan: Plan, robot: Robot, group: str) -> NDArray[np.float64]:
-    """Weighted observation matrix (n_measurements, n_group) of one group, in plan order."""
+def group_observations(
+    plan: Plan, robot: Robot, group: str, columns: Sequence[int] | None = None
+) -> NDArray[np.float64]:
+    """Weighted observation matrix of one group's kind of measurement, in plan order.
+
+    Parameters
+    ----------
+    columns : sequence of int, optional
+        Indices of base parameters; by default those of the group.
+
+    Returns
+    -------
+    W : ndarray, shape (n_measurements, n_columns)
+    """
     chosen = [
         m for m in element_measurements(plan.measurements) if ELEMENT_KINDS[m.kind].group == group
     ]
-    columns = list(base_parameters(robot).groups[group])
+    shown = list(base_parameters(robot).groups[group] if columns is None else columns)
     if not chosen:
-        return np.zeros((0, len(columns)))
-    rows = _torque_rows(robot, chosen)[:, columns]
+        return np.zeros((0, len(shown)))
+    rows = _torque_rows(robot, chosen)[:, shown]
     limits = np.asarray(robot.torque_limit)[[m.index for m in chosen]]
     return np.asarray(rows / limits[:, None], dtype=np.float64)
+
+
+def of_all_kinds(
+    rows: NDArray[np.float64], of_gravity: NDArray[np.intp], columns: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Normal equations of some parameters, offsets and all other parameters eliminated.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n, n_base)
+        Weighted, of elements of g(q) and M(q).
+    of_gravity : ndarray, shape (n,)
+        Axis of each row of g(q), whose offset is unknown; -1 for rows of M(q).
+    columns : sequence of int
+        Indices of the parameters that are of interest.
+
+    Returns
+    -------
+    N : ndarray, shape (n_columns, n_columns)
+    size : ndarray, shape (n_columns,)
+        Its diagonal before anything was eliminated, with which what is left is to be compared.
+    """
+    axes = np.unique(of_gravity[of_gravity >= 0])
+    offsets = (of_gravity[:, np.newaxis] == axes).astype(float)
+    others = np.setdiff1d(np.arange(rows.shape[1]), columns)
+    W = np.hstack([rows[:, list(columns)], rows[:, others], offsets])
+    N = W.T @ W
+    return eliminated(N, W.shape[1] - len(columns))[0], np.diag(N)[: len(columns)]
+
+
+def _judged(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identifiability:
+    base = base_parameters(robot)
+    names = tuple(base.names[c] for c in columns)
+    W = group_observations(plan, robot, group)
+    hidden = tuple(base.names[c] for c in columns if base.dependencies.hidden[c])
+    if not (hidden and len(W)):
+        return _judge(group, names, len(W), W.T @ W)
+    found = _judge(group, names, len(W), *_together(plan, robot, columns))
+    return replace(found, hidden=hidden)
+
+
+def _together(
+    plan: Plan, robot: Robot, columns: list[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    everything = range(len(base_parameters(robot)))
+    rows, axes = [], []
+    for kind in ELEMENT_KINDS.values():
+        own = [m for m in element_measurements(plan.measurements) if m.kind == kind.name]
+        rows.append(group_observations(plan, robot, kind.group, everything))
+        axes += [m.index if kind.symbol == "g" else -1 for m in own]
+    return of_all_kinds(np.vstack(rows), np.array(axes), columns)
 
 
 def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> NDArray[np.float64]:
@@ -104,14 +181,20 @@ def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> NDArray[
     return moving - at_rest
 
 
-def _judge(group: str, names: tuple[str, ...], W: NDArray[np.float64]) -> Identifiability:
+def _judge(
+    group: str,
+    names: tuple[str, ...],
+    n_rows: int,
+    N: NDArray[np.float64],
+    size: NDArray[np.float64] | None = None,
+) -> Identifiability:
     n = len(names)
-    if not len(W):
+    if not n_rows:
         return Identifiability(group, names, 0, 0, float("inf"), names)
-    N = W.T @ W
-    rank, lost, condition = inverse_root(N).shape[1], undetermined(N), float("inf")
+    rank, condition = inverse_root(N, IDENTIFIABLE, size).shape[1], float("inf")
+    lost = undetermined(N, IDENTIFIABLE, size)
     if rank == n:
         lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > INFLATION
-        condition = float(np.linalg.cond(W))
+        condition = float(np.sqrt(np.linalg.cond(N)))
     poorly = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)
-    return Identifiability(group, names, len(W), rank, condition, poorly)
+    return Identifiability(group, names, n_rows, rank, condition, poorly)

@@ -5,10 +5,12 @@ need no torque (`hil.regression.terms`). So the information X'X, friction's colu
 X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the motion
 is planned.
 
-What torque noise leaves of it is a matter of two more matrices. The estimator is least squares, so
-the covariance of X'e is X' E(e e') X, with e
+What noise leaves of it is a matter of three more matrices. The estimator is least squares, so the
+covariance of X'e is X' E(e e') X, with e
 
-- white in the torque as it is read, but smoothed like everything (`white`), and
+- white in the torque as it is read, but smoothed like everything (`white`),
+- an inertia times the error of accelerations that are second differences of rounded positions,
+  smoothed (`rounding`): of high frequency, so that much of it cancels where X changes slowly, and
 - friction that wanders: sign(v) times a random walk of the level, of which sign(v) and sign(v) t
   take the larger part away (`wander`, for a walk of unit intensity).
 
@@ -24,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.prediction.predicted_samples import forecast
+from hil.regression.differences import rounding_window
 from hil.regression.least_squares import orthonormal
 from hil.regression.terms import FEWEST, term_columns, usable
 from hil.regression.window import APART, weights
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.prediction.noise import Differences
     from hil.planning.prediction.predicted_samples import Forecast
 
     Array = NDArray[np.float64]
@@ -51,6 +55,8 @@ class Share:
     information, white, wander : ndarray, shape (n_base + N_COMMON, n_base + N_COMMON)
         X'X, and the covariance of X'e for white noise of 1 N m and for friction whose level walks
         by 1 N m in 1 s [1/(N m)^2 times that of the parameters].
+    rounding : ndarray, of the same shape
+        The same for positions whose error is white, of 1 rad on an inertia of 1 kg m^2.
     """
 
     axis: int
@@ -58,24 +64,40 @@ class Share:
     information: Array
     white: Array
     wander: Array
+    rounding: Array
 
     def times(self, n: int) -> Share:
         """Of `n` measurements alike, each with friction of its own."""
-        return Share(self.axis, n * self.n, n * self.information, n * self.white, n * self.wander)
+        parts = (self.information, self.white, self.wander, self.rounding)
+        return Share(self.axis, n * self.n, *(n * part for part in parts))
 
 
-def shares(robot: Robot, measurement: ParameterMeasurement, period: float) -> list[Share]:
-    """Information of `measurement`, sampled every `period` [s]: an item for each axis it moves.
+def shares(
+    robot: Robot,
+    measurement: ParameterMeasurement,
+    period: float,
+    differences: Differences | None = None,
+) -> list[Share]:
+    """Information of `measurement`: an item for each axis it moves.
 
     Every period of a trajectory counts as a measurement, as it does for the estimator.
+
+    Parameters
+    ----------
+    period : float
+        Between the samples that are looked at [s].
+    differences : Differences, optional
+        Of rounded positions; exact ones without.
     """
     planned = forecast(measurement, period)
-    found = (_share(robot, planned, axis) for axis in measurement.moved)
+    found = (_share(robot, planned, axis, differences) for axis in measurement.moved)
     alike = measurement.cycles if measurement.streamed else 1
     return [share.times(alike) for share in found if share is not None]
 
 
-def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
+def _share(
+    robot: Robot, planned: Forecast, axis: int, differences: Differences | None
+) -> Share | None:
     every = max(1, round(APART / planned.period))
     used = usable(robot, planned, axis)[::every]
     if every * used.sum() < FEWEST:
@@ -87,21 +109,44 @@ def _share(robot: Robot, planned: Forecast, axis: int) -> Share | None:
     X = np.zeros_like(columns)
     X[used] = columns[used] - basis @ (basis.T @ columns[used])
     later = np.cumsum((X * friction[:, :1])[::-1], axis=0)
+    exact, kept = weights(planned.period), 1.0 if differences is None else differences.kept[axis]
+    white = _smoothed_noise(X, exact, every)
     return Share(
         axis=axis,
-        n=every * int(used.sum()) - basis.shape[1],
-        information=every * X.T @ X,
-        white=every**2 * _smoothed_noise(X, planned.period, every),
-        wander=every**2 * taken.period * later.T @ later,
+        n=round(kept * every * int(used.sum())) - basis.shape[1],
+        information=kept * every * X.T @ X,
+        white=every**2 * _thinned(white, exact @ exact * X.T @ X, kept),
+        wander=(kept * every) ** 2 * taken.period * later.T @ later,
+        rounding=every**2 * _of_rounding(X, taken.period, differences, kept),
     )
 
 
-def _smoothed_noise(X: Array, period: float, every: int) -> Array:
+def _of_rounding(X: Array, apart: float, differences: Differences | None, kept: float) -> Array:
+    if differences is None:
+        return np.zeros((X.shape[1], X.shape[1]))
+    window = rounding_window(differences.period)
+    whole = _smoothed_noise(X, window, max(1, round(apart / differences.period)))
+    return _thinned(whole, window @ window * X.T @ X, kept)
+
+
+def _thinned(whole: Array, alone: Array, kept: float) -> Array:
+    """Covariance where chance leaves out all but a share `kept` of the samples.
+
+    Parameters
+    ----------
+    whole : ndarray
+        With all of them.
+    alone : ndarray
+        The same if no two samples had noise in common: what chance leaves cannot cancel.
+    """
+    return kept**2 * whole + kept * (1.0 - kept) * alone
+
+
+def _smoothed_noise(X: Array, window: Array, every: int) -> Array:
     """Covariance of X'e for white noise that passed the window, one of `every` samples taken."""
-    window = weights(period)
     alike = np.correlate(window, window, mode="full")[len(window) - 1 :: every]
-    total = alike[0] * X.T @ X
+    later = alike[0] / 2 * X
     for apart, share in enumerate(alike[1:], start=1):
-        product = share * X[:-apart].T @ X[apart:]
-        total += product + product.T
-    return np.asarray(total)
+        later[:-apart] += share * X[apart:]
+    half = X.T @ later
+    return np.asarray(half + half.T)

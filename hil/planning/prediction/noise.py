@@ -8,16 +8,28 @@ as white noise does. It is described as a random walk of the friction level.
 Both stand in the robot file if somebody knows them, `torque_noise` and `friction_wander`. Else they
 are expectations, stated here, or learnt from an earlier run (`hil.estimation.noise_levels`).
 
-The increments of encoders are left out: differentiating makes noise of high frequency of them, of
-which the smoothing leaves 1 % of the variance of the rest on the manutec-r15.
+A third thing is the increments of the encoders. Accelerations are second differences of rounded
+positions, and an inertia times their error is missing in the torque. Behind a gear the smoothing
+leaves little of it, 1 % of the variance of the rest on the manutec-r15; on a direct drive it may be
+all that counts, and jerks, third differences, then look like corners where there are none, so that
+the estimator leaves samples out (`Differences`). The increments stand in the drives file, or in the
+robot file as `encoder_resolution`; where they do not, there is no such term, and it is said. The
+inertia is not known before it is identified. Taken is the motor's, and what the limits leave for
+the links: `INERTIA` of the torque limit over the acceleration limit.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from hil.model.motors import motor_inertia
+from hil.regression.differences import jerk_window, rounding_window
+from hil.regression.terms import JERK
+from hil.regression.window import noise_gain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,6 +46,24 @@ FRICTION_WANDER = 0.001
 """Expected change of friction in a minute, as share of the torque limit: friction of a tenth of the
 limit that changes by a hundredth."""
 MINUTE = 60.0
+INERTIA = 0.5
+"""Share of the torque limit that inertia takes at the acceleration limit; the rest is for gravity,
+friction and the other axes."""
+
+
+class Differences(NamedTuple):
+    """What differences of rounded positions do to an estimate.
+
+    Attributes
+    ----------
+    period : float
+        Between samples [s].
+    kept : ndarray, shape (n_joints,)
+        Share of the samples whose jerk, noisy as it is, does not look like a corner.
+    """
+
+    period: float
+    kept: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,11 +78,23 @@ class Noise:
         Standard deviation of the change of the friction level within a minute [N m].
     source : str
         Where the figures come from, in words for the operator.
+    rounding : ndarray, shape (n_joints,), optional
+        Standard deviation of a position, by the encoder's increments [rad].
+    inertia : ndarray, shape (n_joints,), or 0
+        That each axis accelerates [kg m^2].
+    differences : Differences, optional
+        What the estimator makes of rounded positions; see `sampled`.
+    excess : ndarray, shape (n_joints,), or 0
+        Variance that the rounding adds to what the low-pass leaves of a torque, as share of it.
     """
 
     torque: Array
     wander: Array
     source: str
+    rounding: Array | None = None
+    inertia: Array | float = 0.0
+    differences: Differences | None = None
+    excess: Array | float = 0.0
 
     @property
     def white(self) -> Array:
@@ -60,12 +102,45 @@ class Noise:
         return self.torque**2
 
     @property
+    def variance(self) -> Array:
+        """By whose reciprocal the estimator weights an axis, shape (n_joints,) [(N m)^2]."""
+        variance: Array = self.white * (1.0 + self.excess)
+        return variance
+
+    @property
+    def of_accelerations(self) -> Array:
+        """Variance of a position times the inertia, shape (n_joints,) [(rad kg m^2)^2]."""
+        std = np.zeros_like(self.torque) if self.rounding is None else self.rounding * self.inertia
+        found: Array = std**2
+        return found
+
+    def sampled(self, robot: Robot, period: float) -> Noise:
+        """The same where `robot` is sampled every `period` [s]."""
+        if self.rounding is None:
+            return self
+        left = self.of_accelerations * float(np.sum(rounding_window(period) ** 2))
+        jerk = self.rounding * float(np.linalg.norm(jerk_window(period)))
+        bound = JERK * robot.acceleration_limit / (jerk * math.sqrt(2.0))
+        kept = np.array([math.erf(each) for each in bound])
+        excess = left / (self.white * noise_gain(period))
+        source = self.source + _of_coarse(np.flatnonzero(excess > 1.0))
+        return replace(self, differences=Differences(period, kept), excess=excess, source=source)
+
+    def mean(self, n: int) -> Noise:
+        """That of means of `n` samples."""
+        return replace(self, torque=self.torque / math.sqrt(n))
+
+    @property
     def walk(self) -> Array:
         """Growth of the variance of the friction level, shape (n_joints,) [(N m)^2/s]."""
         return self.wander**2 / MINUTE
 
 
-def stated_noise(robot: Robot, resolution: Sequence[float] | None = None) -> Noise:
+def stated_noise(
+    robot: Robot,
+    resolution: Sequence[float] | None = None,
+    increments: Sequence[float] | None = None,
+) -> Noise:
     """Noise as the robot file states it, or as expected where it does not.
 
     Parameters
@@ -73,13 +148,42 @@ def stated_noise(robot: Robot, resolution: Sequence[float] | None = None) -> Noi
     robot : Robot
     resolution : sequence (n_joints,), optional
         Smallest step of each axis's torque reading [N m].
+    increments : sequence (n_joints,), optional
+        Smallest step of each axis's position [rad]; by default as the robot file states it.
     """
     joints, limit = robot.file.joints, robot.torque_limit
     torques, wanders = [j.torque_noise for j in joints], [j.friction_wander for j in joints]
     steps = np.zeros(len(joints)) if resolution is None else np.asarray(resolution, float)
     torque = np.hypot(_or(torques, TORQUE_NOISE * limit), steps / np.sqrt(12.0))
     wander = _or(wanders, FRICTION_WANDER * limit)
-    return Noise(torque, wander, _source([value is not None for value in torques + wanders]))
+    source = _source([value is not None for value in torques + wanders])
+    rounded = _increments(robot) if increments is None else np.abs(np.asarray(increments, float))
+    if rounded is None:
+        return Noise(torque, wander, f"{source}; increments of the encoders not stated: left out")
+    return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
+
+
+def _of_coarse(axes: NDArray[np.intp]) -> str:
+    """Say which encoders make more noise than torques have."""
+    if not axes.size:
+        return ""
+    listed = ", ".join(str(axis + 1) for axis in axes)
+    return (
+        f"; increments of the encoders make more of it at axis {listed}, where inertias come out"
+        " somewhat too small besides"
+    )
+
+
+def _inertia(robot: Robot) -> Array:
+    """What each axis may have to accelerate, shape (n_joints,) [kg m^2]."""
+    of_limits = INERTIA * robot.torque_limit / robot.acceleration_limit
+    return np.asarray(np.maximum(of_limits, np.diag(motor_inertia(robot, robot.q_min))))
+
+
+def _increments(robot: Robot) -> Array | None:
+    """Smallest step of each axis's position, if the robot file states all [rad]."""
+    turns = 2 * np.pi / (robot.encoder_resolution * robot.gear_ratio)
+    return None if np.isnan(turns).any() else np.asarray(turns)
 
 
 def _or(stated: Sequence[float | None], expected: Array) -> Array:

@@ -17,8 +17,7 @@ Not counted is what no plan can predict: uncertain torque constants, and a lag o
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +27,7 @@ from hil.model.dynamics import regressor
 from hil.planning.halton import halton
 from hil.planning.measurement import shows_parameters
 from hil.planning.prediction.information import shares
-from hil.regression.least_squares import inverse, undetermined, without_nuisance
+from hil.regression.least_squares import IDENTIFIABLE, inverse, undetermined, without_nuisance
 from hil.regression.terms import n_unknowns, place
 from hil.regression.uncertainty import sandwich
 from hil.regression.window import APART
@@ -48,9 +47,6 @@ if TYPE_CHECKING:
 IMPRECISE = 0.001
 """Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
 _INSTANTS = 512
-_LOST = 1e-9
-"""Share of the information about a combination of parameters, if nothing else were unknown, below
-which it is not identifiable."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +114,7 @@ def predict(
         Of earlier measurements.
     """
     found = information(robot, measurements, period, noise)
-    return precision(robot, found + known if known else found, noise.source)
+    return precision(robot, found + known if known else found, noise.sampled(robot, period).source)
 
 
 def precision(robot: Robot, known: Information, source: str) -> Precision:
@@ -142,12 +138,14 @@ def information(
     Strokes are judged by means of as many samples as the estimator takes for one, which says the
     same in less time; trajectories, whose corners are everywhere, sample by sample.
     """
-    each = max(1, round(APART / period))
-    mean = replace(noise, torque=noise.torque / math.sqrt(each))
+    each, noise = max(1, round(APART / period)), noise.sampled(robot, period)
     useful = [m for m in measurements if shows_parameters(m)]
-    strokes = (s for m in useful if not m.streamed for s in shares(robot, m, each * period))
-    trajectories = (s for m in useful if m.streamed for s in shares(robot, m, period))
-    return added_up(robot, strokes, mean) + added_up(robot, trajectories, noise)
+    differences = noise.differences
+    strokes = (
+        s for m in useful if not m.streamed for s in shares(robot, m, each * period, differences)
+    )
+    trajectories = (s for m in useful if m.streamed for s in shares(robot, m, period, differences))
+    return added_up(robot, strokes, noise.mean(each)) + added_up(robot, trajectories, noise)
 
 
 def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
@@ -156,24 +154,27 @@ def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
     for share in found:
         at = np.ix_(place(robot, share.axis), place(robot, share.axis))
-        matrix[at] += share.information / noise.white[share.axis]
+        matrix[at] += share.information / noise.variance[share.axis]
         scatter[at] += scatter_of(share, noise)
     return Information(matrix, scatter)
 
 
 def scatter_of(share: Share, noise: Noise) -> Array:
     """Covariance of one share's right-hand side, weighted."""
-    white, walk = noise.white[share.axis], noise.walk[share.axis]
-    scatter: Array = (white * share.white + walk * share.wander) / white**2
-    return scatter
+    axis = share.axis
+    scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
+    if noise.rounding is not None:
+        scatter += noise.of_accelerations[axis] * share.rounding
+    weighted: Array = scatter / noise.variance[axis] ** 2
+    return weighted
 
 
 def covariance(known: Information, n_base: int) -> Array:
     """Covariance of the base parameters, shape (n_base, n_base); inf where not identifiable."""
     P = without_nuisance(known.matrix, n_base)
     left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
-    found = sandwich(inverse(left, _LOST, alone), sandwich(P, known.scatter))
-    lost = undetermined(left, _LOST, alone)
+    found = sandwich(inverse(left, IDENTIFIABLE, alone), sandwich(P, known.scatter))
+    lost = undetermined(left, IDENTIFIABLE, alone)
     found[lost, lost] = np.inf
     return found
 

@@ -180,6 +180,22 @@ def test_one_configuration_cannot_identify_three_parameters(
     assert len(groups["diagonal"].poorly_identifiable) == 10
 
 
+def test_configurations_that_hardly_differ_do_not_identify_either(
+    small_plan: Plan, manutec: Robot
+) -> None:
+    """A condition number beyond 1e4 leaves nothing of an estimate."""
+    rng = np.random.default_rng(3)
+    near = [tuple(0.4 + rng.uniform(-2e-5, 2e-5, 6)) for _ in range(8)]
+    far = [tuple(0.4 + rng.uniform(-0.2, 0.2, 6)) for _ in range(8)]
+    refused, accepted = (
+        dry_run(gravity_plan(small_plan, 2, *each), manutec).groups[0] for each in (near, far)
+    )
+    assert not refused.complete
+    assert math.isinf(refused.condition)
+    assert accepted.complete
+    assert 10 < accepted.condition < 1e4
+
+
 def test_several_configurations_identify_gravity(small_plan: Plan, manutec: Robot) -> None:
     rng = np.random.default_rng(3)
     configurations = [tuple(rng.uniform(-1.5, 1.5, 6)) for _ in range(8)]

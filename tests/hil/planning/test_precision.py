@@ -1,18 +1,20 @@
 """Predictions: what the estimator will find, how its normal equations scatter, what that means."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from checked_files.yaml_file import FileError
 from hil.estimation import condensed
-from hil.estimation.signals import signals
+from hil.estimation.signals import derivatives, signals
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.information import shares
-from hil.planning.prediction.noise import Noise, stated_noise
+from hil.planning.prediction.noise import Differences, Noise, stated_noise
 from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
 from hil.planning.prediction.predicted_samples import forecast
 from hil.regression.terms import usable
@@ -90,6 +92,69 @@ def test_noise_scatters_the_normal_equations_as_foreseen(manutec, one_of_each, k
     freedom = DRAWS * np.trace(scaled) ** 2 / np.sum(scaled**2)
     low, high = stats.chi2.ppf([0.001, 0.999], freedom) / freedom
     assert low * 0.95 < found / np.trace(scaled) < high * 1.05
+
+
+def coarse(robot, increments=4096):
+    """The robot as if it had no gears: so many increments a turn of the joint."""
+    stated = re.sub(r"gear_ratio: [\d.]+", "gear_ratio: 1", robot.text)
+    return parse_robot(
+        stated.replace("drive: {", f"drive: {{encoder_resolution: {increments}, "), "coarse.yaml"
+    )
+
+
+@pytest.mark.parametrize("kind", ["gravity", "inertia"])
+def test_rounded_positions_scatter_the_normal_equations_as_foreseen(manutec, one_of_each, kind):
+    """X'e for e = M times what rounding at any zero of the encoder does to accelerations."""
+    measurement, robot = one_of_each[kind], coarse(manutec, 20000)
+    axis, s = measurement.index, ideal(measurement)
+    increment = 2 * np.pi / 20000
+    zeros = np.random.default_rng(5).uniform(0, increment, DRAWS)
+    shifted = s.q[:, axis : axis + 1] + zeros
+    error = increment * np.round(shifted / increment) - shifted
+    accelerations = derivatives(error, PERIOD)[1]
+    used = s.valid & usable(robot, s, axis)
+    everything = [np.ones(len(s.time), dtype=bool)]
+    (stacked,) = condensed.stack_axis(robot, s, axis, accelerations, used, everything)
+    n_base = len(base_parameters(robot))
+    scores = stacked.condensed().product[DRAWS:, :DRAWS][:n_base]
+    positions = Differences(PERIOD, np.ones(6))
+    expected = np.diag(shares(robot, measurement, PERIOD, positions)[0].rounding)[:n_base]
+    meant = np.intersect1d(
+        np.flatnonzero(expected > 1e-6 * expected.max()),
+        base_parameters(robot).groups[ELEMENT_KINDS[kind].group],
+    )
+    found = np.mean(scores[meant] ** 2, axis=1) / (increment**2 / 12)
+    assert np.sqrt(found / expected[meant]) == pytest.approx(1.0, rel=0.5)
+
+
+def test_coarse_encoders_on_direct_drives_make_a_plan_imprecise(manutec, plan):
+    robot = coarse(manutec)
+    few, many = (stated_noise(coarse(manutec, n)) for n in (4096, 2**22))
+    ratio = deviations(robot, plan.measurements, few) / deviations(robot, plan.measurements, many)
+    assert min(ratio) > 1.5
+    assert max(ratio) > 8
+    source = predict(robot, plan.measurements, PERIOD, few).source
+    assert "increments of the encoders make more of it at axis 1, 2, 3, 4, 5, 6" in source
+
+
+def test_behind_gears_increments_hardly_count(manutec, plan):
+    increments = 2 * np.pi / 4096 / manutec.gear_ratio
+    with_them, without = (
+        deviations(manutec, plan.measurements, stated_noise(manutec, increments=each))
+        for each in (increments, None)
+    )
+    assert with_them / without == pytest.approx(1.0, abs=0.1)
+
+
+def test_increments_that_nobody_states_are_said_to_be_left_out(manutec):
+    assert "increments of the encoders not stated: left out" in stated_noise(manutec).source
+    assert "left out" not in stated_noise(manutec, increments=[1e-5] * 6).source
+
+
+def test_a_resolution_below_one_increment_is_refused(manutec):
+    text = manutec.text.replace("drive: {", "drive: {encoder_resolution: 0.5, ", 1)
+    with pytest.raises(FileError, match=r"0\.5 must be between 1 and 2\^32 increments per turn"):
+        parse_robot(text, "mine.yaml")
 
 
 def test_smoothing_leaves_of_white_noise_what_the_gain_says(manutec, one_of_each):

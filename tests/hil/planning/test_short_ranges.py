@@ -68,11 +68,27 @@ def test_a_short_way_at_high_speed(manutec: Robot) -> None:
 
 
 def test_what_cannot_creep_long_enough_is_declared_impossible(manutec: Robot) -> None:
-    short = changed(manutec, q_min=-0.1, q_max=0.1)
+    short = changed(manutec, q_min=-0.2, q_max=0.2)
     with pytest.raises(
-        ValueError, match=r"axis 1 can creep for .* s in 0\.1 rad, must be at least"
+        ValueError, match=r"axis 1 can creep for .* s in 0\.2 rad, must be at least"
     ):
         design(short, FEW)
+
+
+def test_a_range_in_which_the_estimator_would_use_no_sample_is_declared_impossible(
+    manutec: Robot,
+) -> None:
+    short = changed(manutec, q_min=-0.1, q_max=0.1)
+    with pytest.raises(
+        ValueError,
+        match=r"axis 3 reaches 0\.2 rad/s .* gravity, in strokes of 0\.1 rad; it must be at least"
+        r" 0\.29 rad/s, 0\.055 of its velocity limit: widen the range, lower velocity_limit",
+    ):
+        design(short, FEW)
+
+
+def test_slow_accelerations_get_longer_ramps(manutec: Robot) -> None:
+    assert planned(changed(manutec, acceleration_limit=1.5)) == []
 
 
 def test_by_minutes_too(manutec: Robot) -> None:

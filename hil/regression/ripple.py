@@ -1,0 +1,45 @@
+"""Which multiples of a motor's angle a regression can hold torque ripple at.
+
+Torques of links are polynomials of second degree in the sines and cosines of the joint angles, and
+so is everything that an offset, gravity and inertias say of an axis. Ripple at an order n of the
+motor's angle is a sine of the joint's angle times n times the gear ratio. Behind a gear that is far
+beyond: nothing else looks like it. On a direct drive the first orders are columns of gravity and
+inertia themselves, and where a motor makes less than a turn over the whole range of its joint all
+orders look like each other and like an offset. Such orders are left out: as much as there is of
+this ripple becomes part of the base parameters, which no measurement can prevent.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+
+RIPPLE_ORDERS = range(1, 7)
+"""Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
+BEYOND = 4.0
+"""Least multiple of the joint's angle that counts as ripple: twice that of the fastest torque of
+links."""
+TURNS = 1.0
+"""Turns of a motor over its joint's range below which its orders cannot be distinguished."""
+
+
+def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
+    """Orders of `RIPPLE_ORDERS` at which ripple of an axis can be distinguished; axis from 0."""
+    gear = float(robot.gear_ratio[axis])
+    turns = gear * float(robot.q_max[axis] - robot.q_min[axis]) / math.tau
+    if not (np.isfinite(gear) and turns >= TURNS):
+        return ()
+    least = BEYOND if robot.revolute[axis] else 0.0
+    return tuple(n for n in RIPPLE_ORDERS if n * gear >= least)
+
+
+def orders_left_out(robot: Robot) -> dict[int, tuple[int, ...]]:
+    """Orders that the regression does not hold, by axis from 0; only axes that have some."""
+    kept = {axis: set(ripple_orders(robot, axis)) for axis in range(robot.n_joints)}
+    left = {axis: tuple(n for n in RIPPLE_ORDERS if n not in own) for axis, own in kept.items()}
+    return {axis: orders for axis, orders in left.items() if orders}
