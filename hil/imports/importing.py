@@ -93,10 +93,10 @@ def _made_whole(output: Path) -> Iterator[Path]:
     """
     missing = [folder for folder in output.parents if not folder.exists()]
     part = output.with_name(f".{output.name}.{secrets.token_hex(4)}{PART}")
-    with file_errors(output, "made"):
-        (part / "recordings").mkdir(parents=True)
-        (part / MAPS).mkdir()
     try:
+        with file_errors(output, "made"):
+            (part / "recordings").mkdir(parents=True)
+            (part / MAPS).mkdir()
         yield part
         with file_errors(output, "made"):
             part.rename(output)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from hil.imports.map_file import Format
 
+    Indices = NDArray[np.int64]
+
 TYPE = "sensor_msgs/msg/JointState"
 PARTS = ("position", "velocity", "effort")
 _LOOKED_AT = 200
@@ -41,10 +43,10 @@ class JointStates:
 
     def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
         """Read columns block by block; messages with none of the joints asked for are no rows."""
-        wanted = [self.names[index].partition("/")[::2] for index in columns]
-        rows: list[list[float]] = []
+        picked = _Rows([self.names[index].partition("/")[::2] for index in columns])
+        rows: list[NDArray[np.float64]] = []
         for message, received in self._messages():
-            row = _row(message, received, wanted)
+            row = picked.of(message, received)
             if row is not None:
                 rows.append(row)
             if len(rows) == ROWS:
@@ -64,9 +66,9 @@ class JointStates:
         return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 
     def _messages(self) -> Iterator[tuple[Any, int]]:
-        with _opened(self.path) as reader:
+        with _opened(self.path) as reader, _Sound(self.path):
             here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]
-            for connection, received, data in _sound(self.path, reader.messages(here)):
+            for connection, received, data in reader.messages(here):
                 yield reader.deserialize(data, connection.msgtype), received
 
 
@@ -133,23 +135,44 @@ class _Sound:
             ) from error
 
 
-def _sound(path: Path, messages: Iterator[Any]) -> Iterator[Any]:
-    while True:
-        with _Sound(path):
-            following = next(messages, None)
-        if following is None:
-            return
-        yield following
+class _Rows:
+    """Rows of the columns asked for; where joints stand in a message is looked up once a list.
 
+    Parameters
+    ----------
+    wanted : sequence of (str, str)
+        Of each column the part of a message, and the joint; no joint for times.
+    """
 
-def _row(message: Any, received: int, wanted: Sequence[tuple[str, str]]) -> list[float] | None:
-    at = {name: index for index, name in enumerate(message.name)}
-    if not any(joint in at for _, joint in wanted if joint):
-        return None
-    stamp = message.header.stamp
-    times = {"time": stamp.sec * 1e9 + stamp.nanosec, "received": float(received)}
-    return [times[p] if not j else _value(getattr(message, p), at.get(j)) for p, j in wanted]
+    def __init__(self, wanted: Sequence[tuple[str, str]]) -> None:
+        self._wanted = wanted
+        self._places: dict[tuple[str, ...], dict[str, tuple[Indices, Indices]]] = {}
 
+    def of(self, message: Any, received: int) -> NDArray[np.float64] | None:
+        """Row of a message; None where it has none of the joints."""
+        names = tuple(message.name)
+        if names not in self._places:
+            self._places[names] = self._find(names)
+        if not (places := self._places[names]):
+            return None
+        row = np.full(len(self._wanted), np.nan)
+        for part, (columns, joints) in places.items():
+            values = getattr(message, part)
+            if len(values) == len(names):
+                row[columns] = values[joints]
+        stamp = message.header.stamp
+        for column, (part, joint) in enumerate(self._wanted):
+            if not joint:
+                row[column] = received if part == "received" else stamp.sec * 1e9 + stamp.nanosec
+        return row
 
-def _value(values: Sequence[float], index: int | None) -> float:
-    return float(values[index]) if index is not None and index < len(values) else np.nan
+    def _find(self, names: tuple[str, ...]) -> dict[str, tuple[Indices, Indices]]:
+        """Of each part the columns that a message with these joints fills, and from where."""
+        found: dict[str, list[tuple[int, int]]] = {}
+        for column, (part, joint) in enumerate(self._wanted):
+            if joint in names:
+                found.setdefault(part, []).append((column, names.index(joint)))
+        return {
+            part: (np.array([c for c, _ in pairs]), np.array([j for _, j in pairs]))
+            for part, pairs in found.items()
+        }

@@ -17,6 +17,7 @@ DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 """Begin of an instant."""
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
+_COMMENTS = ("%", "#", "//")
 _LOOKED_AT = 30
 
 
@@ -127,7 +128,8 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def _names(row: Sequence[str]) -> tuple[str, ...]:
-    return tuple(row)
+    """Names of a header, without the sign of a comment before them."""
+    return tuple(row[1:] if row[0] in _COMMENTS else row)
 
 
 def _in_comment(lines: Sequence[str], begin: int, stated: Format) -> tuple[str, ...]:

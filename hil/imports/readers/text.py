@@ -135,9 +135,9 @@ def open_text(path: Path, stated: Format) -> TextTable:
     with _readable(path), _opened(path) as file:
         head = file.read(_HEAD)
     _refuse_binary(path, head)
-    text = head.decode("utf-8-sig", "replace")
     if len(head) == _HEAD:
-        text = text.rpartition("\n")[0]
+        head = head.rpartition(b"\n")[0]
+    text = _decoded(head)
     try:
         return TextTable(path, layout_of(text, stated))
     except NoNumbers as error:
@@ -146,13 +146,20 @@ def open_text(path: Path, stated: Format) -> TextTable:
         ) from error
 
 
+def _decoded(head: bytes) -> str:
+    """Text in UTF-8, or in the Latin script of older programs, which has a degree sign too."""
+    try:
+        return head.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return head.decode("latin-1")
+
+
 def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
     """Blocks of whole lines after the first `skipped` ones."""
     with _readable(path), _opened(path) as file:
-        rest = file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
         for _ in range(skipped):
             file.readline()
-            rest = b""
+        rest = b"" if skipped else file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
         while block := file.read(BLOCK):
             _refuse_binary(path, block)
             end = block.rfind(b"\n") + 1

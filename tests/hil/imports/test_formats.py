@@ -146,6 +146,27 @@ def test_a_row_of_units_and_lines_before_the_header_are_no_rows(tmp_path):
     assert np.concatenate(list(found.blocks([0, 1]))).tolist() == [[0.0, 1.5], [0.1, 2.5]]
 
 
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("q\n1\n2\n", ("q",)),
+        ("1\n2\n", ("",)),
+        ("# t q\n1 5\n2 6\n", ("t", "q")),
+        ("% t q\n1 5\n2 6\n", ("t", "q")),
+        (",t\n1,5\n2,6\n", ("", "t")),
+        ("1,5,\n2,6,\n", ("", "", "")),
+        ("t|q\n1|5\n2|6\n", ("t", "q")),
+        ("  1   5\n  2   6\n", ("", "")),
+        ("q [°];x\n1;0,5\n2;0,6\n", ("q [°]", "x")),
+    ],
+)
+def test_small_tables_of_many_layouts(tmp_path, text, names):
+    (tmp_path / "a.csv").write_bytes(text.encode("latin-1"))
+    found = open_table(tmp_path / "a.csv", Format())
+    assert found.names == names
+    assert np.concatenate(list(found.blocks([0])))[:, 0].tolist() == [1, 2]
+
+
 def test_empty_cells_and_short_rows_are_missing(tmp_path):
     (tmp_path / "a.csv").write_text("t,q\n0,1\n1,\n2\n3,NaN\n4,5\n")
     found = open_table(tmp_path / "a.csv", Format())
