@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from drivers.drive_bus import Tripped
 from hil.measuring.checks.current_checks import frozen
 from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.measuring.checks.stroke_checks import windows
 from hil.model.robot import load_robot
 from hil.planning.measurement import Gravity
 from hil.runs.recording import Recording
@@ -103,3 +105,17 @@ def test_a_clipped_current_is_found() -> None:
     sound = recording()
     (finding,) = frozen(replace(sound, tau=np.clip(sound.tau, -90, 90)), MEASUREMENT, ROBOT)
     assert "90 N m" in finding.message
+
+
+def test_findings_of_a_sliding_axis_are_in_metres_and_newtons() -> None:
+    sliding = load_robot(Path(__file__).parents[2] / "robots" / "cartesian.yaml")
+    sound = recording()
+    stuck_sensor = replace(sound, tau=np.zeros_like(sound.tau))
+    (of_current,) = frozen(stuck_sensor, MEASUREMENT, sliding)
+    assert " reads 0 N in " in of_current.message
+    half_as_far = replace(sound, q=sound.q / 2)
+    assert {f.message.count(" m/s") for f in windows(half_as_far, MEASUREMENT, sliding)} >= {2}
+    jumped = sound.q.copy()
+    jumped[500:, 0] += 0.1
+    with pytest.raises(Tripped, match=r"jumps by 0.1 m at"):
+        refuse_jumps(replace(sound, q=jumped), ACCELERATION, units=["m", "m"])

@@ -131,6 +131,15 @@ def test_the_drives_file_agrees_with_robot_and_plant(
         assert stated.limits.torque == described.drive.peak_torque
 
 
+def test_drives_of_joints_that_slide_do_not_fit_a_robot_whose_joints_turn(tmp_path: Path) -> None:
+    robot = ROBOTS / "pan-tilt.yaml"
+    write_twin(robot, tmp_path)
+    drives = tmp_path / "drives.yaml"
+    drives.write_text(drives.read_text().replace("joint: revolute", "joint: prismatic", 1))
+    with pytest.raises(FileError, match=r":\d+: axes.0.joint: prismatic of axis joint 1 must be"):
+        load_robots_drives(drives, load_robot(robot))
+
+
 def test_an_unknown_rotor_is_given_one(tmp_path: Path) -> None:
     robot = changed(tmp_path, "pan-tilt", ("rotor_inertia: 1.2e-05", "rotor_inertia: unknown"))
     write_twin(robot, tmp_path / "twin")
