@@ -18,14 +18,18 @@ commands = typer.Typer()
 
 
 Method = Annotated[
-    str, typer.Option(help="Name of the method of estimation; an unknown one lists all.")
+    str | None,
+    typer.Option(
+        help="Name of the method of estimation; an unknown one lists all.",
+        show_default="the one for what was recorded",
+    ),
 ]
 
 
 @commands.command()
 def identify(
     folder: RunPath,
-    method: Method = "improved",
+    method: Method = None,
     others: Annotated[
         list[Path] | None,
         typer.Option(
@@ -44,6 +48,10 @@ def identify(
     begun = perf_counter()
     _refuse_unknown(method)
     run, *more = open_runs([folder, *(others or ())])
+    if method is None:
+        method, reason = identification.method_for(run, more)
+        if run.imported:
+            out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
     found = identification.identify(run, method, more)
     path = run.path / model_file.NAME
     found.save(path)
@@ -83,14 +91,16 @@ def compare(
         str,
         typer.Option(help="Plant file of the virtual plant, or name of a plant that comes along."),
     ],
-    method: Method = "improved",
+    method: Method = None,
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
+    from hil.results.identification import method_for
     from hil.runs.run import Run
     from hil.study import comparison as module
 
     _refuse_unknown(method)
-    module.compare(Run.open(folder), truth, out, method)
+    run = Run.open(folder)
+    module.compare(run, truth, out, method or method_for(run)[0])
 
 
 @commands.command()
@@ -132,10 +142,10 @@ def diagnose(folder: RunPath) -> None:
     _show_place("diagnosis", folder / diagnosis_file.NAME)
 
 
-def _refuse_unknown(method: str) -> None:
+def _refuse_unknown(method: str | None) -> None:
     from hil.estimation.identify import METHODS
 
-    if method not in METHODS:
+    if method is not None and method not in METHODS:
         known = "; ".join(METHODS)
         raise typer.BadParameter(f"{method} must be one of: {known}", param_hint="--method")
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain
+    from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
 
     Array = NDArray[np.float64]
@@ -80,6 +81,8 @@ class Estimate:
         What matters to the estimate, or would if it were not taken into account.
     noise_covariance : ndarray, shape (n_base, n_base), optional
         What the covariance would be if the residuals were white noise.
+    free : FreeMotionFit, optional
+        Friction and settings, where free motions were identified.
     """
 
     method: str
@@ -97,6 +100,7 @@ class Estimate:
     load_friction: LoadFriction | None = None
     causes: tuple[Cause, ...] = ()
     noise_covariance: Array | None = None
+    free: FreeMotionFit | None = None
 
     @property
     def standard_error(self) -> Array:

@@ -22,6 +22,7 @@ the rotor inertias. Where the robot file states their uncertainty it is carried 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
@@ -31,12 +32,15 @@ from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
 from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
+from hil.estimation.free_motion.methods import DEFAULT, fit_free_motions
+from hil.estimation.free_motion.methods import VARIANTS as FREE_VARIANTS
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step import TwoStep
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
 from hil.planning.prediction.identifiability import of_all_kinds
 from hil.regression.least_squares import IDENTIFIABLE, undetermined
@@ -350,8 +354,20 @@ def _conventional(name: str) -> Identify:
 METHODS: dict[str, Identify] = {
     **{method: _two_step(method) for method in TWO_STEP_METHODS},
     **{name: _conventional(name) for name in VARIANTS},
+    **{name: partial(fit_free_motions, name=name) for name in FREE_VARIANTS},
 }
-"""All methods by name: the two-step ones, and the conventional ones from trajectories."""
+"""All methods by name: two-step ones, conventional ones from trajectories, and those for motions
+that somebody else recorded."""
+
+
+def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
+    """Name of the method for measurements or recorded motions, and why it is this one."""
+    free = sum(isinstance(motion, FreeMotion) for motion in motions)
+    if motions and free == len(motions):
+        return DEFAULT, "all recordings are of motions that somebody else chose"
+    if free:
+        return "improved", f"{len(motions) - free} of {len(motions)} recordings were measured here"
+    return "improved", "all recordings were measured here"
 
 
 def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Estimate:

@@ -14,7 +14,7 @@ from hil.results.rounding import clock, percent
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.report.reported_run import IdentifiedRun, ReportedRun
+    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun
     from hil.runs.recording_file import Measured
 
 Facts = tuple[tuple[str, str], ...]
@@ -50,6 +50,19 @@ def of_friction(run: ReportedRun) -> Header:
         ("Sessions", str(len(run.source.journal.sessions))),
     )
     return _header(run, "friction", "", facts)
+
+
+def of_free_motions(run: FreeRun) -> Header:
+    """Top of the report of an imported run."""
+    took = sum(float(each.time[-1] - each.time[0]) for _, each in run.recordings)
+    facts = (("Recordings", str(len(run.recordings))), ("Recorded", duration(took)))
+    left = percent(0.0 if run.model.friction is None else run.model.friction.overall_residual, 1.0)
+    verdict = (
+        f"All {len(run.model.values)} base parameters of {run.robot.name} were identified together"
+        f" with friction. Of the recorded torques {left} % are left, all samples and axes taken"
+        " together."
+    )
+    return _header(run, "identified dynamics", verdict, facts)
 
 
 def of_campaign(run: IdentifiedRun) -> Header:

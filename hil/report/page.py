@@ -14,8 +14,8 @@ from hil.report import header
 from hil.report.friction_of_run import friction_alone
 from hil.report.header import when
 from hil.report.plots.style import plotting
-from hil.report.reported_run import identified, read
-from hil.report.sections import OF_CAMPAIGN, OF_FRICTION
+from hil.report.reported_run import fitted, identified, read
+from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
@@ -66,6 +66,9 @@ def _content(run: Run) -> tuple[Header, list[Section]]:
     whole = read(run)
     if friction_alone(run):
         return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION)
+    if run.imported:
+        free = fitted(whole)
+        return header.of_free_motions(free), _present(each(free) for each in OF_FREE_MOTIONS)
     found = identified(whole)
     return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN)
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.estimation.identify import estimates
+from hil.estimation.free_motion.methods import DEFAULT
+from hil.estimation.identify import estimate, estimates
 from hil.report.friction_of_run import friction_of_run
 from hil.results.advice import advice
 from hil.results.identification import model_of
 from hil.results.naming import named
 from hil.results.prediction import predict
+from hil.results.recorded_torque import predict_recording
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from hil.results.friction import FrictionResult
     from hil.results.model import Model
     from hil.results.prediction import Prediction
+    from hil.results.recorded_torque import RecordedTorque
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
@@ -86,6 +89,25 @@ class IdentifiedRun(ReportedRun):
         return [value for value in self.estimate.local if value.kind == kind]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeRun(ReportedRun):
+    """A run of motions that somebody else recorded.
+
+    Attributes
+    ----------
+    model : Model
+        By the method for them.
+    shown : str
+        Id of the longest recording.
+    torque : RecordedTorque
+        Of that recording.
+    """
+
+    model: Model
+    shown: str
+    torque: RecordedTorque
+
+
 def read(source: Run) -> ReportedRun:
     """Read a run and evaluate its friction, if it measured any.
 
@@ -99,6 +121,28 @@ def read(source: Run) -> ReportedRun:
     campaign = tuple(source)
     recordings = tuple(recorded(campaign))
     return ReportedRun(source, campaign, recordings, friction_of_run(source, recordings))
+
+
+def fitted(run: ReportedRun) -> FreeRun:
+    """Identify an imported run by the method for free motions.
+
+    Raises
+    ------
+    NotIdentifiable, NotEnoughData
+        Recordings that do not suffice.
+    """
+    with named(run.source):
+        model = model_of(run.source, estimate(run.robot, run.recordings, DEFAULT))
+    longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
+    return FreeRun(
+        source=run.source,
+        campaign=run.campaign,
+        recordings=run.recordings,
+        friction=run.friction,
+        model=model,
+        shown=longest.id,
+        torque=predict_recording(model, recording),
+    )
 
 
 def identified(run: ReportedRun) -> IdentifiedRun:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from hil.estimation.identify import estimate
+from hil.estimation.identify import default_method, estimate
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.error_budget import error_budget
 from hil.results.model import Model
 from hil.results.model_file import Provenance
 from hil.results.naming import named
 from hil.runs.journal import now
-from hil.runs.pooling import pooled
+from hil.runs.pooling import Pooled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,14 +21,15 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
-def identify(run: Run, method: str = "improved", others: Sequence[Run] = ()) -> Model:
+def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) -> Model:
     """Identify the base parameters from a run.
 
     Parameters
     ----------
     run : Run
-    method : str
-        One of `hil.estimation.identify.METHODS`.
+    method : str, optional
+        One of `hil.estimation.identify.METHODS`; by default the one for what was recorded
+        (`method_for`).
     others : sequence of Run
         Further runs of the same robot, identified together with the first.
 
@@ -44,8 +45,13 @@ def identify(run: Run, method: str = "improved", others: Sequence[Run] = ()) -> 
         Measurements that do not suffice.
     """
     with named(run):
-        found = estimate(run.robot, pooled([run, *others]), method)
+        found = estimate(run.robot, Pooled([run, *others]), method or method_for(run, others)[0])
     return model_of(run, found, others)
+
+
+def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
+    """Name of the method for what runs recorded, and why it is this one."""
+    return default_method([motion for each in (run, *others) for motion in each.motions])
 
 
 def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
@@ -61,6 +67,7 @@ def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
         provenance=_provenance(run, found, others),
         local=found.local,
         error_budget=error_budget(found, run.robot),
+        friction=found.free,
     )
 
 

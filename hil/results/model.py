@@ -3,7 +3,8 @@
 Every method gives the same kind of model. It is found from a run (`identify`), kept as
 `model.yaml` (`Model.save`) and read back (`Model.load`). Its torques are those of the rigid bodies,
 A(q, qd, qdd) p of eq. (6): `hil.motor_torque` has those of the motors' own inertia, which the robot
-file states, and friction is no part of it.
+file states. Friction is no part of it, but methods for free motions find that too:
+`Model.torque_with_friction` is what the drives have to give.
 """
 
 from __future__ import annotations
@@ -15,14 +16,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError, load_yaml
-from hil.errors import InvalidArray
+from hil.errors import InvalidArray, NotEnoughData
+from hil.estimation.free_motion.friction_torque import friction_torque
 from hil.estimation.intervals import combined_degrees, half_width
 from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
+from hil.model.motors import motor_torque
 from hil.regression.uncertainty import correlation_of
 from hil.results.model_file import NAME, ModelFile
 from hil.results.ripple import ripple_left_out
 from hil.results.samples import samples
+from hil.results.tables.free_motion import friction, left_by_free_motions, statements
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
 from hil.results.tables.torques import residuals
@@ -31,6 +35,7 @@ from hil.runs.atomic_file import write_file
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.results.error_budget import ErrorTerm
@@ -65,6 +70,8 @@ class Model:
         method and for a model that was read from a file.
     error_budget : tuple of ErrorTerm
         Causes of error, the largest first; empty where nothing but noise matters.
+    friction : FreeMotionFit, optional
+        Friction of each axis and what was chosen, where free motions were identified.
     """
 
     robot: Robot
@@ -77,6 +84,7 @@ class Model:
     provenance: Provenance
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
+    friction: FreeMotionFit | None = None
 
     @classmethod
     def load(cls, path: Path | str) -> Model:
@@ -103,6 +111,7 @@ class Model:
             condition=kept.condition,
             provenance=kept.provenance,
             error_budget=kept.error_budget,
+            friction=kept.friction,
         )
 
     def save(self, path: Path | str) -> None:
@@ -178,6 +187,28 @@ class Model:
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         return dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
 
+    def torque_with_friction(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
+        """Torques that the drives give: rigid bodies, rotors of known inertia and friction.
+
+        Parameters, shapes and units as of `torque`.
+
+        Raises
+        ------
+        InvalidArray
+            Another shape, or NaN.
+        NotEnoughData
+            The method found no friction.
+        """
+        q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
+        if self.friction is None:
+            raise NotEnoughData(
+                f"the {self.method} method finds no law of friction; identify imported recordings,"
+                " or take torque, which is that of the rigid bodies"
+            )
+        rigid = dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
+        rotors = motor_torque(self.robot, q, qd, qdd)
+        return rigid + rotors + friction_torque(self.robot, self.friction, q, qd, rigid)
+
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques g(q); shapes, units and errors as of `torque`."""
         (q,) = samples(self.robot.n_joints, q=q)
@@ -221,6 +252,9 @@ class Model:
     def summary(self) -> Summary:
         """Parameters with their uncertainty, residuals and what could not be used, as tables."""
         remarks = tuple(f"left out: {left}" for left in self.provenance.left_out)
+        if self.friction is not None:
+            tables = parameters(self), friction(self), left_by_free_motions(self)
+            return Summary(tables, (*statements(self.friction), *remarks))
         if self.method == "improved" and (ripple := ripple_left_out(self.robot)):
             remarks = (*remarks, ripple)
         return Summary((parameters(self), residuals(self)), remarks)

@@ -16,6 +16,7 @@ import yaml
 from pydantic import model_validator
 
 from checked_files.yaml_file import FileError, FileModel
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
@@ -86,6 +87,8 @@ class ModelFile(FileModel):
         Condition number of each group's observation matrix, or of all parameters' (``all``).
     error_budget : tuple of ErrorTerm
         The largest first.
+    friction : FreeMotionFit, optional
+        Friction and settings of an estimate from free motions.
     robot_file : str, optional
         The robot file, verbatim.
     """
@@ -99,6 +102,7 @@ class ModelFile(FileModel):
     residual: tuple[float | None, ...]
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
+    friction: FreeMotionFit | None = None
     robot_file: str | None = None
 
     @model_validator(mode="after")
@@ -128,6 +132,7 @@ class ModelFile(FileModel):
             residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
             condition=model.condition,
             error_budget=model.error_budget,
+            friction=model.friction,
             robot_file=model.robot.text,
         )
 
@@ -164,8 +169,9 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
+        absent = {"friction"} if self.friction is None else None
         return yaml.dump(
-            self.model_dump(mode="json"),
+            self.model_dump(mode="json", exclude=absent),
             Dumper=_Dumper,
             sort_keys=False,
             width=200,

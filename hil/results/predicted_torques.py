@@ -4,6 +4,9 @@ A model that knows no friction (those of the two-step methods, which fit it anew
 measurement) predicts the rigid bodies; friction is then fitted in the recording itself, motion by
 motion and period by period, by the terms that the methods use (`hil.regression.terms`). So what is
 judged is the rigid bodies, and the recording says that.
+
+A model that was made from free motions has a law of friction. Then nothing is fitted: what the
+model states is the whole of the prediction (`hil.results.recorded_torque`).
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from hil.estimation.signals import signals
 from hil.planning.measurement import shows_parameters
 from hil.regression.least_squares import orthonormal
 from hil.regression.terms import ASYMMETRIC
+from hil.results.recorded_torque import predict_recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -67,6 +71,9 @@ def predicted_torques(
     for motion, recording in recorded:
         if not shows_parameters(motion):
             continue
+        if model.friction is not None:
+            yield from _with_friction(model, motion.id, recording)
+            continue
         try:
             s = signals(recording)
         except NotEnoughData:
@@ -74,6 +81,24 @@ def predicted_torques(
         for stretch in stack(model.robot, motion, s):
             for axis in stretch:
                 yield _of_axis(model, motion.id, axis, s.time, s.qd)
+
+
+def _with_friction(model: Model, name: str, recording: Recording) -> Iterator[PredictedTorque]:
+    try:
+        found = predict_recording(model, recording)
+    except NotEnoughData:
+        return
+    for axis in range(model.robot.n_joints):
+        yield PredictedTorque(
+            measurement=name,
+            axis=axis,
+            time=found.time,
+            qd=found.qd[:, axis],
+            measured=found.measured[:, axis],
+            predicted=found.predicted[:, axis],
+            standard_error=found.standard_error[:, axis],
+            stated=found.predicted[:, axis],
+        )
 
 
 def _of_axis(model: Model, name: str, each: Stacked, time: Array, qd: Array) -> PredictedTorque:

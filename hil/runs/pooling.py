@@ -90,3 +90,13 @@ def pooled(folders: Sequence[Run]) -> Iterator[tuple[RecordedMotion, Recording]]
             yield measurement.model_copy(update={"id": name}), shifted
         taken |= own
         offset = last
+
+
+class Pooled:
+    """Recordings of all runs, read anew each time that they are iterated; see `pooled`."""
+
+    def __init__(self, folders: Sequence[Run]) -> None:
+        self._folders = folders
+
+    def __iter__(self) -> Iterator[tuple[RecordedMotion, Recording]]:
+        return pooled(self._folders)

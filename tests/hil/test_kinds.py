@@ -64,6 +64,7 @@ OTHERWISE = {
     ("gravity", "model/robot_file.py"): "the same",
     ("friction", "report/header.py"): "a title",
     ("friction", "report/sections/friction_over_campaign.py"): "a plot of levels in all kinds",
+    ("friction", "results/model_file.py"): "a key of model.yaml",
     ("friction", "cli/__init__.py"): "a family of commands",
     ("trajectory", "cli/__init__.py"): "a family of commands",
     ("trajectory", "cli/trajectory.py"): "the same",

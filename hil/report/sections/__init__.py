@@ -14,6 +14,7 @@ from hil.report.sections import (
     derivation,
     diagnosis,
     drive_train,
+    free_motions,
     friction,
     friction_over_campaign,
     measured_and_modelled,
@@ -27,7 +28,7 @@ from hil.report.sections import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.report.reported_run import IdentifiedRun, ReportedRun
+    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun
     from hil.report.section import Section
 
 OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
@@ -51,3 +52,8 @@ OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
     sessions.section,
 )
 """Of a run about friction alone."""
+OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
+    free_motions.section,
+    sessions.section,
+)
+"""Of a run that was imported."""

@@ -79,7 +79,7 @@ def read(mixed: Path) -> Iterator[tuple[list[str], str]]:
 
 def registered() -> set[str]:
     """Modules of the sections that a report can have."""
-    listed = (*sections.OF_CAMPAIGN, *sections.OF_FRICTION)
+    listed = (*sections.OF_CAMPAIGN, *sections.OF_FRICTION, *sections.OF_FREE_MOTIONS)
     return {section.__module__.rpartition(".")[2] for section in listed}
 
 

@@ -1,0 +1,85 @@
+"""Columns of the regression: base parameters, coupled motors, and friction of each axis.
+
+Every sample of an axis i says
+
+    Q_i - Qm_i = A_i(q, qd, qdd) p + C_i c + F_i a_i + e
+
+with the torque Qm of rotors whose inertia the robot file states. Friction F of an axis is in
+`friction_terms`. A motor that turns with two joints has friction in its own velocity, c_1 (viscous)
+and c_2 (Coulomb), which both joints feel: the unknowns c are shared by all axes as p is.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.friction_terms import friction_columns
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.motion import Motion
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+SEEN = 0.4
+"""Cycles of the motor in a sample up to which ripple over its angle is seen as such."""
+
+
+def n_shared(robot: Robot) -> int:
+    """Unknowns that all axes share: base parameters, then two of each coupled motor's friction."""
+    return len(base_parameters(robot)) + 2 * len(robot.couplings)
+
+
+def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array:
+    """All columns of one axis, at the motion's samples, shape (n, n_shared + n_terms).
+
+    Parameters
+    ----------
+    first : ndarray, shape (n_base,)
+        First estimate of the base parameters, for the torque that is transmitted: it enters a small
+        term of friction, so it need not be good.
+    """
+    q, qd = motion.q, motion.qd
+    rows = regressor(robot, q, qd, motion.qdd, joints=[axis])[:, 0]
+    friction = friction_columns(
+        qd[:, axis] / motion.processing.speed[axis],
+        motion.direction[:, axis],
+        rows @ first,
+        motor_angle(robot, q, axis),
+        motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
+    )
+    return np.hstack([rows, coupled_friction(robot, qd, axis), friction])
+
+
+def motor_angle(robot: Robot, q: Array, axis: int) -> Array:
+    """Angle of one axis's motor [rad], or its rate from joint velocities; 0 where unknown."""
+    if not robot.revolute[axis]:
+        return np.zeros(len(q))
+    return np.asarray(np.nan_to_num(robot.gear_ratio[axis]) * q[:, axis])
+
+
+def coupled_friction(robot: Robot, qd: Array, axis: int) -> Array:
+    """Columns of the coupled motors' friction as one axis feels it, shape (n, 2 n_couplings)."""
+    columns = np.zeros((len(qd), 2 * len(robot.couplings)))
+    for k, (motor, joint, ratio) in enumerate(robot.couplings):
+        if axis not in (motor, joint):
+            continue
+        other = motor if axis == joint else joint
+        turning = ratio * qd[:, joint] + qd[:, motor]
+        columns[:, 2 * k] = ratio * qd[:, other]
+        columns[:, 2 * k + 1] = np.sign(turning) * (ratio if axis == joint else 1.0)
+    return columns
+
+
+def torque_to_explain(robot: Robot, motion: Motion) -> Array:
+    """Torque less that of the rotors whose inertia is known, shape (n_used, n_joints)."""
+    known = motor_torque(robot, motion.q, motion.qd, motion.qdd)
+    found: Array = motion.tau - motion.passed(known)[: len(motion.tau)]
+    return found

@@ -1,0 +1,152 @@
+"""Friction, residuals and restrictions of a solution, in the words of `model.yaml`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.accumulation import SPEEDS
+from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS, TERMS
+from hil.estimation.free_motion.result import (
+    AxisFriction,
+    CoupledFriction,
+    TermValue,
+)
+from hil.estimation.free_motion.solution import FARTHEST
+from hil.estimation.free_motion.system import mean_squares, summed
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.accumulation import Products
+    from hil.estimation.free_motion.choice import Choice
+    from hil.estimation.free_motion.motion import Processing
+    from hil.estimation.free_motion.solution import Solution
+    from hil.estimation.free_motion.survey import Survey
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+POOR = 1000.0
+"""Condition number from which on a remark is made."""
+SHORT = 30.0
+"""Duration of all recordings below which a remark is made [s]."""
+FEW = 10
+"""Pieces of time below which a remark is made."""
+LOOSE = 0.01
+"""Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
+
+
+def axis_friction(
+    solution: Solution, plain: Solution, choice: Choice, processing: Processing, n_shared: int
+) -> tuple[AxisFriction, ...]:
+    """Law and coefficients of each axis; `plain` is the solution with the classical law."""
+
+    def values(found: Solution, axis: int, law: Sequence[str]) -> dict[str, TermValue]:
+        first = n_shared + axis * len(TERMS)
+        return {term: _value(found, first + TERMS.index(term)) for term in law}
+
+    return tuple(
+        AxisFriction(
+            law=law,
+            speed=float(processing.speed[axis]),
+            terms=values(solution, axis, LAWS[law]),
+            plain=values(plain, axis, CLASSICAL),
+            held_out=choice.held_out[axis],
+        )
+        for axis, law in enumerate(choice.laws)
+    )
+
+
+def coupled_friction(robot: Robot, solution: Solution) -> tuple[CoupledFriction, ...]:
+    """Friction of the coupled motors."""
+    first = len(base_parameters(robot))
+    return tuple(
+        CoupledFriction(
+            motor=motor + 1,
+            joint=joint + 1,
+            viscous=_value(solution, first + 2 * k),
+            coulomb=_value(solution, first + 2 * k + 1),
+        )
+        for k, (motor, joint, _) in enumerate(robot.couplings)
+    )
+
+
+def residuals(products: Products, solution: Solution) -> tuple[Array, Array, float]:
+    """Of all samples, at every speed: root mean squares, relative ones, and that of all axes.
+
+    Returns
+    -------
+    rms, relative : ndarray, shape (n_joints,)
+        [N m or N], and over the root mean square of the torque; NaN for an axis without any.
+    overall : float
+    """
+    counts = products.counts.sum(axis=2)
+    squares = mean_squares(summed(products.pieces), counts, products.n_shared, solution.x)
+    torque = products.squares / np.maximum(counts.sum(axis=0), 1.0)
+    relative = np.sqrt(squares / np.where(torque > 0, torque, np.nan))
+    total = float(np.sqrt(squares.sum() / max(float(torque.sum()), np.finfo(float).tiny)))
+    return np.sqrt(squares), relative, total
+
+
+def remarks(robot: Robot, products: Products, solution: Solution, found: Survey) -> tuple[str, ...]:
+    """What restricts the estimate: too little data, poor excitation, axes that stand still."""
+    said = []
+    if found.duration < SHORT or len(products.pieces) < FEW:
+        said.append(
+            f"{found.duration:.3g} s of recordings are little: intervals show less than may be"
+            f" wrong; add some, {SHORT:g} s or more"
+        )
+    if solution.condition > POOR:
+        said.append(
+            f"condition number {solution.condition:.3g}: some combinations of parameters and"
+            " friction hardly show in the torque; add recordings of other motions"
+        )
+    if found.still:
+        axes = ", ".join(str(axis + 1) for axis in found.still)
+        said.append(f"axis {axes} stands still in all recordings: its friction is not identified")
+    if solution.moved >= FARTHEST:
+        said.append(
+            "no parameters with a positive definite mass matrix are near what the torques show"
+            f" ({solution.moved:.2g} standard errors): check signs, units, gear ratios and torque"
+            " constants of the map and the robot file"
+        )
+    elif solution.moved:
+        said.append(
+            "least squares alone had a mass matrix that is not positive definite; parameters were"
+            f" moved by at most {solution.moved:.2g} standard errors to mend that"
+        )
+    return (*said, *_loose(robot, products, solution))
+
+
+def _loose(robot: Robot, products: Products, solution: Solution) -> list[str]:
+    """Parameters whose standard error is a noticeable share of an axis's torque."""
+    base = base_parameters(robot)
+    n, counts = len(base), np.maximum(products.counts.sum(axis=(0, 2)), 1.0)
+    squares = np.einsum("bjskk->jk", products.pieces)[:, 1 : 1 + n] / counts[:, np.newaxis]
+    error = np.sqrt(np.diag(solution.covariance)[:n] * squares)
+    torque = np.sqrt(np.maximum(products.squares / counts, np.finfo(float).tiny))
+    worst = (error / torque[:, np.newaxis]).max(axis=0)
+    names = [base.names[k] for k in np.flatnonzero(worst > LOOSE)]
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)}: a standard error is more than {100 * LOOSE:g} % of an axis's torque;"
+        " the motion excites them little"
+    ]
+
+
+def dead_zone(choice: Choice) -> float:
+    """Share of the speed below which samples were not fitted."""
+    return SPEEDS[choice.slowest - 1] if choice.slowest else 0.0
+
+
+def _value(solution: Solution, place: int) -> TermValue:
+    return TermValue(
+        value=float(solution.x[place]),
+        standard_error=float(np.sqrt(max(solution.covariance[place, place], 0.0))),
+    )

@@ -1,0 +1,31 @@
+"""A first estimate of the base parameters, for what friction knows of the transmitted torque."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.accumulation import accumulate, division
+from hil.estimation.free_motion.choice import without_choice
+from hil.estimation.free_motion.system import normal, summed
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.motion import Processing
+    from hil.estimation.free_motion.survey import Survey
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+
+def first_estimate(robot: Robot, found: Survey, processing: Processing) -> Array:
+    """Weighted least squares over the survey's stretches, shape (n_base,)."""
+    n_base = len(base_parameters(robot))
+    divided = division(processing, found.stretches, found.duration)
+    products = accumulate(robot, found.stretches, processing, divided, np.zeros(n_base))
+    choice = without_choice(products, weighted=True)
+    system = normal(summed(products.pieces), products.n_shared, choice.weights)
+    return system.only(choice.kept(products.n_shared)).solution()[:n_base]

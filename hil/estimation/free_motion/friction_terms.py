@@ -1,0 +1,87 @@
+"""Friction of one axis: terms, and laws made up of them, from simple to rich.
+
+Terms are functions of the axis's velocity, as a share u of the speed that it hardly ever exceeds;
+of the torque that it transmits; and, for ripple of motors and gears, which is no friction but as
+periodic, of the motor's angle. Coulomb's friction and the offset together are one that differs by
+direction. Cube root and arc tangent are degressive, as Stribeck's effect makes friction.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SpeedTerm = Literal[
+    "offset", "Coulomb", "viscous", "asymmetric", "cube root", "arc tangent", "quadratic", "load"
+]
+ORDERS = range(1, 7)
+"""Multiples of the motor's angle at which torque may ripple."""
+TERMS: tuple[str, ...] = (
+    *get_args(SpeedTerm),
+    *(f"{wave} {order}" for order in ORDERS for wave in ("cosine", "sine")),
+)
+"""Terms of friction, in the order of their columns."""
+_RIPPLE = TERMS[len(get_args(SpeedTerm)) :]
+CLASSICAL = ("offset", "Coulomb", "viscous")
+"""What most of the literature fits."""
+_RICH = get_args(SpeedTerm)
+LAWS: dict[str, tuple[str, ...]] = {
+    "offset": ("offset",),
+    "Coulomb": ("offset", "Coulomb"),
+    "Coulomb and viscous": CLASSICAL,
+    "asymmetric": (*CLASSICAL, "asymmetric"),
+    "cube root": (*CLASSICAL, "cube root"),
+    "arc tangent": (*CLASSICAL, "arc tangent"),
+    "load": (*CLASSICAL, "load"),
+    "asymmetric cube root": (*CLASSICAL, "asymmetric", "cube root"),
+    "asymmetric arc tangent": (*CLASSICAL, "asymmetric", "arc tangent"),
+    "cube root and load": (*CLASSICAL, "cube root", "load"),
+    "all speeds and load": _RICH,
+    "Coulomb, viscous and ripple": (*CLASSICAL, *_RIPPLE),
+    "all": (*_RICH, *_RIPPLE),
+}
+"""Laws by name, from the simplest; later ones have more terms."""
+BEND = 0.08
+"""Share of the speed at which the arc tangent bends."""
+
+
+def friction_columns(u: Array, direction: Array, load: Array, angle: Array, rate: Array) -> Array:
+    """Columns of one axis's friction, shape (n, n_terms), in the order of `TERMS`.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n,)
+        Velocity as a share of the axis's speed.
+    direction : ndarray, shape (n,)
+        Its sign; 0 at rest.
+    load : ndarray, shape (n,)
+        Torque that is transmitted [N m or N].
+    angle : ndarray, shape (n,)
+        Of the motor [rad]; without effect where it is 0 throughout.
+    rate : ndarray, shape (n,)
+        Share of the rate at which samples can follow the motor's turning, 1 being the greatest:
+        what ripples faster, the low-pass takes away in any case.
+    """
+    speeds = (
+        np.ones(len(u)), direction, u, np.abs(u), np.cbrt(u), np.arctan(u / BEND), u * np.abs(u),
+        np.abs(load) * direction,
+    )  # fmt: skip
+    return np.column_stack([*speeds, *_ripple(angle, np.abs(rate))])
+
+
+def _ripple(angle: Array, rate: Array) -> list[Array]:
+    if not angle.any():
+        return [np.zeros(len(angle))] * len(_RIPPLE)
+    waves, once = [], np.exp(1j * angle)
+    power = np.ones_like(once)
+    for order in ORDERS:
+        power = power * once
+        seen = np.where(order * rate < 1.0, power, 0.0)
+        waves += [seen.real, seen.imag]
+    return waves

@@ -1,0 +1,144 @@
+"""One recording as a fit takes it: positions, velocities, accelerations and torque, filtered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from hil.estimation.free_motion.filtering import Rates, low_passed, reach
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+STILL = 1e-3
+"""Share of an axis's speed below which it has no direction: what the filter rings on at rest."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Processing:
+    """How recordings become signals; the same for all recordings of an estimate.
+
+    Attributes
+    ----------
+    cut_off : float
+        Of the low-pass of positions and velocities [Hz].
+    band : float
+        Of the low-pass of torque and columns [Hz].
+    speed : ndarray, shape (n_joints,)
+        Speed that each axis hardly ever exceeds [rad/s or m/s]: the unit of friction's columns.
+    recorded_velocity : ndarray of bool, shape (n_joints,)
+        Axes whose velocity is taken as it was recorded instead of from the position.
+    """
+
+    cut_off: float
+    band: float
+    speed: Array
+    recorded_velocity: Mask
+
+    def spoilt(self, period: float) -> int:
+        """Samples every `period` [s] at either end that reflected ones have reached."""
+        return reach(period, self.cut_off) + reach(period, self.band)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Filtered motion of one recording.
+
+    Attributes
+    ----------
+    processing : Processing
+    rates : Rates
+    q, qd, qdd : ndarray, shape (n, n_joints)
+        [rad or m], at `rates.fine`.
+    tau : ndarray, shape (n_used, n_joints)
+        Torque, filtered [N m or N], at `rates.coarse`.
+    used : ndarray of bool, shape (n_used,)
+        Samples that no reflected sample has reached.
+    """
+
+    processing: Processing
+    rates: Rates
+    q: Array
+    qd: Array
+    qdd: Array
+    tau: Array
+    used: Mask
+
+    @property
+    def period(self) -> float:
+        """Between samples of the motion [s]."""
+        return self.rates.period * self.rates.fine
+
+    @property
+    def direction(self) -> Array:
+        """Sign of each axis's velocity, shape (n, n_joints); 0 at rest."""
+        still = np.abs(self.qd) < STILL * self.processing.speed
+        return np.where(still, 0.0, np.sign(self.qd))
+
+    @property
+    def slowest(self) -> Array:
+        """Least speed nearby as a share of the axis's speed, shape (n_used, n_joints).
+
+        Nearby is as far as the filter carries what happens at a reversal.
+        """
+        width = 2 * int(1.0 / (self.processing.band * self.period)) + 1
+        least = ndimage.minimum_filter1d(np.abs(self.qd), width, axis=0) / self.processing.speed
+        return np.asarray(least[:: self.rates.coarse])
+
+    def passed(self, x: Array) -> Array:
+        """Columns of the motion's samples, filtered, at the samples that are used."""
+        return low_passed(x, self.period, self.processing.band, self.rates.coarse)[0]
+
+
+def filtered_motion(recording: Recording, processing: Processing, offset: int = 0) -> Motion:
+    """Filter a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        Even in time, without a gap.
+    offset : int
+        Where not 0 the motion comes from every other sample of the recording, from 0 on for 1 and
+        from 1 on for 2, brought to the same instants: two motions whose errors of measurement have
+        nothing to do with each other.
+    """
+    period, band = recording.period, processing.band
+    rates = Rates.of(period, processing.cut_off, band)
+    q, qd, qdd = _motion(recording, processing, rates, offset)
+    tau = low_passed(recording.tau, period, band, rates.fine * rates.coarse)[0]
+    spoilt = processing.spoilt(period * rates.fine * rates.coarse)
+    used = np.zeros(len(tau), dtype=bool)
+    used[spoilt : len(tau) - spoilt] = True
+    return Motion(processing, rates, q, qd, qdd, tau, used)
+
+
+def _motion(
+    recording: Recording, processing: Processing, rates: Rates, offset: int
+) -> tuple[Array, Array, Array]:
+    def passed(x: Array, derivatives: int) -> tuple[Array, ...]:
+        x = _every_other(x, offset)
+        return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives)
+
+    q, qd, qdd = passed(recording.q, 2)
+    taken = processing.recorded_velocity
+    if taken.any() and recording.qd is not None:
+        qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
+    return q, qd, qdd
+
+
+def _every_other(x: Array, offset: int) -> Array:
+    """Samples of one half, and between them what a parabola through their neighbours gives."""
+    if not offset:
+        return x
+    kept, made = x.copy(), np.arange(offset % 2, len(x), 2)
+    inner = made[(made >= 3) & (made < len(x) - 3)]
+    kept[inner] = (9 * (x[inner - 1] + x[inner + 1]) - x[inner - 3] - x[inner + 3]) / 16
+    return kept

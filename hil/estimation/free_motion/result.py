@@ -1,0 +1,114 @@
+"""What is found of free motions beside the base parameters, as `model.yaml` keeps it."""
+
+from __future__ import annotations
+
+from checked_files.yaml_file import FileModel
+
+CHANCE = 0.01
+"""Probability below which a difference is no chance."""
+NOTICEABLE = 0.5
+"""Standard errors from which on a difference matters."""
+
+
+class TermValue(FileModel):
+    """Coefficient of one term of friction [N m or N], and its standard error."""
+
+    value: float
+    standard_error: float
+
+
+class AxisFriction(FileModel):
+    """Friction of one axis.
+
+    Attributes
+    ----------
+    law : str
+        One of `hil.estimation.free_motion.friction_terms.LAWS`.
+    speed : float
+        That velocities are divided by [rad/s or m/s]; the axis hardly ever exceeds it.
+    terms : dict of str to TermValue
+        By the names of `hil.estimation.free_motion.friction_terms.TERMS`.
+    plain : dict of str to TermValue
+        What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
+        comparison with other sources. The law that was chosen may share them out otherwise.
+    held_out : dict of str to float
+        Root mean square error of all axes on held-out blocks by law, over that of the law chosen;
+        empty where no law was chosen.
+    """
+
+    law: str
+    speed: float
+    terms: dict[str, TermValue]
+    plain: dict[str, TermValue]
+    held_out: dict[str, float]
+
+
+class CoupledFriction(FileModel):
+    """Friction of a motor that turns with two joints, from 1, in their combined velocity."""
+
+    motor: int
+    joint: int
+    viscous: TermValue
+    coulomb: TermValue
+
+
+class BiasTest(FileModel):
+    """Durbin, Wu and Hausman's test whether instruments find the same as least squares.
+
+    Attributes
+    ----------
+    statistic, p_value : float
+        T^2 of Hotelling as F, and the chance of one at least as great without any bias.
+    shift : float
+        Greatest difference of a parameter, over its standard error by least squares.
+    """
+
+    statistic: float
+    p_value: float
+    shift: float
+
+    @property
+    def biased(self) -> bool:
+        """Whether noise of the motion shifts least squares by more than chance, and noticeably."""
+        return self.p_value < CHANCE and self.shift > NOTICEABLE
+
+
+class FreeMotionFit(FileModel):
+    """Friction and the settings behind an estimate from free motions.
+
+    Attributes
+    ----------
+    cut_off, band : float
+        Of the low-pass of the motion, and of that of torque and columns [Hz].
+    cut_off_reason : str
+    dead_zone : float
+        Samples slower than this share of an axis's speed were not fitted, but count as residuals.
+    recorded_velocity : tuple of int
+        Axes, from 1, whose velocity was taken as recorded.
+    axes : tuple of AxisFriction
+    coupled : tuple of CoupledFriction
+    relative_residual : tuple of float or None
+        Root mean square of the residual of all samples over that of the torque, axis by axis.
+    overall_residual : float
+        The same of all axes together.
+    bias_test : BiasTest, optional
+        None where there are too few blocks or samples too far apart.
+    least_inertia : float
+        Least eigenvalue of the mass matrix with the rotors over the recorded motion, over the
+        greatest element of its diagonal there; negative where the estimate is no possible body.
+    remarks : tuple of str
+        What restricts the estimate.
+    """
+
+    cut_off: float
+    band: float
+    cut_off_reason: str
+    dead_zone: float
+    recorded_velocity: tuple[int, ...]
+    axes: tuple[AxisFriction, ...]
+    coupled: tuple[CoupledFriction, ...]
+    relative_residual: tuple[float | None, ...]
+    overall_residual: float
+    bias_test: BiasTest | None
+    least_inertia: float
+    remarks: tuple[str, ...]

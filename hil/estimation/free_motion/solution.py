@@ -1,0 +1,183 @@
+"""Solvers, each over rows weighted axis by axis.
+
+least squares
+    as it stands;
+positive
+    the same, and if that makes the mass matrix negative anywhere on the motion, the nearest
+    solution that does not (`hil.estimation.free_motion.positive`);
+robust
+    pieces of time that fit worse than most count less (Huber's weights, found by iteration);
+total
+    total least squares: errors in the columns as in the torque, columns scaled to unit length;
+instrumental
+    Z'W x = Z'y: Z from one half of the samples, every other one, and W from the other half. Errors
+    of measurement that differ from sample to sample are in one of them only, so they shift nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hil.errors import NotIdentifiable
+from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.positive import nearest_positive
+from hil.estimation.free_motion.system import embedded, normal, summed
+from hil.estimation.free_motion.uncertainty import uncertainty
+from hil.model.base_parameters import base_parameters
+from hil.regression.least_squares import total_least_squares, undetermined
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.accumulation import Products
+    from hil.estimation.free_motion.choice import Choice
+    from hil.estimation.free_motion.system import Normal
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+Solver = Literal["least squares", "positive", "robust", "total", "instrumental"]
+HUBER = 1.345
+"""Times the usual misfit from which on a piece counts less."""
+FARTHEST = 5.0
+"""Standard errors by which parameters are moved at most to make the mass matrix positive."""
+ROUNDS = 30
+"""Of Huber's weights."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """All unknowns with their uncertainty.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Base parameters, coupled motors' friction, all terms of each axis's friction; 0 where a law
+        has no such term.
+    covariance : ndarray, shape (n, n)
+    degrees_of_freedom : ndarray, shape (n,)
+    condition : float
+        Of the weighted observation matrix, columns at unit length.
+    moved : float
+        Change of the parameters that makes the mass matrix positive, over their standard errors;
+        from `FARTHEST` on they were left as they were.
+    """
+
+    x: Array
+    covariance: Array
+    degrees_of_freedom: Array
+    condition: float
+    moved: float
+
+
+def solve(
+    robot: Robot, products: Products, choice: Choice, solver: Solver, configurations: Array
+) -> Solution:
+    """Solve for all unknowns.
+
+    Parameters
+    ----------
+    configurations : ndarray, shape (n, n_joints)
+        Some of the motion's, where the mass matrix must be positive.
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters that the motion does not excite.
+    """
+    kept, n_shared = choice.kept(products.n_shared), products.n_shared
+    pieces, cells = (
+        normal(summed(each, choice.slowest), n_shared, choice.weights).only(kept)
+        for each in (products.pieces, products.cells)
+    )
+    require_determined(robot, pieces)
+    equations, x = pieces, pieces.solution()
+    if solver == "robust":
+        equations, x = _robust(pieces)
+    elif solver == "total":
+        x = _total(pieces)
+    elif solver == "instrumental" and products.instruments is not None:
+        equations = normal(products.instruments, n_shared, choice.weights).only(kept)
+        x = equations.solution()
+    found = uncertainty(equations, cells, x)
+    covariance = found.covariance + _of_choices(products, choice, kept, x)
+    moved = 0.0
+    if solver == "positive":
+        nearest, moved = nearest_positive(robot, x, covariance, configurations)
+        # the data contradict a move that is larger: then something else is wrong
+        x = nearest if moved < FARTHEST else x
+    n = n_shared + products.n_joints * len(TERMS)
+    whole = np.zeros((n, n))
+    whole[np.ix_(kept, kept)] = covariance
+    return Solution(
+        x=embedded(x, kept, n),
+        covariance=whole,
+        degrees_of_freedom=embedded(found.degrees_of_freedom, kept, n),
+        condition=_condition(pieces),
+        moved=moved,
+    )
+
+
+def require_determined(robot: Robot, pieces: Normal) -> None:
+    """Refuse motions that leave base parameters open.
+
+    Raises
+    ------
+    NotIdentifiable
+    """
+    names = base_parameters(robot).names
+    lost = undetermined(pieces.N.sum(axis=0))[: len(names)]
+    lost |= np.diag(pieces.N.sum(axis=0))[: len(names)] == 0
+    if lost.any():
+        listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
+        raise NotIdentifiable(
+            f"the recorded motions do not excite {listed}; add recordings in which more joints"
+            " move through more of their ranges, or state in the robot file which link parameters"
+            " are present"
+        )
+
+
+def _of_choices(products: Products, choice: Choice, kept: NDArray[np.intp], x: Array) -> Array:
+    """Covariance of what the next wider and the next narrower dead zone would have found."""
+    others = {choice.slowest - 1, choice.slowest + 1} - {-1, 0, products.pieces.shape[2]}
+    if not choice.slowest:
+        return np.zeros((len(x), len(x)))
+    changes = [
+        normal(summed(products.pieces, each), products.n_shared, choice.weights)
+        .only(kept)
+        .solution()
+        - x
+        for each in sorted(others)
+    ]
+    return np.transpose(changes) @ np.array(changes) / len(changes)
+
+
+def _robust(pieces: Normal) -> tuple[Normal, Array]:
+    """Equations with Huber's weights of pieces, and their solution."""
+    equations, x = pieces, pieces.solution()
+    for _ in range(ROUNDS):
+        before, misfit = x, np.sqrt(pieces.error(x))
+        usual = max(float(np.median(misfit)), 1e-300)
+        equations = pieces.weighted(np.minimum(1.0, HUBER * usual / np.maximum(misfit, 1e-300)))
+        x = equations.solution()
+        if np.allclose(before, x, rtol=1e-9, atol=0.0):
+            break
+    return equations, x
+
+
+def _total(pieces: Normal) -> Array:
+    N, v = pieces.N.sum(axis=0), pieces.v.sum(axis=0)
+    heard = np.diag(N) > 0
+    x = np.zeros(len(v))
+    x[heard] = total_least_squares(N[np.ix_(heard, heard)], v[heard], float(pieces.square.sum()))
+    return x
+
+
+def _condition(pieces: Normal) -> float:
+    N = pieces.N.sum(axis=0)
+    heard = np.diag(N) > 0
+    size = 1.0 / np.sqrt(np.diag(N)[heard])
+    return float(np.sqrt(np.linalg.cond(N[np.ix_(heard, heard)] * np.outer(size, size))))

@@ -1,0 +1,162 @@
+"""A first look at all recordings: how long, how fast, and some stretches to choose settings by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotEnoughData
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from hil.planning.free_motion import FreeMotion
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+STRETCHES = 150.0
+"""Time of all stretches together, at most [s]."""
+LEAST_STRETCH = 5.0
+"""Of one recording, where it is as long [s]."""
+OFTEN = 0.99
+"""Share of the samples that are slower than the speed of an axis."""
+MOVES = 1e-5
+"""Range of positions from which on an axis moves [rad or m]."""
+SPAN = 0.05
+"""Over which speeds are means [s]."""
+CONFIGURATIONS = 200
+"""Positions that stand for the range of the motion."""
+FEWEST = 50
+"""Samples of a recording below which it is of no use."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Survey:
+    """What was found of a run's recordings.
+
+    Attributes
+    ----------
+    stretches : tuple of Recording
+        Of all recordings alike, `STRETCHES` together.
+    speed : ndarray, shape (n_joints,)
+        Exceeded by few samples [rad/s or m/s].
+    still : tuple of int
+        Axes, from 0, that do not move.
+    duration : float
+        Of all recordings [s].
+    n_recordings, n_samples : int
+    cut_off : float or None
+        Lowest that the recordings state [Hz].
+    too_short : tuple of str
+        Ids of recordings without enough samples.
+    """
+
+    stretches: tuple[Recording, ...]
+    speed: Array
+    still: tuple[int, ...]
+    duration: float
+    n_recordings: int
+    n_samples: int
+    cut_off: float | None
+    too_short: tuple[str, ...]
+
+
+class _Stretches:
+    """Middle parts of recordings, which become shorter and then fewer as more recordings come."""
+
+    def __init__(self) -> None:
+        self.kept: list[Recording] = []
+        self._length, self._every, self._seen = STRETCHES, 1, 0
+
+    def add(self, recording: Recording) -> None:
+        self._seen += 1
+        if (self._seen - 1) % self._every:
+            return
+        self.kept.append(_middle(recording, self._length))
+        while sum(map(_duration, self.kept)) > STRETCHES:
+            self._shorten()
+
+    def _shorten(self) -> None:
+        if self._length > LEAST_STRETCH:
+            self._length = max(self._length / 2, LEAST_STRETCH)
+            self.kept = [_middle(each, self._length) for each in self.kept]
+        else:
+            self._every *= 2
+            self.kept = self.kept[::2]
+
+
+def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
+    """Look at all recordings, one after the other.
+
+    Raises
+    ------
+    NotEnoughData
+        No recording has enough samples.
+    """
+    stretches, speeds, ends, stated, short = _Stretches(), [], [], [], []
+    duration, n_samples = 0.0, 0
+    for motion, recording in recorded:
+        if recording.n_samples < FEWEST:
+            short.append(motion.id)
+            continue
+        duration += _duration(recording)
+        n_samples += recording.n_samples
+        stretches.add(recording)
+        speeds.append(_speed(recording))
+        ends.append((recording.q.min(axis=0), recording.q.max(axis=0)))
+        stated += [] if motion.cut_off is None else [motion.cut_off]
+    if not speeds:
+        raise NotEnoughData(
+            f"no recording has {FEWEST} samples or more; import longer ones without gaps"
+        )
+    lowest, highest = np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]
+    still = highest - lowest < MOVES
+    return Survey(
+        stretches=tuple(stretches.kept),
+        speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), MOVES)),
+        still=tuple(int(axis) for axis in np.flatnonzero(still)),
+        duration=duration,
+        n_recordings=len(speeds),
+        n_samples=n_samples,
+        cut_off=min(stated, default=None),
+        too_short=tuple(short),
+    )
+
+
+def configurations(found: Survey, n: int = CONFIGURATIONS) -> Array:
+    """Some positions of the stretches, shape (n, n_joints)."""
+    q = np.vstack([each.q for each in found.stretches])
+    return np.asarray(q[np.linspace(0, len(q) - 1, min(n, len(q))).astype(int)])
+
+
+def _duration(recording: Recording) -> float:
+    return recording.period * recording.n_samples
+
+
+def _speed(recording: Recording) -> Array:
+    """Mean speed over `SPAN` that few such times exceed."""
+    every = min(max(1, round(SPAN / recording.period)), recording.n_samples // 10)
+    moved = np.abs(np.diff(recording.q[::every], axis=0)) / (every * recording.period)
+    return np.asarray(np.quantile(moved, OFTEN, axis=0))
+
+
+def _middle(recording: Recording, length: float) -> Recording:
+    n = round(length / recording.period)
+    first = max(0, (recording.n_samples - n) // 2)
+    part = slice(first, first + n)
+    qd = recording.qd
+    return replace(
+        recording,
+        time=recording.time[part],
+        q=recording.q[part],
+        tau=recording.tau[part],
+        flags=recording.flags[part],
+        stroke=recording.stroke[part],
+        partner_stroke=recording.partner_stroke[part],
+        qd=None if qd is None else qd[part],
+    )

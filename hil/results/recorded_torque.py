@@ -1,0 +1,137 @@
+"""What a model with friction predicts of a recording, beside what was measured.
+
+Both sides pass the low-pass with which the model was identified, so that they can be compared. An
+interval holds the uncertainty of the base parameters and what the model left of the recordings it
+was made from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import special
+
+from hil.errors import NotEnoughData
+from hil.estimation.free_motion.friction_torque import friction_torque
+from hil.estimation.free_motion.motion import Processing, filtered_motion
+from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.motion import Motion
+    from hil.results.model import Model
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedTorque:
+    """Torques of one recording, measured and predicted.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        [s].
+    qd : ndarray, shape (n, n_joints)
+        Velocities [rad/s or m/s].
+    measured, predicted, standard_error : ndarray, shape (n, n_joints)
+        After the low-pass [N m or N].
+    """
+
+    time: Array
+    qd: Array
+    measured: Array
+    predicted: Array
+    standard_error: Array
+
+    @property
+    def residual(self) -> Array:
+        """Measured less predicted, shape (n, n_joints)."""
+        return self.measured - self.predicted
+
+    @property
+    def relative(self) -> Array:
+        """Root mean square of the residual over that of the torque, shape (n_joints,)."""
+        return np.asarray(_rms(self.residual) / np.maximum(_rms(self.measured), 1e-300))
+
+    @property
+    def overall(self) -> float:
+        """The same of all axes together."""
+        total = max(float(np.linalg.norm(self.measured)), 1e-300)
+        return float(np.linalg.norm(self.residual)) / total
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Intervals of the torque, shape (n, n_joints, 2): lower and upper ends."""
+        half = special.ndtri(0.5 + level / 2) * self.standard_error
+        return np.stack([self.predicted - half, self.predicted + half], axis=-1)
+
+    def inside(self, level: float = 0.95) -> Array:
+        """Share of the samples inside their interval, shape (n_joints,)."""
+        low, high = np.moveaxis(self.interval(level), -1, 0)
+        return np.asarray(np.mean((low <= self.measured) & (self.measured <= high), axis=0))
+
+
+def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
+    """Predict the torques of a recording from its positions.
+
+    Parameters
+    ----------
+    model : Model
+        Identified from free motions.
+    recording : Recording
+        Of the same robot; even in time, without a gap.
+
+    Raises
+    ------
+    NotEnoughData
+        A model without friction, or a recording shorter than the low-pass reaches.
+    """
+    motion = filtered_motion(recording, _processing(model))
+    if not motion.used.any():
+        raise NotEnoughData(
+            f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s are"
+            f" fewer than the low-pass at {motion.processing.cut_off:.3g} Hz reaches; give a longer"
+            " recording"
+        )
+    A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
+
+    def coarse(x: Array) -> Array:
+        return np.asarray(x[:: motion.rates.coarse][: len(motion.used)][motion.used])
+
+    rows = coarse(A)
+    variance = np.einsum("njk,kl,njl->nj", rows, model.covariance, rows, optimize=True)
+    return RecordedTorque(
+        time=coarse(recording.time[:: motion.rates.fine]),
+        qd=coarse(motion.qd),
+        measured=motion.tau[motion.used],
+        predicted=motion.passed(_torque(model, motion, A @ model.values))[motion.used],
+        standard_error=np.sqrt(np.maximum(variance, 0.0) + np.nan_to_num(model.residual) ** 2),
+    )
+
+
+def _processing(model: Model) -> Processing:
+    if model.friction is None:
+        raise NotEnoughData(
+            f"the {model.method} method finds no law of friction, so torques cannot be predicted;"
+            " identify imported recordings"
+        )
+    taken = np.zeros(model.robot.n_joints, dtype=bool)
+    taken[[axis - 1 for axis in model.friction.recorded_velocity]] = True
+    speed = np.array([law.speed for law in model.friction.axes])
+    return Processing(model.friction.cut_off, model.friction.band, speed, taken)
+
+
+def _torque(model: Model, motion: Motion, rigid: Array) -> Array:
+    assert model.friction is not None  # noqa: S101 - refused before
+    qd = np.where(motion.direction == 0, 0.0, motion.qd)
+    friction = friction_torque(model.robot, model.friction, motion.q, qd, rigid)
+    return rigid + friction + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
+
+
+def _rms(x: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(x**2, axis=0)))

@@ -1,0 +1,154 @@
+"""Friction and residuals of an estimate from free motions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.results.rounding import significant
+from hil.results.tables.cells import probability, uncertain
+from hil.results.tables.table import Column, Part, Table, figures
+
+if TYPE_CHECKING:
+    from hil.estimation.free_motion.result import AxisFriction, FreeMotionFit, TermValue
+    from hil.results.model import Model
+    from hil.results.tables.table import Row
+
+_SHOWN = 3
+"""Alternatives to a law, with their errors."""
+
+
+def friction(model: Model) -> Table:
+    """Law of friction of each axis, its coefficients, and what other laws predict."""
+    fit = model.friction
+    if fit is None:
+        return Table("", (), ())
+    rows = [_axis(model, axis) for axis in range(len(fit.axes))]
+    coupled = [_coupled(fit, k) for k in range(len(fit.coupled))]
+    return Table(
+        title="Friction",
+        columns=(
+            Column("axis"),
+            Column("law", folds=True),
+            Column("coefficients with std. errors", folds=True),
+            Column("as Coulomb and viscous alone", folds=True),
+            Column("held out, other laws", folds=True),
+        ),
+        parts=(Part(tuple(rows + coupled)),),
+        explanation=(
+            "Terms of the velocity: viscous friction per unit of velocity, all others as the torque"
+            " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
+            " that none beats by more than chance on blocks held out; of others the error is stated"
+            " over that of the law chosen. Ripple of motors is not listed."
+        ),
+    )
+
+
+def _axis(model: Model, axis: int) -> Row:
+    assert model.friction is not None  # noqa: S101 - the table is empty without
+    law = model.friction.axes[axis]
+    unit = "N m" if model.robot.revolute[axis] else "N"
+    named = [
+        _coefficient(term, value, law, unit, model.robot.position_unit(axis))
+        for term, value in law.terms.items()
+        if not term.startswith(("cosine", "sine"))
+    ]
+    plain = [
+        _coefficient(term, value, law, unit, model.robot.position_unit(axis))
+        for term, value in law.plain.items()
+    ]
+    return str(axis + 1), law.law, ", ".join(named), ", ".join(plain), _others(law)
+
+
+def _coefficient(term: str, value: TermValue, law: AxisFriction, unit: str, position: str) -> str:
+    scale = 1.0 / law.speed if term == "viscous" else 1.0
+    shown, error = uncertain(scale * value.value, scale * value.standard_error)
+    unit = f"{unit} s/{position}" if term == "viscous" else "" if term == "load" else unit
+    return f"{term} {shown} ± {error} {unit}".rstrip()
+
+
+def _others(law: AxisFriction) -> str:
+    others = sorted((error, name) for name, error in law.held_out.items() if name != law.law)
+    return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:_SHOWN])
+
+
+def _coupled(fit: FreeMotionFit, k: int) -> Row:
+    each = fit.coupled[k]
+    parts = (
+        f"{name} {' ± '.join(uncertain(term.value, term.standard_error))}"
+        for name, term in (("Coulomb", each.coulomb), ("viscous", each.viscous))
+    )
+    return (
+        f"{each.motor} and {each.joint}",
+        f"motor {each.motor}, coupled",
+        ", ".join(parts),
+        "",
+        "",
+    )
+
+
+def left_by_free_motions(model: Model) -> Table:
+    """Residuals of all samples at every speed, axis by axis and of all axes together."""
+    fit = model.friction
+    if fit is None:
+        return Table("", (), ())
+    rows = [
+        (
+            str(axis + 1),
+            significant(float(model.residual[axis]), 3),
+            "" if share is None else significant(100 * share, 3),
+        )
+        for axis, share in enumerate(fit.relative_residual)
+    ]
+    together = significant(float(np.sqrt(np.sum(model.residual**2))), 3)
+    rows.append(("all", together, significant(100 * fit.overall_residual, 3)))
+    return Table(
+        title="Torque left by the fit, all samples",
+        columns=(Column("axis"), *figures("rms, N m or N", "% of the torque")),
+        parts=(Part(tuple(rows)),),
+        explanation="Root mean square of the residual after the low-pass, and over the torque's.",
+    )
+
+
+def statements(fit: FreeMotionFit) -> tuple[str, ...]:
+    """What was chosen, what was tested, and what restricts the estimate."""
+    return tuple(text for text in (_settings(fit), _bias(fit), _bodies(fit), *fit.remarks) if text)
+
+
+def _settings(fit: FreeMotionFit) -> str:
+    zone = (
+        f"samples slower than {100 * fit.dead_zone:g} % of an axis's speed were not fitted"
+        if fit.dead_zone
+        else "no dead zone"
+    )
+    axes = ", ".join(map(str, fit.recorded_velocity))
+    velocity = f"recorded velocity of axes {axes}" if axes else "velocity from the positions"
+    return (
+        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz;"
+        f" {zone}; {velocity}"
+    )
+
+
+def _bias(fit: FreeMotionFit) -> str:
+    if fit.bias_test is None:
+        return "too few blocks for the test whether noise of the motion shifts least squares"
+    tested = (
+        f"test of Durbin, Wu and Hausman, p {probability(fit.bias_test.p_value)}, at most"
+        f" {fit.bias_test.shift:.2g} standard errors"
+    )
+    if fit.bias_test.biased:
+        return (
+            f"noise of the positions shifts least squares ({tested}): state a lower cut_off in the"
+            " map, or take --method 'instrumental variables'"
+        )
+    return f"noise of the positions does not shift least squares ({tested})"
+
+
+def _bodies(fit: FreeMotionFit) -> str:
+    if fit.least_inertia > 0:
+        return "the mass matrix is positive definite along the motion"
+    return (
+        "the mass matrix is not positive definite along the motion: no simulator runs with these"
+        " parameters"
+    )

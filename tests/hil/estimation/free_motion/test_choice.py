@@ -1,0 +1,80 @@
+"""Laws of friction and dead zones are chosen by what they predict of held-out blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from free_run import COULOMB, OFFSET, TRUTH, VISCOUS, arm, recorded
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from hil.estimation.free_motion.choice import folds, simplest
+from hil.estimation.free_motion.friction_terms import LAWS, TERMS
+from hil.estimation.identify import estimate
+
+
+@given(
+    arrays.arrays(np.float64, st.tuples(st.integers(2, 6), st.integers(1, 20)),
+                  elements=st.floats(0.0, 10.0))
+)  # fmt: skip
+def test_no_simpler_alternative_predicts_better_than_the_one_chosen(squares: np.ndarray) -> None:
+    errors = {str(k): row for k, row in enumerate(squares)}
+    chosen = int(simplest(errors))
+    assert all(squares[k].sum() > squares[chosen].sum() for k in range(chosen))
+
+
+def test_a_richer_alternative_is_chosen_if_it_is_better_by_more_than_chance() -> None:
+    rng = np.random.default_rng(0)
+    plain = rng.uniform(0.9, 1.1, 30)
+    assert simplest({"plain": plain, "rich": plain - 0.3}) == "rich"
+    assert simplest({"plain": plain, "rich": plain - rng.normal(0.001, 0.1, 30)}) == "plain"
+
+
+@given(n=st.integers(1, 200))
+def test_every_block_is_held_out_once(n: int) -> None:
+    held_out = np.concatenate([np.arange(n)[fold] for fold in folds(n)])
+    assert held_out.tolist() == list(range(n))
+
+
+def test_laws_come_from_the_simplest_and_their_terms_exist() -> None:
+    sizes = [len(law) for law in LAWS.values()]
+    assert sizes[0] == 1
+    assert sizes[-1] == len(TERMS)
+    assert all(set(law) <= set(TERMS) for law in LAWS.values())
+
+
+def test_friction_as_simple_as_it_is_keeps_the_simple_law() -> None:
+    found = estimate(arm(), recorded(arm(), TRUTH), "free motion").free
+    assert found is not None
+    assert {axis.law for axis in found.axes} == {"Coulomb and viscous"}
+    for k, axis in enumerate(found.axes):
+        assert axis.terms["Coulomb"].value == pytest.approx(COULOMB[k], rel=0.02)
+        assert axis.terms["offset"].value == pytest.approx(OFFSET[k], abs=0.05)
+        assert axis.terms["viscous"].value / axis.speed == pytest.approx(VISCOUS[k], rel=0.03)
+
+
+def test_a_degressive_friction_gets_a_law_that_is() -> None:
+    def friction(qd: np.ndarray) -> np.ndarray:
+        return COULOMB * np.sign(qd) + 4.0 * np.cbrt(qd)
+
+    found = estimate(arm(), recorded(arm(), TRUTH, friction), "free motion").free
+    assert found is not None
+    for axis in found.axes:
+        assert axis.law in ("cube root", "asymmetric cube root", "cube root and load")
+        assert axis.held_out["Coulomb and viscous"] > 1.01
+        assert axis.held_out[axis.law] == 1.0
+
+
+def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual() -> None:
+    def presliding(qd: np.ndarray) -> np.ndarray:
+        return 12.0 * np.sign(qd) * np.tanh((qd / 0.03) ** 4)
+
+    with_zone = estimate(arm(), recorded(arm(), TRUTH, presliding), "free motion")
+    without = estimate(arm(), recorded(arm(), TRUTH, presliding), "weighted least squares")
+    assert with_zone.free is not None
+    assert with_zone.free.dead_zone > 0
+    # scored at all speeds, what was left out of the fit counts
+    assert (with_zone.residual > 0.9 * without.residual).all()
+    error, of_all = (np.linalg.norm(found.p - TRUTH) for found in (with_zone, without))
+    assert error < of_all

@@ -1,0 +1,147 @@
+"""All methods for free motions on recordings with known parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded
+
+from hil.errors import NotEnoughData, NotIdentifiable
+from hil.estimation.free_motion.methods import VARIANTS
+from hil.estimation.identify import default_method, estimate
+from hil.planning.free_motion import FreeMotion
+from hil.planning.measurement import Gravity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from free_run import FreeRecorded
+
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return arm()
+
+
+def distance(found: Estimate) -> float:
+    return float(np.linalg.norm(found.p - TRUTH) / np.linalg.norm(TRUTH))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_every_method_finds_the_parameters_and_states_their_errors(robot: Robot, name: str) -> None:
+    found = estimate(robot, recorded(robot, TRUTH), name)
+    assert found.method == name
+    assert distance(found) < 1e-3
+    assert (np.abs(found.p - TRUTH) < 4 * found.standard_error).all()
+    assert (found.standard_error > 0).all()
+
+
+def test_intervals_hold_the_truth_though_the_law_of_friction_is_wrong(robot: Robot) -> None:
+    def strange(qd: np.ndarray) -> np.ndarray:
+        return 6.0 * np.sign(qd) * (1.0 + 0.6 * np.exp(-((qd / 0.15) ** 2))) + 2.0 * np.sin(4 * qd)
+
+    held, total = 0, 0
+    for seed in range(0, 40, 10):
+        found = estimate(robot, recorded(robot, TRUTH, strange, seed=seed), "free motion")
+        held += int((np.abs(found.p - TRUTH) <= found.half_width()).sum())
+        total += len(TRUTH)
+    assert held >= 0.85 * total
+
+
+def test_noise_of_the_positions_is_found_and_instruments_are_not_shifted_by_it(
+    robot: Robot,
+) -> None:
+    data = with_cut_off(recorded(robot, TRUTH, of_position=1e-3), 25.0)
+    plain, crossed = (
+        estimate(robot, data, name) for name in ("weighted least squares", "instrumental variables")
+    )
+    assert plain.free is not None
+    assert plain.free.bias_test is not None
+    assert plain.free.bias_test.biased
+    assert distance(crossed) < 0.2 * distance(plain)
+
+
+def test_without_such_noise_no_bias_is_stated(robot: Robot) -> None:
+    found = estimate(robot, recorded(robot, TRUTH), "weighted least squares").free
+    assert found is not None
+    assert found.bias_test is not None
+    assert not found.bias_test.biased
+
+
+def test_the_robust_method_bears_a_stretch_in_which_somebody_touched_the_arm(robot: Robot) -> None:
+    data = recorded(robot, TRUTH)
+    data[1][1].tau[2000:3000] += 30.0
+    robust, plain = (estimate(robot, data, name) for name in ("robust", "weighted least squares"))
+    assert distance(robust) < 0.5 * distance(plain)
+
+
+def test_residuals_are_those_of_all_samples_over_the_torque(robot: Robot) -> None:
+    noisy = estimate(robot, recorded(robot, TRUTH, noise=3.0), "least squares")
+    clean = estimate(robot, recorded(robot, TRUTH, noise=0.3), "least squares")
+    assert noisy.free is not None
+    assert clean.free is not None
+    assert noisy.free.overall_residual == pytest.approx(10 * clean.free.overall_residual, rel=0.3)
+    assert noisy.residual.shape == (2,)
+
+
+def test_a_short_recording_carries_a_warning(robot: Robot) -> None:
+    found = estimate(robot, recorded(robot, TRUTH, n=1, duration=12.0), "free motion").free
+    assert found is not None
+    assert any("little" in remark for remark in found.remarks)
+
+
+def test_what_the_motion_does_not_excite_is_refused_by_name(robot: Robot) -> None:
+    data = recorded(robot, TRUTH)
+    for _, recording in data:
+        recording.q[:] = 0.3
+    with pytest.raises(NotIdentifiable, match=r"do not excite .*p"):
+        estimate(robot, data, "free motion")
+
+
+@pytest.mark.parametrize("n_samples", [30, 120])
+def test_recordings_shorter_than_the_low_pass_reaches_are_refused(
+    robot: Robot, n_samples: int
+) -> None:
+    with pytest.raises(NotEnoughData, match="import longer ones"):
+        estimate(robot, recorded(robot, TRUTH, duration=0.004 * n_samples), "free motion")
+
+
+def test_without_free_motions_the_methods_state_what_they_need(robot: Robot) -> None:
+    with pytest.raises(NotEnoughData, match="no free motions"):
+        estimate(robot, [], "free motion")
+
+
+def test_recordings_are_read_one_at_a_time_and_again(robot: Robot) -> None:
+    data = recorded(robot, TRUTH)
+
+    class Counted:
+        begun = 0
+
+        def __iter__(self) -> Iterator[tuple[FreeMotion, object]]:
+            self.begun += 1
+            return iter(data)
+
+    counted = Counted()
+    again = estimate(robot, counted, "free motion")  # type: ignore[arg-type]
+    once = estimate(robot, iter(data), "free motion")
+    assert counted.begun > 1
+    assert again.p == pytest.approx(once.p, rel=1e-12)
+
+
+def test_the_method_follows_from_what_was_recorded() -> None:
+    free = FreeMotion(id="f", q=(0.0,), duration=1.0)
+    stroke = Gravity(id="g", axis=1, q=(0.0,), stroke=1.0, velocity=0.5, acceleration=1.0, cycles=1)
+    assert default_method([free])[0] == "free motion"
+    assert default_method([stroke])[0] == "improved"
+    method, reason = default_method([free, stroke])
+    assert method == "improved"
+    assert "1 of 2" in reason
+
+
+def with_cut_off(data: FreeRecorded, cut_off: float) -> FreeRecorded:
+    return [(motion.model_copy(update={"cut_off": cut_off}), each) for motion, each in data]

@@ -1,0 +1,93 @@
+"""Public recordings of real machines; skipped where they are not at hand."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from hil.estimation.identify import estimate
+from hil.model.robot import load_robot
+from hil.planning.free_motion import FreeMotion
+from hil.results.model import Model
+from hil.results.model_file import Provenance
+from hil.results.recorded_torque import predict_recording
+from hil.runs.recording import Recording
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+
+    Array = NDArray[np.float64]
+
+DATA = Path(__file__).parents[4] / "../shared/data"
+pytestmark = pytest.mark.skipif(
+    not DATA.exists(), reason="the public recordings of EMPS and TX40 are not at hand"
+)
+VOLT = 35.15065188
+RATIO = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
+
+
+def table(name: str) -> Array:
+    with gzip.open(DATA / name) as file:
+        return np.loadtxt(file, delimiter=",", skiprows=1)
+
+
+def recording(period: float, q: Array, tau: Array) -> tuple[FreeMotion, Recording]:
+    n, none = len(q), np.full(len(q), -1, np.int16)
+    motion = FreeMotion(id="r", q=tuple(q.mean(axis=0)), duration=period * n)
+    flags = np.zeros(q.shape, np.uint8)
+    return motion, Recording(period * np.arange(n), q, tau, flags, 0 * none, none)
+
+
+def emps(name: str) -> tuple[FreeMotion, Recording]:
+    columns = table(f"emps/{name}.csv.gz")
+    return recording(1e-3, columns[:, 1:2], VOLT * columns[:, 3:4])
+
+
+def tx40() -> tuple[FreeMotion, Recording]:
+    turns, sums = np.diag(RATIO), np.diag(RATIO)
+    turns[5, 4] = sums[4, 5] = 32.0
+    q = table("tx40/pos_read_data.csv.gz") @ np.linalg.inv(turns).T
+    return recording(2e-4, q, table("tx40/curr_data.csv.gz") @ sums.T)
+
+
+def model(robot: str, found: Estimate) -> Model:
+    where = Provenance(
+        robot=robot, robot_digest="", plan_digest="", measured="", bus="", measurements=1,
+        left_out=(), identified="", method=found.method, version="",
+    )  # fmt: skip
+    return Model(
+        load_robot(robot), found.p, found.covariance, found.drive_covariance,
+        found.degrees_of_freedom, found.residual, found.condition, where, friction=found.free,
+    )  # fmt: skip
+
+
+def test_emps_mass_and_friction_are_the_published_ones_and_the_other_record_is_predicted() -> None:
+    found = estimate(load_robot("emps"), [emps("estimation")], "free motion")
+    assert found.free is not None
+    (axis,) = found.free.axes
+    assert found.p[0] == pytest.approx(95.11, rel=0.01)
+    assert axis.plain["viscous"].value / axis.speed == pytest.approx(203.5, rel=0.03)
+    assert axis.plain["Coulomb"].value == pytest.approx(20.39, rel=0.03)
+    assert axis.plain["offset"].value == pytest.approx(-3.165, rel=0.03)
+    assert found.free.overall_residual < 0.037
+    assert predict_recording(model("emps", found), emps("pulses")[1]).overall < 0.046
+
+
+def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive() -> None:
+    found = estimate(load_robot("staubli-tx40"), [tx40()], "free motion")
+    assert found.free is not None
+    assert found.free.overall_residual < 0.082
+    assert found.free.least_inertia > 0
+    # 40 base parameters and the coupled motor's inertia; its friction and that of six joints
+    assert len(found.p) + 2 * len(found.free.coupled) + 18 == 61
+
+
+def test_tx40_by_plain_least_squares_leaves_no_more_than_others_found() -> None:
+    found = estimate(load_robot("staubli-tx40"), [tx40()], "least squares")
+    assert (found.residual < [3.02, 3.79, 2.38, 0.95, 1.59, 0.99]).all()

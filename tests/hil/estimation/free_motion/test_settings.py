@@ -1,0 +1,66 @@
+"""Cut-off frequency and source of velocities follow from the recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded
+
+from hil.estimation.free_motion.settings import processing_of
+from hil.estimation.free_motion.survey import STRETCHES, survey
+
+
+def test_noise_of_the_positions_lowers_the_cut_off() -> None:
+    found = [
+        processing_of(survey(recorded(arm(), TRUTH, of_position=noise)))[0].cut_off
+        for noise in (1e-6, 1e-4, 1e-2)
+    ]
+    assert found[0] > found[1] > found[2]
+
+
+def test_a_stated_cut_off_is_taken_and_its_reason_said() -> None:
+    data = [
+        (motion.model_copy(update={"cut_off": 8.0}), each)
+        for motion, each in recorded(arm(), TRUTH)
+    ]
+    processing, reason = processing_of(survey(data))
+    assert processing.cut_off == 8.0
+    assert "stated" in reason
+
+
+def test_a_cut_off_beyond_what_samples_show_is_lowered() -> None:
+    data = [
+        (motion.model_copy(update={"cut_off": 500.0}), each)
+        for motion, each in recorded(arm(), TRUTH)
+    ]
+    processing, reason = processing_of(survey(data))
+    assert processing.cut_off == pytest.approx(0.25 / 0.004)
+    assert "at most" in reason
+
+
+@pytest.mark.parametrize(("of_position", "velocity", "taken"), [
+    (1e-3, 1e-3, True), (1e-6, 0.2, False),
+])  # fmt: skip
+def test_a_recorded_velocity_is_taken_where_it_has_less_noise(
+    of_position: float, velocity: float, taken: bool
+) -> None:
+    data = recorded(arm(), TRUTH, of_position=of_position, velocity=velocity)
+    assert processing_of(survey(data))[0].recorded_velocity.tolist() == [taken, taken]
+
+
+def test_a_recorded_velocity_that_contradicts_the_positions_is_not_taken() -> None:
+    data = recorded(arm(), TRUTH, of_position=1e-3, velocity=1e-3)
+    for _, recording in data:
+        assert recording.qd is not None
+        recording.qd[:] *= 1.5
+    assert not processing_of(survey(data))[0].recorded_velocity.any()
+
+
+def test_stretches_of_a_long_run_stay_few_and_come_from_all_of_it() -> None:
+    data = recorded(arm(), TRUTH, n=2) * 60
+    found = survey(data)
+    assert sum(s.n_samples * s.period for s in found.stretches) <= STRETCHES
+    assert len(found.stretches) > 10
+    assert found.n_recordings == 120
+    assert found.duration == pytest.approx(120 * 20.0)
+    assert np.isfinite(found.speed).all()

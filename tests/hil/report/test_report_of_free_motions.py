@@ -1,0 +1,43 @@
+"""The report of a run that was imported."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from free_run import TRUTH, arm, recorded, write_free_run
+
+from hil.report.page import report
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture(scope="module")
+def text(tmp_path_factory: pytest.TempPathFactory) -> str:
+    robot = arm()
+    folder = tmp_path_factory.mktemp("report") / "run"
+    run = write_free_run(folder, robot, recorded(robot, TRUTH, n=2))
+    return report(run, folder / "figures").read_text()
+
+
+def test_it_states_parameters_friction_and_what_is_left(text: str) -> None:
+    for words in (
+        "All 6 base parameters of arm",
+        "Friction",
+        "Torque left by the fit, all samples",
+    ):
+        assert words in text
+    assert "cut-off" in text
+
+
+def test_it_shows_measured_beside_predicted_torques(text: str) -> None:
+    assert "data:image/svg+xml" in text
+    assert "Recording r0" in text
+
+
+def test_figures_are_written_as_files_too(tmp_path: Path) -> None:
+    robot = arm()
+    run = write_free_run(tmp_path / "run", robot, recorded(robot, TRUTH, n=1))
+    report(run, tmp_path / "figures")
+    assert (tmp_path / "figures" / "torques.png").stat().st_size > 1000

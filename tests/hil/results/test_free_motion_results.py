@@ -1,0 +1,89 @@
+"""Models of free motions: kept, shown, and predicting torques with friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded, write_free_run
+
+import hil
+from hil.errors import NotEnoughData
+from hil.results.model import Model
+from hil.results.predicted_torques import predicted_torques
+from hil.results.recorded_torque import predict_recording
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.runs.run import Run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    robot = arm()
+    return write_free_run(tmp_path_factory.mktemp("free") / "run", robot, recorded(robot, TRUTH))
+
+
+@pytest.fixture(scope="module")
+def model(run: Run) -> Model:
+    return hil.identify(run)
+
+
+def test_an_imported_run_is_identified_by_the_method_for_it(model: Model) -> None:
+    assert model.method == "free motion"
+    assert model.values == pytest.approx(TRUTH, abs=0.02)
+
+
+def test_a_model_comes_back_from_its_file_with_its_friction(model: Model, tmp_path: Path) -> None:
+    model.save(tmp_path / "model.yaml")
+    again = Model.load(tmp_path / "model.yaml")
+    assert again.friction == model.friction
+    q, qd, qdd = np.random.default_rng(0).standard_normal((3, 10, 2))
+    ours, theirs = (each.torque_with_friction(q, qd, qdd) for each in (model, again))
+    assert theirs == pytest.approx(ours, rel=1e-12)
+
+
+def test_torque_with_friction_is_what_the_drives_gave(model: Model) -> None:
+    (_, recording), *_ = recorded(arm(), TRUTH, noise=0.0, seed=50)
+    found = predict_recording(model, recording)
+    assert found.overall < 0.01
+    assert found.residual.shape == found.measured.shape == (len(found.time), 2)
+
+
+def test_intervals_of_another_recording_hold_its_torques(model: Model) -> None:
+    (_, recording), *_ = recorded(arm(), TRUTH, seed=60)
+    inside = predict_recording(model, recording).inside(0.95)
+    assert (inside > 0.9).all()
+    assert (inside < 0.99).all()
+
+
+def test_a_recording_of_another_load_is_predicted_worse(model: Model) -> None:
+    (_, loaded), *_ = recorded(arm(), TRUTH + np.array([0, 0, 0, 0.5, 1.0, 0.0]), seed=60)
+    (_, same), *_ = recorded(arm(), TRUTH, seed=60)
+    assert predict_recording(model, loaded).overall > 3 * predict_recording(model, same).overall
+
+
+def test_validation_takes_the_law_of_friction_instead_of_fitting_one(model: Model) -> None:
+    data = recorded(arm(), TRUTH, n=1, seed=70)
+    data[0][1].tau[:] += 5.0 * np.sign(np.gradient(data[0][1].q, axis=0))
+    parts = list(predicted_torques(model, data))
+    assert [part.axis for part in parts] == [0, 1]
+    for part in parts:
+        assert np.abs(part.measured - part.predicted).mean() > 3.0
+
+
+def test_a_model_without_friction_says_so(model: Model) -> None:
+    bare = replace(model, friction=None)
+    with pytest.raises(NotEnoughData, match="no law of friction"):
+        bare.torque_with_friction(0.0, 0.0, 0.0)
+    with pytest.raises(NotEnoughData, match="no law of friction"):
+        predict_recording(bare, recorded(arm(), TRUTH, n=1)[0][1])
+
+
+def test_the_summary_states_friction_residuals_and_what_was_chosen(model: Model) -> None:
+    text = str(model.summary())
+    for word in ("Friction", "viscous", "all samples", "cut-off", "dead zone", "Hausman"):
+        assert word in text
