@@ -2,11 +2,11 @@
 
 Nothing is known of such a motion beforehand: not its set-points, not its noise, not how friction
 behaves. So what others choose by hand is chosen by the data, by rules that are stated with the
-result: the cut-off frequency (`cut_off`), the law of friction and the dead zone (`choice`), whether
-friction is fitted block by block (`by_block`). Every choice is scored by the error of prediction on
-blocks that were held out, at all speeds. Recordings are condensed one after the other
-(`accumulation`) to inner products of columns (`columns`) of filtered motion (`filtering`); samples
-are never all in memory at once. The methods are in `methods`.
+result: cut-off frequency and source of velocities (`settings`), the law of friction and the dead
+zone (`choice`), the latter two by the error of prediction on blocks that were held out. Recordings
+are condensed one after the other (`accumulation`) to inner products of columns (`columns`) of
+filtered motion (`filtering`); samples are never all in memory at once. The methods are in
+`methods`.
 
 Standard errors (`uncertainty`) add up two things: what differs from one block to the next, and what
 differs from one part of the space of states to the next, which is where an incomplete model shows.
