@@ -34,16 +34,13 @@ from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.methods import DEFAULT, fit_free_motions
 from hil.estimation.free_motion.methods import VARIANTS as FREE_VARIANTS
+from hil.estimation.identifiability import conditions, require_all_groups, require_rank
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step import TwoStep
-from hil.model.base_parameters import base_parameters
-from hil.model.dependencies import GROUPS
 from hil.planning.free_motion import FreeMotion
-from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
-from hil.planning.prediction.identifiability import of_all_kinds
-from hil.regression.least_squares import IDENTIFIABLE, undetermined
+from hil.planning.measurement import shows_element, shows_parameters
 from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
@@ -65,8 +62,6 @@ if TYPE_CHECKING:
 
 TwoStepMethod = Literal["improved", "printed"]
 TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
-BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
-"""Why parameters count as not identified."""
 _FEWEST_DEGREES = 2.0
 """Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
 
@@ -100,7 +95,7 @@ def estimates(
     NotIdentifiable
         Base parameters that the measurements do not excite.
     """
-    raw, unusable = prepare(recorded)
+    raw, unusable = prepare(robot, recorded)
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
         found[method] = (_improved if method == "improved" else _printed)(robot, raw, unusable)
@@ -110,8 +105,8 @@ def estimates(
 def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
     fits, useless = _local_fits(robot, raw)
-    condition = _conditions(robot, fits, together=False)
-    _require_all_groups(robot, fits, condition)
+    condition = conditions(robot, fits, together=False)
+    require_all_groups(robot, fits, condition)
     solver = TwoStep(robot, fits)
     p, changes = _left_out_in_turn(solver)
     return _estimate(
@@ -135,8 +130,8 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
         solver = SimultaneousFit(robot, prepared)
     fits, useless = _local_fits(robot, prepared)
-    condition = _conditions(robot, fits)
-    _require_rank(robot, prepared, fits, condition, solver)
+    condition = conditions(robot, fits)
+    require_rank(robot, prepared, fits, condition, solver)
     p, changes = _left_out_in_turn(solver)
     covariance = jackknife(changes) + drive_train.covariance
     covariance += _of_gears(robot, raw, drive_train, p)
@@ -202,9 +197,21 @@ def _estimate(
 
 
 def prepare(
-    recorded: Recorded,
+    robot: Robot, recorded: Recorded
 ) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
-    """Signals of all measurements that are of use here, and why others have none."""
+    """Signals of all measurements that are of use here, and why others have none.
+
+    Raises
+    ------
+    NotIdentifiable
+        A robot whose limits are unknown: which samples are used depends on them.
+    """
+    for key in ("velocity_limit", "acceleration_limit", "torque_limit"):
+        if np.isnan(getattr(robot, key)).any():
+            raise NotIdentifiable(
+                f"{key} of {robot.name} is unknown, and the methods for strokes take their samples"
+                f" by it; state it in the robot file, or identify by --method '{DEFAULT}'"
+            )
     found, left_out = [], []
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
@@ -221,7 +228,7 @@ def prepared_for(
 ) -> list[tuple[ParameterMotion, Signals]]:
     """Signals of the measurements behind an estimate, its drive train taken into account."""
     unused = {left.id for left in found.left_out}
-    own = [each for each in prepare(recorded)[0] if each[0].id not in unused]
+    own = [each for each in prepare(robot, recorded)[0] if each[0].id not in unused]
     if found.drive_train is None:
         return own
     return [(m, found.drive_train.applied(robot, s)) for m, s in own]
@@ -248,96 +255,6 @@ def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
         if squares:
             found[axis] = np.sqrt(np.mean(squares))
     return found
-
-
-def _conditions(
-    robot: Robot, fits: Sequence[LocalFit], *, together: bool = True
-) -> dict[str, float]:
-    """Condition number of the observation matrix of each group that was measured; inf: no rank.
-
-    Parameters that gravity alone leaves open are judged by the elements of M(q) too, unless each
-    group must do by itself.
-    """
-    base = base_parameters(robot)
-    condition: dict[str, float] = {}
-    for group in GROUPS:
-        columns = list(base.groups[group])
-        rows = _rows(robot, fits, group)
-        if not (columns and len(rows)):
-            continue
-        hidden = together and base.dependencies.hidden[columns].any()
-        N, size = _of_all_kinds(robot, fits, columns) if hidden else (rows.T @ rows, None)
-        lost = undetermined(N, IDENTIFIABLE, size).any()
-        condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
-    return condition
-
-
-def _of_all_kinds(
-    robot: Robot, fits: Sequence[LocalFit], columns: Sequence[int]
-) -> tuple[Array, Array]:
-    axes = np.array([f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits])
-    rows = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
-    return of_all_kinds(rows, axes, columns)
-
-
-def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:
-    """Observation matrix of a group, rows weighted by eq. (16)."""
-    columns = list(base_parameters(robot).groups[group])
-    kinds = _kinds(group)
-    rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
-    return np.array(rows).reshape(len(rows), len(columns))
-
-
-def _kinds(group: str) -> list[str]:
-    return [name for name, kind in ELEMENT_KINDS.items() if kind.group == group]
-
-
-def _require_all_groups(
-    robot: Robot, fits: Sequence[LocalFit], condition: dict[str, float]
-) -> None:
-    """Refuse groups that their own kind of measurement does not identify.
-
-    Raises
-    ------
-    NotIdentifiable
-    """
-    base = base_parameters(robot)
-    for group in GROUPS:
-        columns = base.groups[group]
-        if columns and not np.isfinite(condition.get(group, np.inf)):
-            names, found = ", ".join(base.names[c] for c in columns), len(_rows(robot, fits, group))
-            why = "" if found < len(columns) else f": {BOUND}"
-            raise NotIdentifiable(
-                f"{found} usable {' and '.join(_kinds(group))} measurements do not identify"
-                f" {names}{why}; measure more configurations of that kind (see: hil dry-run), or"
-                " finish the run with --resume"
-            )
-
-
-def _require_rank(
-    robot: Robot,
-    prepared: Prepared,
-    fits: Sequence[LocalFit],
-    condition: dict[str, float],
-    solver: SimultaneousFit,
-) -> None:
-    """Refuse measurements that together leave base parameters open.
-
-    Raises
-    ------
-    NotIdentifiable
-    """
-    base = base_parameters(robot)
-    if not any(m.streamed for m, _ in prepared):
-        # what is not excited on purpose is excited by noise, which identifies nothing
-        _require_all_groups(robot, fits, condition)
-    lost = solver.undetermined()
-    if lost.any():
-        names = ", ".join(name for name, each in zip(base.names, lost, strict=True) if each)
-        raise NotIdentifiable(
-            f"{solver.n_measurements} usable measurements do not identify {names}: {BOUND}; measure"
-            " more configurations (see: hil dry-run), or finish the run with --resume"
-        )
 
 
 def _two_step(method: TwoStepMethod) -> Identify:

@@ -78,19 +78,26 @@ class SimultaneousFit:
         mu, error = self.load_friction
         self.loaded: NDArray[np.bool_] = np.nan_to_num(mu / error) > SIGNIFICANT
         """Axes that keep it, shape (n_joints,)."""
-        self._items = [
-            [
-                with_mu if self.loaded[with_mu.axis] else without
-                for with_mu, without in zip(*both, strict=True)
-            ]
-            for both in zip(self._items, rigid, strict=True)
-        ]
-        self._weigh()
+        both = [list(zip(*each, strict=True)) for each in zip(self._items, rigid, strict=True)]
+        self._keep_load_friction(both)
+        while self.loaded.any() and self.undetermined().any():
+            # where an axis always carries the same load, its friction looks like gravity
+            kept = np.flatnonzero(self.loaded)
+            self.loaded[kept[np.argmin((mu / error)[kept])]] = False
+            self._keep_load_friction(both)
         self.stacked = [
             (s, [b if self.loaded[b.axis] else a for a, b in zip(plain, other, strict=True)])
             for (s, plain), (_, other) in zip(stacks, loaded, strict=True)
         ]
         """Of each measurement its signals and the columns of each axis that moves."""
+
+    def _keep_load_friction(self, both: Sequence[Sequence[tuple[Condensed, Condensed]]]) -> None:
+        """Take each axis's share with or without friction of the load, as `loaded` says."""
+        self._items = [
+            [with_mu if self.loaded[with_mu.axis] else without for with_mu, without in each]
+            for each in both
+        ]
+        self._weigh()
 
     @property
     def n_measurements(self) -> int:

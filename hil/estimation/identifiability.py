@@ -1,0 +1,119 @@
+"""Do measurements identify every base parameter? Asked before an estimate is believed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotIdentifiable
+from hil.model.base_parameters import base_parameters
+from hil.model.dependencies import GROUPS
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.planning.prediction.identifiability import of_all_kinds
+from hil.regression.least_squares import IDENTIFIABLE, undetermined
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.local_values import LocalFit
+    from hil.estimation.signals import Signals
+    from hil.estimation.simultaneous import SimultaneousFit
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMotion
+
+    Array = NDArray[np.float64]
+    Prepared = Sequence[tuple[ParameterMotion, Signals]]
+
+BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
+"""Why parameters count as not identified."""
+
+
+def conditions(
+    robot: Robot, fits: Sequence[LocalFit], *, together: bool = True
+) -> dict[str, float]:
+    """Condition number of the observation matrix of each group that was measured; inf: no rank.
+
+    Parameters that gravity alone leaves open are judged by the elements of M(q) too, unless each
+    group must do by itself.
+    """
+    base = base_parameters(robot)
+    condition: dict[str, float] = {}
+    for group in GROUPS:
+        columns = list(base.groups[group])
+        rows = _rows(robot, fits, group)
+        if not (columns and len(rows)):
+            continue
+        hidden = together and base.dependencies.hidden[columns].any()
+        N, size = _of_all_kinds(robot, fits, columns) if hidden else (rows.T @ rows, None)
+        lost = undetermined(N, IDENTIFIABLE, size).any()
+        condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
+    return condition
+
+
+def _of_all_kinds(
+    robot: Robot, fits: Sequence[LocalFit], columns: Sequence[int]
+) -> tuple[Array, Array]:
+    axes = np.array([f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits])
+    rows = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
+    return of_all_kinds(rows, axes, columns)
+
+
+def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:
+    """Observation matrix of a group, rows weighted by eq. (16)."""
+    columns = list(base_parameters(robot).groups[group])
+    kinds = _kinds(group)
+    rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
+    return np.array(rows).reshape(len(rows), len(columns))
+
+
+def _kinds(group: str) -> list[str]:
+    return [name for name, kind in ELEMENT_KINDS.items() if kind.group == group]
+
+
+def require_all_groups(robot: Robot, fits: Sequence[LocalFit], condition: dict[str, float]) -> None:
+    """Refuse groups that their own kind of measurement does not identify.
+
+    Raises
+    ------
+    NotIdentifiable
+    """
+    base = base_parameters(robot)
+    for group in GROUPS:
+        columns = base.groups[group]
+        if columns and not np.isfinite(condition.get(group, np.inf)):
+            names, found = ", ".join(base.names[c] for c in columns), len(_rows(robot, fits, group))
+            why = "" if found < len(columns) else f": {BOUND}"
+            raise NotIdentifiable(
+                f"{found} usable {' and '.join(_kinds(group))} measurements do not identify"
+                f" {names}{why}; measure more configurations of that kind (see: hil dry-run), or"
+                " finish the run with --resume"
+            )
+
+
+def require_rank(
+    robot: Robot,
+    prepared: Prepared,
+    fits: Sequence[LocalFit],
+    condition: dict[str, float],
+    solver: SimultaneousFit,
+) -> None:
+    """Refuse measurements that together leave base parameters open.
+
+    Raises
+    ------
+    NotIdentifiable
+    """
+    base = base_parameters(robot)
+    if not any(m.streamed for m, _ in prepared):
+        # what is not excited on purpose is excited by noise, which identifies nothing
+        require_all_groups(robot, fits, condition)
+    lost = solver.undetermined()
+    if lost.any():
+        names = ", ".join(name for name, each in zip(base.names, lost, strict=True) if each)
+        raise NotIdentifiable(
+            f"{solver.n_measurements} usable measurements do not identify {names}: {BOUND}; measure"
+            " more configurations (see: hil dry-run), or finish the run with --resume"
+        )
