@@ -45,8 +45,10 @@ def validate(
 ) -> None:
     """Judge a model by a run that it was not made from; exit status 3 where it is refused."""
     from hil.results.model import Model
+    from hil.results.model_file import file_of
     from hil.runs.run import Run
 
+    model_path = file_of(model_path)
     model = Model.load(model_path)
     if measure:
         _measure(model, folder, interface, channel, drives_file, bus_option, realtime=realtime)

@@ -23,7 +23,7 @@ from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
 from hil.regression.uncertainty import correlation_of
-from hil.results.model_file import NAME, ModelFile
+from hil.results.model_file import ModelFile, file_of
 from hil.results.ripple import ripple_left_out
 from hil.results.samples import samples
 from hil.results.tables.free_motion import friction, left_by_free_motions, statements
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.error_budget import ErrorTerm
     from hil.results.model_file import Provenance
+    from hil.results.verdict import KeptVerdict
 
     Array = NDArray[np.float64]
 
@@ -72,6 +73,8 @@ class Model:
         Causes of error, the largest first; empty where nothing but noise matters.
     friction : FreeMotionFit, optional
         Friction of each axis and what was chosen, where free motions were identified.
+    validations : tuple of KeptVerdict
+        What the model was worth on other recordings.
     """
 
     robot: Robot
@@ -85,6 +88,7 @@ class Model:
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    validations: tuple[KeptVerdict, ...] = ()
 
     @classmethod
     def load(cls, path: Path | str) -> Model:
@@ -95,8 +99,7 @@ class Model:
         FileError
             There is none, it was damaged, or it belongs to another robot than the one beside it.
         """
-        path = Path(path)
-        path = path if path.suffix and not path.is_dir() else path / NAME
+        path = file_of(Path(path))
         if not path.exists():
             raise FileError(f"{path}: not there yet; make it with: hil identify {path.parent}")
         kept = load_yaml(path, ModelFile)
@@ -112,6 +115,7 @@ class Model:
             provenance=kept.provenance,
             error_budget=kept.error_budget,
             friction=kept.friction,
+            validations=kept.validations,
         )
 
     def save(self, path: Path | str) -> None:

@@ -21,6 +21,7 @@ from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.error_budget import ErrorTerm
+from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -89,6 +90,8 @@ class ModelFile(FileModel):
         The largest first.
     friction : FreeMotionFit, optional
         Friction and settings of an estimate from free motions.
+    validations : tuple of KeptVerdict
+        What the model was worth on other recordings, as `hil validate` found.
     robot_file : str, optional
         The robot file, verbatim.
     """
@@ -103,6 +106,7 @@ class ModelFile(FileModel):
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    validations: tuple[KeptVerdict, ...] = ()
     robot_file: str | None = None
 
     @model_validator(mode="after")
@@ -133,6 +137,7 @@ class ModelFile(FileModel):
             condition=model.condition,
             error_budget=model.error_budget,
             friction=model.friction,
+            validations=model.validations,
             robot_file=model.robot.text,
         )
 
@@ -169,13 +174,18 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        absent = {"friction"} if self.friction is None else None
+        absent = {name for name in ("friction", "validations") if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
             Dumper=_Dumper,
             sort_keys=False,
             width=200,
         )
+
+
+def file_of(path: Path) -> Path:
+    """Path of a model's file, by its own or by that of the folder it lies in."""
+    return path if path.suffix and not path.is_dir() else path / NAME
 
 
 def _parameters(model: Model) -> tuple[Parameter, ...]:

@@ -1,22 +1,27 @@
-"""`validation.yaml`: how well a model predicted the run in whose folder it lies."""
+"""`validation.yaml`: how well a model predicted the run in whose folder it lies.
+
+The model's own file keeps the verdict too: what it was worth where.
+"""
 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import yaml
 
 from checked_files.yaml_file import FileModel
+from hil.results.model import Model
 from hil.results.stamp import RunStamp
 from hil.results.validation import Validation
+from hil.results.verdict import KeptVerdict
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.results.model import Model
     from hil.runs.run import Run
 
 NAME = "validation.yaml"
@@ -57,4 +62,20 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
     path = run.path / NAME
     text = yaml.safe_dump(record.model_dump(mode="json"), sort_keys=False, width=200)
     write_file(path, text.encode())
+    _keep_verdict(record, model_path, run.path)
     return path
+
+
+def _keep_verdict(record: ValidationRecord, model_path: Path, run: Path) -> None:
+    """Add the verdict to the model's file, in place of an earlier one on the same run."""
+    found, where = record.validation, os.path.relpath(run, model_path.parent)
+    verdict = KeptVerdict(
+        run=where,
+        validated=record.validated,
+        verdict=found.verdict,
+        reason=found.reason,
+        relative=found.relative if found.axes else None,
+    )
+    model = Model.load(model_path)
+    others = tuple(each for each in model.validations if each.run != where)
+    replace(model, validations=(*others, verdict)).save(model_path)

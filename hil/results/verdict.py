@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from checked_files.yaml_file import FileModel
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -45,6 +47,27 @@ class Verdict(NamedTuple):
 
     word: Word
     reason: str
+
+
+class KeptVerdict(FileModel):
+    """What a model was worth on one recording, as its file keeps it.
+
+    Attributes
+    ----------
+    run : str
+        Path of the run's folder, from that of the model's file.
+    validated : str
+        When.
+    verdict, reason : str
+    relative : float
+        Residual of all axes together over their torque, each as a share of its own.
+    """
+
+    run: str
+    validated: str
+    verdict: Word
+    reason: str
+    relative: float | None
 
 
 def judged(scores: Sequence[AxisScore], n_joints: int) -> Verdict:

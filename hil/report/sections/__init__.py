@@ -23,6 +23,7 @@ from hil.report.sections import (
     payload,
     sessions,
     torques,
+    validation,
 )
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
     parameters.section,
+    validation.section,
     advice.section,
     measured_and_modelled.section,
     payload.section,
@@ -54,6 +56,7 @@ OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
 """Of a run about friction alone."""
 OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
     free_motions.section,
+    validation.section,
     sessions.section,
 )
 """Of a run that was imported."""

@@ -1,15 +1,18 @@
-"""How well a model predicts another recording, axis by axis."""
+"""How well a model predicts other recordings: axis by axis, and in one word each."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from hil.results.rounding import significant
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.results.tables.table import Row
     from hil.results.validation import AxisScore, Validation
+    from hil.results.verdict import KeptVerdict
 
 
 def validation(found: Validation, notes: tuple[str, ...] = ()) -> Table:
@@ -26,6 +29,30 @@ def validation(found: Validation, notes: tuple[str, ...] = ()) -> Table:
         ),
         notes=notes,
     )
+
+
+def verdicts(kept: Sequence[KeptVerdict]) -> Table:
+    """What a model was worth on other recordings."""
+    return Table(
+        title="Judged by other recordings",
+        columns=(
+            Column("run"),
+            Column("verdict"),
+            *figures("off by, %"),
+            Column("reason", folds=True),
+        ),
+        parts=(Part(tuple(_verdict(each) for each in kept)),),
+        explanation=(
+            "By hil validate: verdict, error of the predicted torques, and the worst of what was"
+            " found."
+        ),
+    )
+
+
+def _verdict(each: KeptVerdict) -> Row:
+    off = "" if each.relative is None else significant(100 * each.relative, 2)
+    word = each.verdict if each.verdict == "PASS" else Marked(each.verdict)
+    return each.run, word, off, each.reason
 
 
 def _row(score: AxisScore) -> Row:

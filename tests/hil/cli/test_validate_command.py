@@ -1,0 +1,97 @@
+"""`hil validate`: verdict, exit status, and what is kept of it beside the run and in the model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from small_run import empty_plots, write_run
+
+from hil.cli.validating import _refuse_other_robot
+from hil.errors import Mismatch
+from hil.model.robot import parse_robot
+from hil.results.identification import identify
+from hil.results.model import Model
+from hil.results.model_file import NAME
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from command_line import Hil
+
+    from hil.model.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def folders(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """An identified run, and another one of the same robot."""
+    where = tmp_path_factory.mktemp("runs")
+    first = write_run(where / "first", manutec, seed=1)
+    identify(first).save(first.path / NAME)
+    other = write_run(where / "other", manutec, seed=2)
+    return first.path, other.path
+
+
+def test_a_good_model_passes_and_keeps_the_verdict(hil: Hil, folders: tuple[Path, Path]) -> None:
+    first, other = folders
+    status, out, _ = hil("validate", other, "--model", first)
+    assert status == 0
+    assert "PASS: torques are predicted within" in out
+    assert (other / "validation.png").read_bytes().startswith(b"\x89PNG")
+    assert "verdict: PASS" in (other / "validation.yaml").read_text()
+    (kept,) = Model.load(first).validations
+    assert (kept.run, kept.verdict) == ("../other", "PASS")
+
+
+def test_a_second_validation_on_the_same_run_takes_the_place_of_the_first(
+    hil: Hil, folders: tuple[Path, Path]
+) -> None:
+    first, other = folders
+    for _ in range(2):
+        assert hil("validate", other, "--model", first / NAME)[0] == 0
+    assert len(Model.load(first).validations) == 1
+
+
+def test_a_refused_model_ends_with_status_3(hil: Hil, folders: tuple[Path, Path]) -> None:
+    first, other = folders
+    model = Model.load(first)
+    wrong = other.parent / "wrong.yaml"
+    replace(model, values=-model.values).save(wrong)
+    status, out, _ = hil("validate", other, "--model", wrong)
+    assert status == 3
+    assert "REFUSE: axis" in out
+
+
+def test_a_report_shows_what_its_model_was_worth_elsewhere(
+    hil: Hil, folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    empty_plots(monkeypatch)
+    first, other = folders
+    hil("validate", other, "--model", first)
+    assert hil("report", first)[0] == 0
+    assert "Judged by other recordings" in (first / "report.html").read_text()
+
+
+def test_a_model_of_another_robot_is_refused(
+    hil: Hil, folders: tuple[Path, Path], manutec: Robot, tmp_path: Path
+) -> None:
+    first, other = folders
+    text = manutec.text.replace("torque_limit: 945", "torque_limit: 946")
+    stranger = replace(Model.load(first), robot=parse_robot(text, "other.yaml"))
+    with pytest.raises(Mismatch, match="was recorded with another robot file"):
+        _refuse_other_robot(stranger, Run.open(other))
+    status, _, err = hil("validate", other, "--model", tmp_path)
+    assert status == 1
+    assert "make it with: hil identify" in err
+
+
+def test_a_motion_is_measured_for_the_purpose(
+    hil: Hil, folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    first, _ = folders
+    status, out, _ = hil("validate", tmp_path / "check", "--model", first, "--measure")
+    assert status in (0, 3)  # the model is of made-up recordings, the motion of the virtual plant
+    assert "Torques predicted of this recording" in out
+    assert (tmp_path / "check" / "recordings" / "validation.h5").exists()
