@@ -4,7 +4,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,7 +25,6 @@ from hil.measuring.events import Recorded
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, dump_plan
-from hil.runs.recording import Recording
 from hil.runs.run_folder import RunFolder
 from sim_plant.plant import load_plant
 from sim_plant.serving.server import serve
@@ -56,9 +54,9 @@ def measure(path: Path, plan: Plan, robot: Robot, bus: CanopenDriveBus) -> RunFo
 
 def refuse_differences(one: RunFolder, other: RunFolder) -> None:
     for ours, theirs in zip(one, other, strict=True):
-        for field in fields(Recording):
-            mine, yours = (getattr(m.recording, field.name) for m in (ours, theirs))
-            assert np.array_equal(mine, yours, equal_nan=mine.dtype.kind == "f"), field.name
+        for name in ours.recording.units:
+            mine, yours = (getattr(m.recording, name) for m in (ours, theirs))
+            assert np.array_equal(mine, yours, equal_nan=mine.dtype.kind == "f"), name
 
 
 @pytest.mark.parametrize("suffix", FORMATS)

@@ -1,0 +1,85 @@
+"""docs/tutorial.md: its commands work one after the other and print what it says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import yaml
+
+from hil.results.model import Model
+
+if TYPE_CHECKING:
+    from command_line import Hil
+
+ROOT = Path(__file__).parents[3]
+TEXT = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+COMMANDS = re.findall(r"(?m)^hil .*$", TEXT)
+TRUTH = (0.228005, 0.01533, 0.016164, 0.015496, -0.021856, 0.085098, -0.2027, 0.30845)
+"""Base parameters of the head that was recorded, rotors included [kg m^2, kg m]."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("tutorial")
+    (made / "examples").symlink_to(ROOT / "examples")
+    return made
+
+
+def test_every_step_works_and_the_verdict_is_the_one_that_stands_there(
+    hil: Hil, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    assert len(COMMANDS) == 6
+    printed = ""
+    for line in COMMANDS:
+        status, out, err = hil(*line.split()[1:])
+        assert (status, err) == (0, ""), line
+        printed += out
+    (stands,) = re.findall(r"(?m)^PASS: .*$", TEXT)
+    assert stands in printed
+    model = Model.load("runs/head")
+    inside = [
+        low <= true <= high for true, (low, high) in zip(TRUTH, model.interval(), strict=True)
+    ]
+    assert all(inside)
+
+
+def test_the_map_that_is_shown_is_the_one_that_comes_along() -> None:
+    (shown,) = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
+    kept = (ROOT / "examples" / "pan_tilt" / "excitation.yaml").read_text(encoding="utf-8")
+    assert yaml.safe_load(shown) == yaml.safe_load(kept)
+
+
+REAL = ROOT / ".." / "shared" / "data"
+"""Recordings of two real machines, which are no part of the project."""
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="recordings of EMPS and TX40 are not here")
+@pytest.mark.parametrize(
+    ("name", "map_name", "files"),
+    [
+        ("emps", "estimation", ("estimation.csv.gz",)),
+        ("tx40", "tx40", ("pos_read_data.csv.gz", "curr_data.csv.gz")),
+    ],
+)
+def test_real_machines_take_two_commands_after_their_map(
+    hil: Hil, tmp_path: Path, name: str, map_name: str, files: tuple[str, ...]
+) -> None:
+    there = tmp_path / f"{map_name}.yaml"
+    there.write_bytes((ROOT / "examples" / name / f"{map_name}.yaml").read_bytes())
+    for file in files:
+        (tmp_path / file).symlink_to((REAL / name / file).resolve())
+    run = tmp_path / "run"
+    assert hil("import", there, "-o", run)[0] == 0
+    status, out, _ = hil("identify", run)
+    assert status == 0
+    assert "the mass matrix is positive definite along the motion" in " ".join(out.split())
+    model = Model.load(run)
+    assert model.friction is not None
+    assert model.friction.overall_residual < {"emps": 0.037, "tx40": 0.082}[name]
+    if name == "emps":
+        (mass,) = model.values
+        assert mass == pytest.approx(95.11, rel=0.01)
