@@ -33,7 +33,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,7 +46,6 @@ from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.plan import Plan, dump_plan
 from hil.results.identification import identify
-from hil.runs.recording import Recording
 from hil.runs.run_folder import RunFolder
 from sim_plant.serving.bus import PlantBus
 
@@ -233,9 +232,8 @@ def judge(
 def alike(one: Measured, other: Measured) -> bool:
     """Return whether two recordings are equal, bit by bit."""
     same = all(
-        getattr(one.recording, field.name).tobytes()
-        == getattr(other.recording, field.name).tobytes()
-        for field in fields(Recording)
+        getattr(one.recording, name).tobytes() == getattr(other.recording, name).tobytes()
+        for name in one.recording.units
     )
     return same and (one.measurement, one.attempts, one.findings) == (
         other.measurement,
