@@ -42,6 +42,13 @@ _WORDS = {
     },
 }
 """What columns of a kind are called."""
+_OF_UNIT = {
+    "position": {"rad", "deg", "m", "mm"},
+    "velocity": {"rad/s", "deg/s", "rpm", "m/s", "mm/s"},
+    "torque": {"nm", "n", "a", "v"},
+}
+"""What a column holds by its unit, where no word says more."""
+_JOINTS = {"joint", "axis", "motor", "j"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
 _FILLERS = {"actual", "measured", "meas", "act"}
@@ -184,13 +191,26 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     found: dict[tuple[str, ...], dict[str, SeenColumn]] = {}
     for column in columns:
         words = _words(_UNIT_IN_NAME.sub("", column.name))
-        for key, known in _WORDS.items():
-            named = [word for word in words if word in known]
-            if named and not _SET_POINTS.intersection(words):
-                joint = tuple(word for word in words if word not in {named[0], *_FILLERS})
-                found.setdefault(joint, {}).setdefault(key, column)
-                break
+        if _SET_POINTS.intersection(words):
+            continue
+        key, name = _kind(column, words)
+        if key:
+            joint = tuple(word for word in words if word not in {name, *_FILLERS})
+            found.setdefault(joint, {}).setdefault(key, column)
     return [joint for joint in found.values() if "position" in joint] or [{}]
+
+
+def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
+    """What a column holds, by a word of its name, by the unit there, or by being a mere joint's."""
+    for key, known in _WORDS.items():
+        for word in words:
+            if word in known:
+                return key, word
+    if unit := _UNIT_IN_NAME.search(column.name):
+        stated = (unit[1] or unit[2]).lower().replace(" ", "")
+        return next((key for key, units in _OF_UNIT.items() if stated in units), ""), ""
+    alone = bool(words) and all(word.isdigit() or word in _JOINTS for word in words)
+    return ("position" if alone and not column.rises else ""), ""
 
 
 def _words(name: str) -> list[str]:

@@ -38,7 +38,10 @@ _EXPLAINED = 0.7
 _WELL = 0.35
 _WIDEST = 20.0
 _LEAST = 0.02
+_UNITS = ((np.pi / 180, "in degrees, stated as rad"), (180 / np.pi, "in rad"))
 _RIDGE = 1e-9
+_SLOW = 0.1
+"""Share of a joint's greatest speed below which its torques do not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +67,13 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
         return
     motion = (q, qd, qdd)
     design = _design(robot, motion, scale)
-    own = _unexplained(design, tau, scale)
+    own = _unexplained(design, tau, scale, qd)
     found: list[tuple[float, _Reading | None]] = [(own, None)]
     for reading in _readings(robot, motion, tau, moving):
         same = reading.motion is motion
         its_design = design if same else _design(robot, reading.motion, scale)
-        found.append((_unexplained(its_design, reading.tau, scale), reading))
+        unexplained = _unexplained(its_design, reading.tau, scale, reading.motion[1])
+        found.append((unexplained, reading))
     least, best = min(found, key=lambda each: each[0])
     ratio = own / max(least, 1e-6)
     if best is not None and ratio > BETTER and least < _EXPLAINED:
@@ -108,12 +112,17 @@ def _own_columns(qd: Array, qdd: Array) -> Array:
     return np.stack([np.tanh(qd / (0.05 * speed)), qd, qdd, np.ones_like(qd)], axis=1)
 
 
-def _unexplained(design: Array, tau: Array, scale: Array) -> float:
-    """Share of the torques' scatter that the model leaves, over all joints."""
-    wanted = ((tau - tau.mean(axis=0)) / scale).ravel()
-    gram = design.T @ design + _RIDGE * np.eye(design.shape[1])
-    x = np.linalg.solve(gram, design.T @ wanted)
-    return float(np.linalg.norm(wanted - design @ x) / np.linalg.norm(wanted))
+def _unexplained(design: Array, tau: Array, scale: Array, qd: Array) -> float:
+    """Share of the torques' scatter that the model leaves, over all joints that are not too slow.
+
+    Near a reversal friction is no function of velocity, and what is left there hides the rest.
+    """
+    fast = (np.abs(qd) >= _SLOW * np.abs(qd).max(axis=0)).ravel()
+    wanted = ((tau - tau.mean(axis=0)) / scale).ravel()[fast]
+    used = design[fast]
+    gram = used.T @ used + _RIDGE * np.eye(design.shape[1])
+    x = np.linalg.solve(gram, used.T @ wanted)
+    return float(np.linalg.norm(wanted - used @ x) / np.linalg.norm(wanted))
 
 
 def _readings(
@@ -121,6 +130,12 @@ def _readings(
 ) -> Iterator[_Reading]:
     for joint in np.flatnonzero(moving).tolist():
         yield from _of_one_joint(robot, motion, tau, joint)
+    for factor, unit in _UNITS:
+        if np.ptp(motion[0][:, robot.revolute], axis=0).max(initial=0.0) * factor < _WIDEST:
+            scaled = np.where(robot.revolute, factor, 1.0)
+            q, qd, qdd = (array * scaled for array in motion)
+            message = f"the positions of all joints that turn were {unit}"
+            yield _Reading(("joints", 0, "position", "unit"), message, (q, qd, qdd), tau)
     for i, j in combinations(range(robot.n_joints), 2):
         if robot.revolute[i] != robot.revolute[j]:
             continue
@@ -148,7 +163,7 @@ def _of_one_joint(robot: Robot, motion: Motion, tau: Array, joint: int) -> Itera
     yield _Reading((*at, "position", "sign"), message, mirrored, tau * turned)
     if not robot.revolute[joint]:
         return
-    for factor, unit in ((np.pi / 180, "in degrees, stated as rad"), (180 / np.pi, "in rad")):
+    for factor, unit in _UNITS:
         if np.ptp(q[:, joint]) * factor < _WIDEST:
             scaled = np.where(np.arange(robot.n_joints) == joint, factor, 1.0)
             message = f"the positions of {name} were {unit}"

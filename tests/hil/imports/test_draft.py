@@ -104,3 +104,18 @@ def test_text_in_a_column_is_no_column_of_numbers(tmp_path):
     text = draft_map(tmp_path / "a.csv", "a.csv")
     assert "#   3 q: 0 to 49, rising" in text
     assert "mode" not in text
+
+
+@pytest.mark.parametrize(
+    ("names", "position", "torque"),
+    [
+        (("pan_deg", "pan_A"), "pan_deg", "pan_A"),
+        (("Joint_1", "Joint_1 [Nm]"), "Joint_1", "Joint_1 [Nm]"),
+    ],
+)
+def test_units_and_bare_joints_say_what_columns_are(tmp_path, names, position, torque):
+    q, tau = np.sin(np.arange(60.0)), np.cos(np.arange(60.0))
+    np.savez(tmp_path / "a.npz", t=np.arange(60.0), **dict(zip(names, (q, tau), strict=True)))
+    (joint,) = drafted(tmp_path / "a.npz")["joints"]
+    assert joint["position"]["column"] == position
+    assert joint["torque"]["column"] == torque

@@ -63,3 +63,28 @@ def test_joints_in_another_order(evidence, manutec):
     (suspicion,) = shape_suspicions(changed, manutec)
     assert suspicion.message.endswith("if, say, joints 2 and 3 are exchanged")
     assert suspicion.location == ("joints", 1)
+
+
+def test_degrees_of_all_joints_that_are_stated_as_radians(evidence, manutec):
+    factor = np.degrees(1.0)
+    changed = Evidence(
+        *(factor * getattr(evidence, name) for name in ("q", "qd", "qdd")),
+        evidence.tau,
+        evidence.recorded_qd,
+    )
+    (suspicion,) = shape_suspicions(changed, manutec)
+    assert suspicion.certain
+    assert "all joints that turn were in degrees, stated as rad" in suspicion.message
+
+
+def test_friction_at_reversals_does_not_hide_joints_in_another_order(evidence, manutec):
+    sticky = evidence.tau + 60 * np.tanh(evidence.qd / 0.1) * np.exp(-np.abs(evidence.qd) / 0.02)
+    order = [0, 2, 1, 3, 4, 5]
+    changed = Evidence(
+        *(getattr(evidence, name)[:, order] for name in ("q", "qd", "qdd")),
+        sticky[:, order],
+        evidence.recorded_qd,
+    )
+    (suspicion,) = shape_suspicions(changed, manutec)
+    assert suspicion.certain
+    assert suspicion.message.endswith("if, say, joints 2 and 3 are exchanged")
