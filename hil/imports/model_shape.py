@@ -39,6 +39,8 @@ _WELL = 0.35
 _WIDEST = 20.0
 _LEAST = 0.02
 _UNITS = ((np.pi / 180, "in degrees, stated as rad"), (180 / np.pi, "in rad"))
+_ORDINARY = (0.2, 4 * np.pi)
+"""Widest range of all joints that makes nobody doubt the unit of them all [rad]."""
 _RIDGE = 1e-9
 _SLOW = 0.1
 """Share of a joint's greatest speed below which its torques do not count."""
@@ -130,8 +132,9 @@ def _readings(
 ) -> Iterator[_Reading]:
     for joint in np.flatnonzero(moving).tolist():
         yield from _of_one_joint(robot, motion, tau, joint)
+    widest = float(np.ptp(motion[0][:, robot.revolute], axis=0).max(initial=0.0))
     for factor, unit in _UNITS:
-        if np.ptp(motion[0][:, robot.revolute], axis=0).max(initial=0.0) * factor < _WIDEST:
+        if not _ORDINARY[0] < widest < _ORDINARY[1] and widest * factor < _WIDEST:
             scaled = np.where(robot.revolute, factor, 1.0)
             q, qd, qdd = (array * scaled for array in motion)
             message = f"the positions of all joints that turn were {unit}"
