@@ -21,6 +21,7 @@ from hil.estimation.free_motion.description import (
     residuals,
 )
 from hil.estimation.free_motion.first_estimate import first_estimate
+from hil.estimation.free_motion.gains import effect_of_gains
 from hil.estimation.free_motion.positive import least_inertia
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.free_motion.settings import processing_of
@@ -157,20 +158,21 @@ def fit_free_motions(
         least_inertia=least_inertia(robot, solution.x[:n], visited),
         remarks=remarks(robot, products, solution, found),
     )
-    return _estimate(robot, name, solution, found, rms, fit)
+    gains = effect_of_gains(robot, products, choice, n)
+    return _estimate(name, solution, found, rms, fit, gains)
 
 
 def _estimate(
-    robot: Robot, name: str, solution: Solution, found: Survey, rms: Array, fit: FreeMotionFit
+    name: str, solution: Solution, found: Survey, rms: Array, fit: FreeMotionFit, gains: Array
 ) -> Estimate:
-    n = len(base_parameters(robot))
+    n = len(gains)
     return Estimate(
         method=name,
         p=solution.x[:n],
         covariance=solution.covariance[:n, :n],
         degrees_of_freedom=solution.degrees_of_freedom[:n],
-        drive_covariance=np.zeros((n, n)),
-        drive_effect=np.zeros((n, 2 * robot.n_joints)),
+        drive_covariance=gains @ gains.T,
+        drive_effect=gains,
         residual=rms,
         condition={"all": solution.condition},
         local=(),

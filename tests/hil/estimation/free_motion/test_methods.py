@@ -41,6 +41,22 @@ def test_every_method_finds_the_parameters_and_states_their_errors(robot: Robot,
     assert (found.standard_error > 0).all()
 
 
+def test_uncertain_gains_are_carried_to_the_intervals() -> None:
+    uncertain = arm(rotor_inertia=0.0, torque_constant_uncertainty=0.05)
+    data = recorded(uncertain, TRUTH)
+    found = estimate(uncertain, data, "least squares")
+    # all gains together scale all parameters
+    assert found.drive_effect.sum(axis=1) == pytest.approx(0.05 * found.p, rel=1e-6, abs=1e-9)
+    assert found.drive_covariance == pytest.approx(found.drive_effect @ found.drive_effect.T)
+    exact = estimate(arm(rotor_inertia=0.0), data, "least squares")
+    assert found.p == pytest.approx(exact.p)
+    assert (found.half_width() > 3 * exact.half_width()).all()
+    for _, recording in data:
+        recording.tau[:, 0] *= 1.05
+    moved = estimate(uncertain, data, "least squares").p - found.p
+    assert moved == pytest.approx(found.drive_effect[:, 0], rel=1e-6, abs=1e-9)
+
+
 def test_intervals_hold_the_truth_though_the_law_of_friction_is_wrong(robot: Robot) -> None:
     def strange(qd: np.ndarray) -> np.ndarray:
         return 6.0 * np.sign(qd) * (1.0 + 0.6 * np.exp(-((qd / 0.15) ** 2))) + 2.0 * np.sin(4 * qd)
