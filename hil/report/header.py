@@ -76,13 +76,15 @@ def of_campaign(run: IdentifiedRun) -> Header:
 def _header(run: ReportedRun, about: str, verdict: str, facts: Facts) -> Header:
     journal = run.source.journal
     last = journal.sessions[-1] if journal.sessions else None
-    bus = last.bus if last else "unknown"
+    began, bus = (when(last.started), last.bus) if last else ("unknown", "unknown")
+    if journal.simulated:
+        bus = f"{bus}, the virtual plant"
     return Header(
         title=f"{run.robot.name}: {about}",
         verdict=verdict,
         facts=(
-            ("Measured", when(last.started) if last else "unknown"),
-            ("Bus", f"{bus}, the virtual plant" if journal.simulated else bus),
+            ("Imported" if run.source.imported else "Measured", began),
+            ("From" if run.source.imported else "Bus", bus),
             *facts,
         ),
         shortfall=run.source.shortfall,
