@@ -57,6 +57,10 @@ RobotsDrives = Annotated[
 ]
 AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
 Interface = Annotated[str, typer.Option(help="Name of a python-can interface.")]
+RobotsChannel = Annotated[
+    str | None,
+    typer.Option(help="Channel of the interface; that of sim_plant is the robot's by default."),
+]
 DrivesChannel = Annotated[
     str | None,
     typer.Option(

@@ -18,6 +18,7 @@ from hil.cli.arguments import (
     PlanFile,
     RealTime,
     RobotOption,
+    RobotsChannel,
     RobotsDrives,
     WorkspaceOption,
     bus_options,
@@ -48,10 +49,7 @@ def run(
     plan_file: PlanFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     interface: Interface = SIMULATED,
-    channel: Annotated[
-        str | None,
-        typer.Option(help="Channel of the interface; that of sim_plant is the robot's by default."),
-    ] = None,
+    channel: RobotsChannel = None,
     drives_file: RobotsDrives = None,
     bus_option: BusOptions = None,
     resume: Annotated[

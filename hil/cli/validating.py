@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsDrives, RunPath
+from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsChannel, RobotsDrives, RunPath
+from hil.cli.measuring import OnBus
+from hil.cli.measuring import measure as measure_plan
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
 
@@ -35,10 +37,7 @@ def validate(
         typer.Option("--measure", help="Measure another motion into the folder first; it moves."),
     ] = False,
     interface: Interface = SIMULATED,
-    channel: Annotated[
-        str | None,
-        typer.Option(help="Channel of the interface; that of sim_plant is the robot's by default."),
-    ] = None,
+    channel: RobotsChannel = None,
     drives_file: RobotsDrives = None,
     bus_option: BusOptions = None,
     realtime: RealTime = False,
@@ -51,28 +50,19 @@ def validate(
     model_path = file_of(model_path)
     model = Model.load(model_path)
     if measure:
-        _measure(model, folder, interface, channel, drives_file, bus_option, realtime=realtime)
+        _measure(
+            model, folder, OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
+        )
     _judge(model, model_path, Run.open(folder))
 
 
-def _measure(
-    model: Model,
-    folder: Path,
-    interface: str,
-    channel: str | None,
-    drives_file: Path | None,
-    options: list[str] | None,
-    *,
-    realtime: bool,
-) -> None:
+def _measure(model: Model, folder: Path, how: OnBus) -> None:
     """Measure a motion for validation into a folder."""
-    from hil.cli.measuring import OnBus, measure
     from hil.model.robot import refuse_unknown
     from hil.planning.design.validation import design_validation
 
     refuse_unknown(model.robot)
-    how = OnBus(interface, channel, drives_file, options, realtime=realtime)
-    measure(design_validation(model.robot), model.robot, folder / "plan.yaml", folder, how)
+    measure_plan(design_validation(model.robot), model.robot, folder / "plan.yaml", folder, how)
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
