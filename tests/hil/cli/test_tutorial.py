@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from hil.results.model import Model
+from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from command_line import Hil
