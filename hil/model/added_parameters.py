@@ -2,7 +2,7 @@
 
 A rotor inertia that the robot file states is compensated (`hil.model.motors`). One that it leaves
 unknown is a parameter like those of the links: ``Ia<j>``, the inertia of motor j as joint j feels
-it. A coupled motor m, which the motion of joint j turns as well (`Robot.couplings`), has another
+it. A coupled motor m, which the motion of joint j turns as well (`RobotArrays.couplings`), has another
 one: ``Iam<m>``, which joins the accelerations of both joints (Gautier's name for the Staubli's
 wrist, where a single rotor and its gears are not all that turns). These are constant and carry no
 weight: ``tau = H_k qdd`` per unit of parameter k.
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.combination import Combination
-    from hil.model.robot import Robot
+    from hil.model.robot_arrays import RobotArrays
 
     Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ _SHAPES: dict[str, Callable[[Array], Array]] = {
 _LETTERS = {"linear": "k", "cosine": "kc", "sine": "ks"}
 
 
-def added_names(robot: Robot) -> tuple[str, ...]:
+def added_names(robot: RobotArrays) -> tuple[str, ...]:
     """Names of all of them, in the order that everything here has."""
     own = [f"Ia{j + 1}" for j in np.flatnonzero(robot.rotor_inertia_unknown)]
     shared = [f"Iam{each.motor + 1}" for each in robot.couplings]
@@ -50,7 +50,7 @@ def added_names(robot: Robot) -> tuple[str, ...]:
     return (*own, *shared, *springs)
 
 
-def added_inertias(robot: Robot) -> Array:
+def added_inertias(robot: RobotArrays) -> Array:
     """H of each, shape (n_added, n_joints, n_joints); zero for springs."""
     unit = np.eye(robot.n_joints)
     own = [np.outer(unit[j], unit[j]) for j in np.flatnonzero(robot.rotor_inertia_unknown)]
@@ -62,7 +62,7 @@ def added_inertias(robot: Robot) -> Array:
     return np.array([*own, *shared, *springs]).reshape(-1, robot.n_joints, robot.n_joints)
 
 
-def added_loads(robot: Robot, q: Array) -> Array:
+def added_loads(robot: RobotArrays, q: Array) -> Array:
     """Torque at position q per unit of each, shape (n_samples, n_joints, n_added).
 
     Parameters
@@ -77,7 +77,7 @@ def added_loads(robot: Robot, q: Array) -> Array:
     return found
 
 
-def added_unit(robot: Robot, name: str) -> str:
+def added_unit(robot: RobotArrays, name: str) -> str:
     """Unit of one of them."""
     index = added_names(robot).index(name)
     springs = robot.file.springs or ()
@@ -135,7 +135,7 @@ class Merged:
         return rows
 
 
-def merge_added(robot: Robot, observed: Array, placement: Array) -> Merged:
+def merge_added(robot: RobotArrays, observed: Array, placement: Array) -> Merged:
     """Find which of them act as base parameters of the links do.
 
     Parameters
