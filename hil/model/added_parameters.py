@@ -2,7 +2,7 @@
 
 A rotor inertia that the robot file states is compensated (`hil.model.motors`). One that it leaves
 unknown is a parameter like those of the links: ``Ia<j>``, the inertia of motor j as joint j feels
-it. A coupled motor m, which the motion of joint j turns as well (`RobotArrays.couplings`), has another
+it. A coupled motor m, which the motion of joint j turns as well (`Robot.couplings`), has another
 one: ``Iam<m>``, which joins the accelerations of both joints (Gautier's name for the Staubli's
 wrist, where a single rotor and its gears are not all that turns). These are constant and carry no
 weight: ``tau = H_k qdd`` per unit of parameter k.
