@@ -9,8 +9,8 @@ import yaml
 
 from checked_files.yaml_file import FileError
 from hil.errors import UnknownName
+from hil.model.drive_train_file import UNKNOWN
 from hil.model.robot import Robot, available_robots, load_robot, parse_robot
-from hil.model.robot_file import UNKNOWN
 from hil.model.urdf_robot import robot_from_urdf
 
 if TYPE_CHECKING:

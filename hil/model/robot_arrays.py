@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.added_parameters import added_names
+from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, Drive
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_checks import split_tie
-from hil.model.robot_file import LINK_PARAMETERS, NO_DRIVE, UNKNOWN, Drive, Joint, RobotFile
+from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
 
 if TYPE_CHECKING:
     from collections.abc import Callable

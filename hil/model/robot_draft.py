@@ -16,8 +16,8 @@ import numpy as np
 
 from checked_files.yaml_file import UNSTATED
 from hil.model.axes_to_frames import PARALLEL, frames_of
+from hil.model.drive_train_file import UNKNOWN
 from hil.model.robot import parse_robot
-from hil.model.robot_file import UNKNOWN
 from hil.model.urdf import QUARTER
 
 if TYPE_CHECKING:

@@ -1,0 +1,150 @@
+"""What a robot file may say of drive trains: motors, gears, couplings and springs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from checked_files.yaml_file import FileModel
+
+if TYPE_CHECKING:
+    from typing import Self
+
+Unknown = Literal["unknown"]
+UNKNOWN: Unknown = "unknown"
+"""In place of a value that nobody has stated."""
+
+
+class Drive(FileModel):
+    """A drive train.
+
+    What is unknown need not be stated to identify a recording. An unknown rotor inertia is
+    identified as well; without gear ratio and torque constant no drive can be moved.
+
+    Attributes
+    ----------
+    gear_ratio : float
+        Motor angle over joint coordinate [1, or rad/m].
+    rotor_inertia, torque_constant : float
+        Of the motor [kg m^2, N m/A].
+    rotor_inertia_uncertainty, torque_constant_uncertainty : float
+        Relative standard deviations.
+    encoder_resolution : float, optional
+        Increments per turn of the motor, for predictions.
+    """
+
+    gear_ratio: float | Unknown = UNKNOWN
+    rotor_inertia: float | Unknown
+    torque_constant: float | Unknown
+    rotor_inertia_uncertainty: float = 0.0
+    torque_constant_uncertainty: float = 0.0
+    encoder_resolution: float | None = None
+
+    @field_validator("encoder_resolution")
+    @classmethod
+    def _check_encoder_resolution(cls, value: float | None) -> float | None:
+        if value is not None and not 1 <= value <= 2**32:
+            raise ValueError(
+                f"{value:g} must be between 1 and 2^32 increments per turn of the motor; leave the"
+                " key out if it is not known"
+            )
+        return value
+
+    @field_validator("gear_ratio")
+    @classmethod
+    def _check_gear_ratio(cls, value: float | Unknown) -> float | Unknown:
+        if value == UNKNOWN:
+            return value
+        if not value > 0:
+            raise ValueError(f"{value:g} must be positive; the sense of rotation is the drive's")
+        return value
+
+    @field_validator("rotor_inertia")
+    @classmethod
+    def _check_rotor_inertia(cls, value: float | Unknown) -> float | Unknown:
+        if value in (0, UNKNOWN):
+            return value  # 0: no rotor of its own: a direct drive counts with its link
+        return positive(value, "kg m2", 0.5, "it looks like kg cm2, or like the joint side")
+
+    @field_validator("torque_constant")
+    @classmethod
+    def _check_torque_constant(cls, value: float | Unknown) -> float | Unknown:
+        if value == UNKNOWN:
+            return value
+        return positive(value, "N m/A", 20.0, "it looks like mN m/A, or like the joint side")
+
+    @field_validator("rotor_inertia_uncertainty", "torque_constant_uncertainty")
+    @classmethod
+    def _check_uncertainty(cls, value: float) -> float:
+        if not 0 <= value < 0.5:
+            raise ValueError(f"{value:g} must be in [0, 0.5): 0.02 stands for 2 %")
+        return value
+
+    @model_validator(mode="after")
+    def _check_reflection(self) -> Self:
+        if self.gear_ratio == UNKNOWN and self.rotor_inertia not in (0, UNKNOWN):
+            raise ValueError(
+                f"rotor_inertia {self.rotor_inertia:g} kg m2 reaches the joint by the gear_ratio,"
+                " which is unknown; state it, or leave rotor_inertia unknown too"
+            )
+        return self
+
+
+NO_DRIVE = Drive(rotor_inertia=UNKNOWN, torque_constant=UNKNOWN)
+"""What a joint has whose drive train the file does not mention."""
+
+
+class CoupledMotor(FileModel):
+    """A motor that the motion of a second joint turns as well, as in many wrists.
+
+    Attributes
+    ----------
+    motor, joint : int
+        Numbers from 1: motor 6 drives joint 6, and joint 5 turns it too.
+    ratio : float
+        The motor turns with ``q[motor] + ratio q[joint]``, times its gear ratio.
+    """
+
+    motor: int = Field(ge=1)
+    joint: int = Field(ge=1)
+    ratio: float = 1.0
+
+    @field_validator("joint")
+    @classmethod
+    def _check_joint(cls, value: int, info: ValidationInfo) -> int:
+        if value == info.data.get("motor"):
+            raise ValueError(f"{value} must be another joint than the motor's own")
+        return value
+
+    @field_validator("ratio")
+    @classmethod
+    def _check_ratio(cls, value: float) -> float:
+        if not 0 < abs(value) <= 100:
+            raise ValueError(f"{value:g} must be within +-100 and not 0; leave the coupling out")
+        return value
+
+
+class Spring(FileModel):
+    """A spring or counterbalance at a joint, whose strength is to be identified.
+
+    Attributes
+    ----------
+    joint : int
+        Number from 1.
+    shape : {"linear", "cosine", "sine"}
+        What its torque is proportional to: q, cos q or sin q of the joint. The position at which a
+        linear spring is slack is an offset, which the estimators fit anyway.
+    """
+
+    joint: int = Field(ge=1)
+    shape: Literal["linear", "cosine", "sine"] = "linear"
+
+
+def positive(value: float, unit: str, bound: float, hint: str) -> float:
+    """Return a value that must be positive and at most `bound`; `hint`: what else it may be."""
+    if not value > 0:
+        raise ValueError(f"{value:g} {unit} must be positive")
+    if value > bound:
+        raise ValueError(f"{value:g} {unit} must be at most {bound:g} {unit}: {hint}")
+    return value
