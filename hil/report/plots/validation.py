@@ -4,17 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from hil.report.plots.style import (
-    MEASURED,
-    MODEL,
-    MUTED,
-    image,
-    legend,
-    panels_in_rows,
-    plotting,
-)
+from hil.report.plots.predicted_torque import draw_prediction
+from hil.report.plots.style import image, legend, panels_in_rows, plotting
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -44,22 +35,14 @@ class Drawn:
 
 
 def validation(found: Validation, first: dict[int, PredictedTorque]) -> Figure:
-    """Draw the first stretch of every axis, and below it the residual on the same scale."""
+    """Draw the first stretch of every axis, and below it the residual."""
     figure, panels = panels_in_rows(len(found.axes), 2.6, strip=0.45)
     for score, (above, below) in zip(found.axes, panels, strict=True):
         each = first[score.axis - 1]
         shown = each.time <= each.time[0] + SHOWN
-        t = each.time[shown] - each.time[0]
-        measured, predicted = each.measured[shown], each.predicted[shown]
-        apart = np.diff(t, prepend=t[:1]) > 0.5
-        above.plot(t, np.where(apart, np.nan, measured), color=MEASURED, label="measured")
-        above.plot(t, np.where(apart, np.nan, predicted), "--", color=MODEL, label="predicted")
+        draw_prediction(above, below, each.time[shown], each.measured[shown], each.predicted[shown])
         above.set_ylabel(f"axis {score.axis} [{score.unit}]")
         above.set_title(f"off by {score.relative:.1%}")
-        above.tick_params(labelbottom=False)
-        below.plot(t, np.where(apart, np.nan, measured - predicted), color=MUTED)
-        below.set_xlabel("time [s]")
-        below.set_ylabel("residual")
     legend(figure, panels[0][0])
     return figure
 

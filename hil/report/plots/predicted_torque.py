@@ -1,0 +1,44 @@
+"""One axis's torque over time: measured, predicted, and below it what is left."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.report.plots.style import MEASURED, MODEL, MUTED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+POINTS = 1500
+"""Of a line, at most."""
+APART = 0.5
+"""Time between samples from which on no line joins them [s]."""
+
+
+def draw_prediction(
+    panel: Axes, strip: Axes, time: Array, measured: Array, predicted: Array
+) -> None:
+    """Draw a prediction beside what was measured, and the residual in the strip below.
+
+    Parameters
+    ----------
+    time, measured, predicted : ndarray, shape (n,)
+        [s], [N m or N].
+    """
+    shown = slice(None, None, max(1, -(-len(time) // POINTS)))
+    t = time[shown] - time[0]
+    hole = np.where(np.diff(t, prepend=t[:1]) > APART, np.nan, 0.0)
+    residual = (measured - predicted)[shown] + hole
+    panel.plot(t, measured[shown] + hole, color=MEASURED, label="measured")
+    panel.plot(t, predicted[shown] + hole, "--", color=MODEL, label="predicted")
+    panel.tick_params(labelbottom=False)
+    strip.plot(t, residual, color=MUTED, linewidth=0.7)
+    size = 1.1 * float(np.nanmax(np.abs(residual), initial=1e-9))
+    strip.set_ylim(-size, size)
+    strip.set_ylabel("residual")
+    strip.set_xlabel("time [s]")
