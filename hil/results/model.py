@@ -194,7 +194,8 @@ class Model:
     def torque_with_friction(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
         """Torques that the drives give: rigid bodies, rotors of known inertia and friction.
 
-        Parameters, shapes and units as of `torque`.
+        Parameters, shapes and units as of `torque`. Where rows are successive samples of a motion,
+        positions changing as velocities say, friction turns round over the presliding distance.
 
         Raises
         ------

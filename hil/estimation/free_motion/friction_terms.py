@@ -15,11 +15,14 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.estimation.free_motion.bristles import Direction
+
     Array = NDArray[np.float64]
 
 SpeedTerm = Literal[
-    "offset", "Coulomb", "viscous", "asymmetric", "cube root", "arc tangent", "quadratic", "load"
-]
+    "offset", "Coulomb", "viscous", "asymmetric", "cube root", "arc tangent", "quadratic", "load",
+    "presliding",
+]  # fmt: skip
 ORDERS = range(1, 7)
 """Multiples of the motor's angle at which torque may ripple."""
 TERMS: tuple[str, ...] = (
@@ -30,8 +33,8 @@ TERMS: tuple[str, ...] = (
 _RIPPLE = TERMS[len(get_args(SpeedTerm)) :]
 CLASSICAL = ("offset", "Coulomb", "viscous")
 """What most of the literature fits."""
-_RICH = get_args(SpeedTerm)
-LAWS: dict[str, tuple[str, ...]] = {
+_RICH = get_args(SpeedTerm)[:-1]
+_LAWS: dict[str, tuple[str, ...]] = {
     "offset": ("offset",),
     "Coulomb": ("offset", "Coulomb"),
     "Coulomb and viscous": CLASSICAL,
@@ -46,20 +49,23 @@ LAWS: dict[str, tuple[str, ...]] = {
     "Coulomb, viscous and ripple": (*CLASSICAL, *_RIPPLE),
     "all": (*_RICH, *_RIPPLE),
 }
+LAWS = {name: (*law, "presliding") if "Coulomb" in law else law for name, law in _LAWS.items()}
 """Laws by name, from the simplest; later ones have more terms."""
 BEND = 0.08
 """Share of the speed at which the arc tangent bends."""
 
 
-def friction_columns(u: Array, direction: Array, load: Array, angle: Array, rate: Array) -> Array:
+def friction_columns(
+    u: Array, direction: Direction, load: Array, angle: Array, rate: Array
+) -> Array:
     """Columns of one axis's friction, shape (n, n_terms), in the order of `TERMS`.
 
     Parameters
     ----------
     u : ndarray, shape (n,)
         Velocity as a share of the axis's speed.
-    direction : ndarray, shape (n,)
-        Its sign; 0 at rest.
+    direction : Direction
+        The sign of the velocity, or what follows it over the presliding distance.
     load : ndarray, shape (n,)
         Torque that is transmitted [N m or N].
     angle : ndarray, shape (n,)
@@ -69,8 +75,8 @@ def friction_columns(u: Array, direction: Array, load: Array, angle: Array, rate
         what ripples faster, the low-pass takes away in any case.
     """
     speeds = (
-        np.ones(len(u)), direction, u, np.abs(u), np.cbrt(u), np.arctan(u / BEND), u * np.abs(u),
-        np.abs(load) * direction,
+        np.ones(len(u)), direction.sign, u, np.abs(u), np.cbrt(u), np.arctan(u / BEND),
+        u * np.abs(u), np.abs(load) * direction.sign, direction.bend,
     )  # fmt: skip
     return np.column_stack([*speeds, *_ripple(angle, np.abs(rate))])
 

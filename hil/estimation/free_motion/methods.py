@@ -23,6 +23,7 @@ from hil.estimation.free_motion.description import (
 from hil.estimation.free_motion.first_estimate import first_estimate
 from hil.estimation.free_motion.gains import effect_of_gains
 from hil.estimation.free_motion.positive import least_inertia
+from hil.estimation.free_motion.presliding import with_presliding
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import solve
@@ -125,6 +126,9 @@ def fit_free_motions(
     variant, motions = VARIANTS[name], FreeMotions(recorded)
     found = survey(motions)
     processing, reason = processing_of(found)
+    chosen = variant.terms == "chosen"
+    if chosen:
+        processing = with_presliding(robot, found, processing)
     first = first_estimate(robot, found, processing)
     divided = division(processing, found.stretches, found.duration)
     products = accumulate(
@@ -135,7 +139,6 @@ def fit_free_motions(
         first,
         instruments=variant.solver == "instrumental",
     )
-    chosen = variant.terms == "chosen"
     choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
     visited = configurations(found)
     solution = solve(robot, products, choice, variant.solver, visited)
@@ -156,14 +159,20 @@ def fit_free_motions(
         overall_residual=overall,
         bias_test=bias_test(robot, found, processing, choice, first),
         least_inertia=least_inertia(robot, solution.x[:n], visited),
-        remarks=remarks(robot, products, solution, found),
+        remarks=remarks(robot, products, solution, found, plain.condition),
     )
     gains = effect_of_gains(robot, products, choice, n)
-    return _estimate(name, solution, found, rms, fit, gains)
+    return _estimate(name, solution, found, rms, fit, gains, plain.condition)
 
 
 def _estimate(
-    name: str, solution: Solution, found: Survey, rms: Array, fit: FreeMotionFit, gains: Array
+    name: str,
+    solution: Solution,
+    found: Survey,
+    rms: Array,
+    fit: FreeMotionFit,
+    gains: Array,
+    condition: float,
 ) -> Estimate:
     n = len(gains)
     return Estimate(
@@ -174,7 +183,7 @@ def _estimate(
         drive_covariance=gains @ gains.T,
         drive_effect=gains,
         residual=rms,
-        condition={"all": solution.condition},
+        condition={"all": condition},
         local=(),
         left_out=tuple(LeftOut(each, "too few samples") for each in found.too_short),
         n_measurements=found.n_recordings,

@@ -31,6 +31,8 @@ class AxisFriction(FileModel):
     plain : dict of str to TermValue
         What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
         comparison with other sources. The law that was chosen may share them out otherwise.
+    presliding : float
+        Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
     held_out : dict of str to float
         Root mean square error of all axes on held-out blocks by law, over that of the law chosen;
         empty where no law was chosen.
@@ -38,6 +40,7 @@ class AxisFriction(FileModel):
 
     law: str
     speed: float
+    presliding: float = 0.0
     terms: dict[str, TermValue]
     plain: dict[str, TermValue]
     held_out: dict[str, float]

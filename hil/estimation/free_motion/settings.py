@@ -59,9 +59,9 @@ def processing_of(found: Survey) -> tuple[Processing, str]:
     most = 0.25 / found.stretches[0].period
     if cut_off > most:
         cut_off, reason = most, f"{reason}, but at most a quarter of the sampling rate"
-    return Processing(
-        cut_off, cut_off / EQUATION, found.speed, _recorded_velocity(found, cut_off)
-    ), reason
+    recorded = _recorded_velocity(found, cut_off)
+    sharp = np.zeros(len(found.speed))
+    return Processing(cut_off, cut_off / EQUATION, found.speed, recorded, sharp), reason
 
 
 def _chosen(found: Survey) -> tuple[float, str]:
