@@ -6,7 +6,7 @@ rigid bodies are off on a free motion, what the model leaves of the torque of an
 how many of the intervals of 95 % hold the truth; cases apart where --cases is given. No rule or
 constant of the method was set by the seeds from 101 on::
 
-    python benchmarks/free_motions.py [ROBOT ...] [--seeds 2] [--cases] [--keep FOLDER]
+    python benchmarks/free_motions.py [ROBOT ...] [--quick] [--cases] [--keep FOLDER]
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ from hil.study.comparison import comparison
 from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-FIRST_SEED = 101
+FIRST_SEED, SEEDS = 101, 2
+"""The first seed of all, and how many each case has."""
 
 
 class Judged(NamedTuple):
@@ -77,8 +78,29 @@ def judge(recorded: Path) -> Judged:
     )  # fmt: skip
 
 
-def line(name: str, found: Sequence[Judged], refused: int) -> str:
+class Found(NamedTuple):
+    """Estimates of one case or robot, and how many recordings were refused."""
+
+    judged: list[Judged]
+    refused: int
+
+
+def judge_all(folder: Path, name: str, case: str, seeds: Iterable[int]) -> Found:
+    """Record and judge some seeds of a case; a refusal is printed with its reason."""
+    judged, refused = [], 0
+    for seed in seeds:
+        recorded = record(folder, name, case, seed)
+        try:
+            judged.append(judge(recorded))
+        except HilError as error:
+            refused += 1
+            print(f"  {recorded}: {error}")
+    return Found(judged, refused)
+
+
+def line(name: str, of: Found) -> str:
     """One line of the table."""
+    found, refused = of
     if not found:
         return f"{name:28} {refused} refused"
     torque = 100 * np.sqrt(np.mean([each.torque**2 for each in found]))
@@ -99,7 +121,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("robots", nargs="*", help=", ".join(NAMES))
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")
-    parser.add_argument("--seeds", type=int, default=2, help="of each case")
+    parser.add_argument("--quick", action="store_true", help="the first seed of each case alone")
     parser.add_argument("--case", action="append", choices=CASES, help="one of the cases [all]")
     parser.add_argument("--cases", action="store_true", help="a line for every case, and why")
     parser.add_argument("--keep", type=Path, help="folder for recordings; reused if there")
@@ -108,25 +130,16 @@ def main() -> None:
     print("95 % that hold the truth, rms of error over standard error, estimates, refused, warned")
     with tempfile.TemporaryDirectory() as temporary:
         for name in given.robots or NAMES:
-            robot_found: list[Judged] = []
-            robot_refused = 0
-            for number, case in enumerate(given.case or CASES):
-                found, refused = [], 0
-                for k in range(given.seeds):
-                    seed = given.first + number * given.seeds + k
-                    recorded = record(given.keep or Path(temporary), name, case, seed)
-                    try:
-                        found.append(judge(recorded))
-                    except HilError as error:
-                        refused += 1
-                        print(f"  {recorded}: {error}")
+            total = Found([], 0)
+            for case in given.case or CASES:
+                first = given.first + SEEDS * list(CASES).index(case)
+                seeds = range(first, first + (1 if given.quick else SEEDS))
+                found = judge_all(given.keep or Path(temporary), name, case, seeds)
                 if given.cases:
-                    print(line(f"  {name}, {case}", found, refused), flush=True)
-                    for each in found:
-                        print(f"      {each.said}")
-                robot_found += found
-                robot_refused += refused
-            print(line(name, robot_found, robot_refused), flush=True)
+                    print(line(f"  {name}, {case}", found), flush=True)
+                    print(*(f"      {each.said}" for each in found.judged), sep="\n", flush=True)
+                total = Found(total.judged + found.judged, total.refused + found.refused)
+            print(line(name, total), flush=True)
 
 
 if __name__ == "__main__":
