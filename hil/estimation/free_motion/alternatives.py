@@ -3,7 +3,7 @@
 A law that is chosen is not the truth. What it gets wrong repeats with the motion, and where the
 motion repeats itself, as exciting trajectories do, neither blocks of time nor cells of states show
 much of it. But another law gets something else wrong. So alternatives m are taken as draws: with
-weights w_m, the least squared error on held-out blocks over their own, they add
+weights w_m, the root mean square error on held-out blocks of the choice over theirs, they add
 
     V = sum w_m (x_m - x)(x_m - x)' / sum w_m
 
@@ -51,7 +51,7 @@ def covariance_of_choices(products: Products, choice: Choice) -> Array:
     for other in (*zones, *laws):
         found, own = _solved(products, other)
         change = np.where(_common(products), found - x, 0.0)
-        weight = min(1.0, error / max(own, np.finfo(float).tiny))
+        weight = min(1.0, np.sqrt(error / max(own, np.finfo(float).tiny)))
         total += weight * np.outer(change, change)
         weights += weight
     return total / weights
