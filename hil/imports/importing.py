@@ -20,7 +20,6 @@ from hil.imports.samples import read_samples
 from hil.imports.segments import chosen_rows
 from hil.imports.stamps import WrongStamps, timing_of
 from hil.imports.statement import Statement
-from hil.imports.velocities import choose
 from hil.planning.free_motion import FreeMotion
 from hil.planning.plan import PlannedRobot
 from hil.planning.recorded_motions import RecordedMotions
@@ -128,10 +127,10 @@ def _import_one(
         remedy = "; if it is right as it is, write accept: [{}]"
         lines = (the_map.wrong(s.location, s.message + remedy.format(s.check)) for s in refusing)
         raise FileError("\n".join(map(str, lines)))
-    choices = tuple(choose(excerpts, joint) for joint in range(robot.n_joints))
-    measured = measured_motions(the_map, samples, numbered, choices, stem)
+    recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
+    measured = measured_motions(the_map, samples, numbered, stem)
     motions = tuple(_written(each, folder) for each in measured)
-    return Statement(the_map, timing, samples.wraps, choices, motions, tuple(found))
+    return Statement(the_map, timing, samples.wraps, recorded, motions, tuple(found))
 
 
 def _timing(the_map: MapFile, samples: Samples) -> Timing:

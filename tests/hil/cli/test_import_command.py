@@ -25,7 +25,6 @@ def test_a_run_is_made_and_what_was_found_is_stated(hil: Hil, folder: Path) -> N
     assert (status, errors) == (0, "")
     assert printed.splitlines() == [
         "map.yaml: data.csv: 801 rows at 200 Hz, jitter 0 ms; instants are even as they are",
-        "map.yaml: velocity of all joints derived from the position: none was recorded",
         "map.yaml: 1 motion, map-01: 4 s in 4 blocks",
         "runs/x: a run of pair; go on with: hil identify runs/x",
     ]
