@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.imports.map_file import MapFile
-    from hil.imports.stamps import Timing
+    from hil.imports.stamps import TimingSummary
     from hil.imports.suspicion import Suspicion
     from hil.planning.free_motion import FreeMotion
 
@@ -29,7 +29,7 @@ class Statement:
     Attributes
     ----------
     the_map : MapFile
-    timing : Timing
+    timing : TimingSummary
     wraps : int
         Steps of positions by more than half a turn.
     recorded : tuple of bool
@@ -40,7 +40,7 @@ class Statement:
     """
 
     the_map: MapFile
-    timing: Timing
+    timing: TimingSummary
     wraps: int
     recorded: tuple[bool, ...]
     motions: tuple[FreeMotion, ...]

@@ -8,7 +8,7 @@ import yaml
 from small_recording import a_map, motion, table, write_csv, write_map
 
 from checked_files.yaml_file import FileError
-from hil.imports import importing
+from hil.imports import one_map
 from hil.imports.importing import import_recordings
 from hil.runs.run import Run
 
@@ -301,7 +301,7 @@ def test_nothing_is_left_behind_when_the_disk_is_full(tmp_path, monkeypatch):
     def full(*_):
         raise FileError("run/recordings/map-01.h5: cannot be written: No space left on device")
 
-    monkeypatch.setattr(importing, "write_measured", full)
+    monkeypatch.setattr(one_map, "write_measured", full)
     write_csv(tmp_path / "data.csv", table(3.0))
     the_map = write_map(tmp_path, a_map())
     before = sorted(p.name for p in tmp_path.iterdir())
@@ -314,7 +314,7 @@ def test_nothing_is_left_behind_after_an_interrupt(tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(importing, "suspicions", interrupted)
+    monkeypatch.setattr(one_map, "suspicions", interrupted)
     write_csv(tmp_path / "data.csv", table(3.0))
     the_map = write_map(tmp_path, a_map())
     with pytest.raises(KeyboardInterrupt):
