@@ -60,6 +60,7 @@ PANELS = {
             "results",
             "Find a load from two runs, without and with it; writes payload.yaml into the second.",
         ),
+        "export": _Command("exporting", "Write an identified model as files of other tools."),
     },
     "Drives and commissioning": {
         "scan": _Command(
