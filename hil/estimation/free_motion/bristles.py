@@ -40,6 +40,11 @@ def sign_of_velocity(qd: Array, speed: float) -> Array:
     return np.where(np.abs(qd) < STILL * speed, 0.0, np.sign(qd))
 
 
+def at_once(qd: Array, speed: float) -> Direction:
+    """Direction of a friction that turns round at once, from velocities."""
+    return Direction(sign_of_velocity(qd, speed), np.zeros(len(qd)))
+
+
 def bent(after: Callable[[float], Array], distance: float) -> Direction:
     """Direction and bend, from what `after` finds of the direction with some distance."""
     sign = after(distance)

@@ -56,17 +56,13 @@ def axis_friction(
             law=law,
             speed=float(processing.speed[axis]),
             presliding=float(processing.presliding[axis]),
-            terms=values(solution, axis, _shown(LAWS[law], processing.presliding[axis])),
+            bend=values(solution, axis, ("presliding",))["presliding"],
+            terms=values(solution, axis, LAWS[law]),
             plain=values(plain, axis, CLASSICAL),
             held_out=choice.held_out[axis],
         )
         for axis, law in enumerate(choice.laws)
     )
-
-
-def _shown(law: Sequence[str], presliding: float) -> list[str]:
-    """Terms of a law that are there: friction that turns round at once has no bend."""
-    return [term for term in law if presliding or term != "presliding"]
 
 
 def coupled_friction(robot: Robot, solution: Solution) -> tuple[CoupledFriction, ...]:

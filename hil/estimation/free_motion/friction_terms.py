@@ -34,7 +34,7 @@ _RIPPLE = TERMS[len(get_args(SpeedTerm)) :]
 CLASSICAL = ("offset", "Coulomb", "viscous")
 """What most of the literature fits."""
 _RICH = get_args(SpeedTerm)[:-1]
-_LAWS: dict[str, tuple[str, ...]] = {
+LAWS: dict[str, tuple[str, ...]] = {
     "offset": ("offset",),
     "Coulomb": ("offset", "Coulomb"),
     "Coulomb and viscous": CLASSICAL,
@@ -49,7 +49,6 @@ _LAWS: dict[str, tuple[str, ...]] = {
     "Coulomb, viscous and ripple": (*CLASSICAL, *_RIPPLE),
     "all": (*_RICH, *_RIPPLE),
 }
-LAWS = {name: (*law, "presliding") if "Coulomb" in law else law for name, law in _LAWS.items()}
 """Laws by name, from the simplest; later ones have more terms."""
 BEND = 0.08
 """Share of the speed at which the arc tangent bends."""

@@ -33,6 +33,8 @@ class AxisFriction(FileModel):
         comparison with other sources. The law that was chosen may share them out otherwise.
     presliding : float
         Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
+    bend : TermValue
+        Of what the direction changes with the logarithm of this distance [N m or N].
     held_out : dict of str to float
         Root mean square error of all axes on held-out blocks by law, over that of the law chosen;
         empty where no law was chosen.
@@ -41,6 +43,7 @@ class AxisFriction(FileModel):
     law: str
     speed: float
     presliding: float = 0.0
+    bend: TermValue = TermValue(value=0.0, standard_error=0.0)
     terms: dict[str, TermValue]
     plain: dict[str, TermValue]
     held_out: dict[str, float]
@@ -88,6 +91,8 @@ class FreeMotionFit(FileModel):
         Samples slower than this share of an axis's speed were not fitted, but count as residuals.
     recorded_velocity : tuple of int
         Axes, from 1, whose velocity was taken as recorded.
+    velocity_reasons : tuple of str
+        Of each axis why; empty in models that were written without.
     axes : tuple of AxisFriction
     coupled : tuple of CoupledFriction
     relative_residual : tuple of float or None
@@ -115,3 +120,4 @@ class FreeMotionFit(FileModel):
     bias_test: BiasTest | None
     least_inertia: float
     remarks: tuple[str, ...]
+    velocity_reasons: tuple[str, ...] = ()

@@ -79,11 +79,14 @@ def axis_places(n_shared: int, n_joints: int, n_own: int) -> list[Indices]:
 
 
 def kept_unknowns(n_shared: int, laws: Sequence[Sequence[str]]) -> Indices:
-    """Unknowns that laws of friction, one for each axis, leave."""
+    """Unknowns that laws of friction, one for each axis, leave.
+
+    With Coulomb's friction there is how it bends, whose column is 0 where it turns round at once.
+    """
     own = [
         n_shared + axis * len(TERMS) + TERMS.index(term)
         for axis, law in enumerate(laws)
-        for term in law
+        for term in ((*law, "presliding") if "Coulomb" in law else law)
     ]
     return np.concatenate([np.arange(n_shared, dtype=np.intp), np.array(own, dtype=np.intp)])
 

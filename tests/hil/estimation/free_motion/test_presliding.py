@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.estimation.free_motion.bristles import are_successive, friction_direction
+from hil.estimation.friction_law import FrictionLaw, friction_torque
 from hil.estimation.identify import estimate
 
 DISTANCE = 2e-3
@@ -81,4 +82,19 @@ def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
     assert found is not None
     for axis in found.axes:
         assert axis.presliding < 1e-3 * axis.speed
-        assert ("presliding" in axis.terms) == (axis.presliding > 0)
+        assert (axis.bend.standard_error > 0) == (axis.presliding > 0)
+
+
+def test_torques_follow_the_way_where_rows_are_samples_of_a_motion() -> None:
+    found = estimate(arm(), with_presliding(), "free motion").free
+    assert found is not None
+    law = FrictionLaw.of_free_motions(found)
+    q, qd, _ = some_motion(PERIOD * np.arange(500))
+    load = np.zeros_like(q)
+    in_order = friction_torque(arm(), law, q, qd, load)
+    alone = np.array(
+        [friction_torque(arm(), law, *row, np.zeros(2)) for row in zip(q, qd, strict=True)]
+    )
+    reversed_lately = np.abs(qd) < 0.02
+    assert np.abs(in_order - alone)[reversed_lately].max() > 0.5 * COULOMB.min()
+    assert in_order[np.abs(qd) > 0.5] == pytest.approx(alone[np.abs(qd) > 0.5], rel=0.05, abs=0.2)
