@@ -21,7 +21,7 @@ import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.choice import HeldOut
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.system import embedded, normal, summed
 
 if TYPE_CHECKING:
@@ -68,5 +68,5 @@ def _solved(products: Products, choice: Choice) -> tuple[Array, float]:
 
 def _common(products: Products) -> NDArray[np.bool_]:
     """Unknowns that all laws have."""
-    own = np.array([term == "offset" for term in TERMS])
+    own = np.array([term == "offset" for term in COLUMNS])
     return np.append(np.ones(products.n_shared, dtype=bool), np.tile(own, products.n_joints))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
-from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS, TERMS
+from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL, COLUMNS, LAWS
 from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import (
     AxisFriction,
@@ -48,15 +48,15 @@ def axis_friction(
     """Law and coefficients of each axis; `plain` is the solution with the classical law."""
 
     def values(found: Solution, axis: int, law: Sequence[str]) -> dict[str, TermValue]:
-        first = n_shared + axis * len(TERMS)
-        return {term: _value(found, first + TERMS.index(term)) for term in law}
+        first = n_shared + axis * len(COLUMNS)
+        return {term: _value(found, first + COLUMNS.index(term)) for term in law}
 
     return tuple(
         AxisFriction(
             law=law,
             speed=float(processing.speed[axis]),
             presliding=float(processing.presliding[axis]),
-            bend=values(solution, axis, ("presliding",))["presliding"],
+            bend=values(solution, axis, (BENT,))[BENT],
             terms=values(solution, axis, LAWS[law]),
             plain=values(plain, axis, CLASSICAL),
             held_out=choice.held_out[axis],

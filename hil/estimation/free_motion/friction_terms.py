@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SpeedTerm = Literal[
-    "offset", "Coulomb", "viscous", "asymmetric", "cube root", "arc tangent", "quadratic", "load",
-    "presliding",
-]  # fmt: skip
+    "offset", "Coulomb", "viscous", "asymmetric", "cube root", "arc tangent", "quadratic", "load"
+]
 ORDERS = range(1, 7)
 """Multiples of the motor's angle at which torque may ripple."""
 TERMS: tuple[str, ...] = (
@@ -30,10 +29,14 @@ TERMS: tuple[str, ...] = (
     *(f"{wave} {order}" for order in ORDERS for wave in ("cosine", "sine")),
 )
 """Terms of friction, in the order of their columns."""
+BENT = "bend"
+"""What Coulomb's friction changes by with the logarithm of the presliding distance."""
+COLUMNS = (*TERMS, BENT)
+"""Unknowns of an axis's friction, in their order."""
 _RIPPLE = TERMS[len(get_args(SpeedTerm)) :]
 CLASSICAL = ("offset", "Coulomb", "viscous")
 """What most of the literature fits."""
-_RICH = get_args(SpeedTerm)[:-1]
+_RICH = get_args(SpeedTerm)
 LAWS: dict[str, tuple[str, ...]] = {
     "offset": ("offset",),
     "Coulomb": ("offset", "Coulomb"),
@@ -57,7 +60,7 @@ BEND = 0.08
 def friction_columns(
     u: Array, direction: Direction, load: Array, angle: Array, rate: Array
 ) -> Array:
-    """Columns of one axis's friction, shape (n, n_terms), in the order of `TERMS`.
+    """Columns of one axis's friction, shape (n, n_columns), in the order of `COLUMNS`.
 
     Parameters
     ----------
@@ -75,9 +78,9 @@ def friction_columns(
     """
     speeds = (
         np.ones(len(u)), direction.sign, u, np.abs(u), np.cbrt(u), np.arctan(u / BEND),
-        u * np.abs(u), np.abs(load) * direction.sign, direction.bend,
+        u * np.abs(u), np.abs(load) * direction.sign,
     )  # fmt: skip
-    return np.column_stack([*speeds, *_ripple(angle, np.abs(rate))])
+    return np.column_stack([*speeds, *_ripple(angle, np.abs(rate)), direction.bend])
 
 
 def _ripple(angle: Array, rate: Array) -> list[Array]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.bristles import Direction
-from hil.estimation.free_motion.friction_terms import TERMS, friction_columns
+from hil.estimation.free_motion.friction_terms import COLUMNS, friction_columns
 from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
@@ -56,11 +56,11 @@ def with_usual_offsets(
         From 0, whose offset would have been much less certain.
     """
     changed = []
-    for axis, first in enumerate(range(n_shared, len(x), len(TERMS))):
-        place = first + TERMS.index("offset")
+    for axis, first in enumerate(range(n_shared, len(x), len(COLUMNS))):
+        place = first + COLUMNS.index("offset")
         if _shared(V, place, n_base) < SHARED:
             continue
-        s = ASYMMETRY * _friction(x[first : first + len(TERMS)])
+        s = ASYMMETRY * _friction(x[first : first + len(COLUMNS)])
         before = V[place, place]
         x, V = _observed(x, V, place, s**2)
         if V[place, place] < CHANGED * before:

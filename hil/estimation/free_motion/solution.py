@@ -26,7 +26,7 @@ import numpy as np
 
 from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.alternatives import covariance_of_choices
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import with_usual_offsets
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.free_motion.system import embedded, normal, summed
@@ -105,7 +105,7 @@ def solve(
     require_determined(robot, pieces)
     equations, found = _by_solver(solver, pieces, products, choice)
     error = uncertainty(equations, cells, found)
-    n = n_shared + products.n_joints * len(TERMS)
+    n = n_shared + products.n_joints * len(COLUMNS)
     x, covariance = embedded(found, kept, n), np.zeros((n, n))
     covariance[np.ix_(kept, kept)] = error.covariance
     solution = Solution(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
 from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
@@ -84,9 +84,9 @@ def kept_unknowns(n_shared: int, laws: Sequence[Sequence[str]]) -> Indices:
     With Coulomb's friction there is how it bends, whose column is 0 where it turns round at once.
     """
     own = [
-        n_shared + axis * len(TERMS) + TERMS.index(term)
+        n_shared + axis * len(COLUMNS) + COLUMNS.index(term)
         for axis, law in enumerate(laws)
-        for term in ((*law, "presliding") if "Coulomb" in law else law)
+        for term in ((*law, BENT) if "Coulomb" in law else law)
     ]
     return np.concatenate([np.arange(n_shared, dtype=np.intp), np.array(own, dtype=np.intp)])
 

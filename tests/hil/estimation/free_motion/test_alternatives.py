@@ -11,7 +11,7 @@ from free_run import COULOMB, TRUTH, arm, recorded
 from hil.estimation.free_motion.accumulation import accumulate, division
 from hil.estimation.free_motion.alternatives import covariance_of_choices
 from hil.estimation.free_motion.choice import choose
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import survey
 
@@ -46,7 +46,7 @@ def test_laws_that_all_hold_agree_and_others_do_not(strange: np.ndarray) -> None
 
 def test_it_is_a_covariance_of_what_all_laws_have(strange: np.ndarray) -> None:
     assert np.linalg.eigvalsh(strange).min() > -1e-12
-    of_friction = np.diag(strange)[N_BASE:].reshape(-1, len(TERMS))
-    offset = TERMS.index("offset")
+    of_friction = np.diag(strange)[N_BASE:].reshape(-1, len(COLUMNS))
+    offset = COLUMNS.index("offset")
     assert (of_friction[:, offset] > 0).all()
     assert not np.delete(of_friction, offset, axis=1).any()

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import ASYMMETRY, with_usual_offsets
 
-OFFSET, COULOMB = 1 + TERMS.index("offset"), 1 + TERMS.index("Coulomb")
+OFFSET, COULOMB = 1 + COLUMNS.index("offset"), 1 + COLUMNS.index("Coulomb")
 G = 9.81
 FRICTION = 20.0
 
 
 def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
     """One mass and the friction of its axis: both off by `error` [N], the offset by `own` more."""
-    x = np.zeros(1 + len(TERMS))
+    x = np.zeros(1 + len(COLUMNS))
     x[0], x[OFFSET], x[COULOMB] = 8.0 - error / G, error, FRICTION
     V = np.zeros((len(x), len(x)))
     along = np.zeros(len(x))
