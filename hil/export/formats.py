@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from hil.errors import UnknownName
 from hil.export.c_code import write_c
+from hil.export.friction_file import write_friction
 from hil.export.json_file import write_json
 from hil.export.python_code import write_python
 
@@ -17,6 +18,7 @@ FORMATS: dict[str, Writer] = {
     "c": write_c,
     "python": write_python,
     "json": write_json,
+    "friction": write_friction,
 }
 
 
