@@ -1,15 +1,19 @@
 """Of all bodies that have given base parameters, those nearest to likely ones.
 
-Near is meant by the entropic divergence of normal distributions with pseudo-inertias J and a J_0,
+Near is meant by the entropic divergence of normal distributions with pseudo-inertias J and J_0,
 
-    tr (a J_0)^-1 J - log det J + 4 log a - const,
+    tr J_0^-1 J - log det J + log det J_0 - 4,
 
-which depends on neither frames nor units and keeps each J well inside the cone of positive
-definite matrices (Lee, Wensing and Park, IEEE Transactions on Robotics 36 (2020) 168-182). The
-scale a of all likely bodies together is chosen too, a = mean tr J_0^-1 J / 4, since torques know
-better what a robot weighs than its shape does. For a given a this is convex and self-concordant;
-Newton's method with damped steps finds its minimum from any start (Boyd and Vandenberghe, Convex
-Optimization, section 9.6). Other conditions, on masses and rotors, enter with their log det.
+which depends on neither frames nor units and keeps each J well inside the cone of positive definite
+matrices (Lee, Wensing and Park, IEEE Transactions on Robotics 36 (2020) 168-182). It is convex in J
+and self-concordant; Newton's method with damped steps finds its minimum from any start (Boyd and
+Vandenberghe, Convex Optimization, section 9.6). Other conditions, on masses and rotors, enter with
+their log det.
+
+Likely bodies that only come from shapes are known but for scale: `rescaled` finds how much heavier
+and larger all of them together should be, a J_0 with lengths times b, for the divergence to be
+least. In u = 1/b and the sums of tr J_0^-1 J over the spatial, the mixed and the mass block,
+s u^2 + t u + m, it is least for n bodies where s u^2 - t u - 3 m = 0 and a is a quarter of the mean.
 """
 
 from __future__ import annotations
@@ -17,6 +21,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from hil.model.frames import pseudo_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,12 +36,9 @@ if TYPE_CHECKING:
 
 BARRIER = 1e-3
 """Weight of a scalar condition's logarithm, against 1 of a body's log det."""
-SCALINGS = 30
-"""Times that scale and bodies are found from each other, at most."""
 STEPS = 200
 """Of Newton's method, at most."""
 _DECREMENT = 1e-9
-_SAME_SCALE = 1e-6
 _RIDGE = 1e-13
 _SHORTEST_STEP = 1e-9
 
@@ -58,17 +61,22 @@ def likeliest(
         Start.
     """
     weights = [1.0] * len(bodies) + [BARRIER] * len(others)
-    blocks = list(zip([*bodies, *others], weights, strict=True))
-    traces = np.sum([np.einsum("kkn->n", each.weights) for each in bodies], axis=0)
-    constant = sum(float(np.trace(each.constant)) for each in bodies)
-    size = sum(len(each.constant) for each in bodies)
-    scale = 0.0
-    for _ in range(SCALINGS):
-        before, scale = scale, (constant + float(traces @ z)) / size
-        if abs(scale - before) < _SAME_SCALE * scale:
-            break
-        z = _newton(blocks, traces / scale, pull, z)
-    return z
+    slope = np.sum([np.einsum("kkn->n", each.weights) for each in bodies], axis=0)
+    return _newton(list(zip([*bodies, *others], weights, strict=True)), slope, pull, z)
+
+
+def rescaled(likely: Array, bodies: Array) -> Array:
+    """Likely bodies of the scale that is nearest to `bodies`, both of shape (n_joints, 10)."""
+    spatial = mixed = mass = 0.0
+    for expected, body in zip(likely, bodies, strict=True):
+        parts = np.linalg.inv(pseudo_inertia(expected)) * pseudo_inertia(body)
+        spatial += float(parts[:3, :3].sum())
+        mixed += 2.0 * float(parts[:3, 3].sum())
+        mass += float(parts[3, 3])
+    u = (mixed + np.sqrt(mixed**2 + 12.0 * spatial * mass)) / (2.0 * spatial)
+    heavier = (spatial * u**2 + mixed * u + mass) / (4.0 * len(likely))
+    powers = np.array([2.0] * 6 + [1.0] * 3 + [0.0])
+    return np.asarray(heavier * likely * u**-powers)
 
 
 def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:

@@ -135,7 +135,7 @@ def nearest_robot(
         Of `p`; directions in which it vanishes are kept as they are.
     bounds : BodyBounds, optional
     likely : ndarray, shape (n_joints, 10), optional
-        Bodies that the links are likely to be; by default from their shapes.
+        Bodies that the links are likely to be; by default from their shapes, of whatever scale.
 
     Raises
     ------
@@ -145,11 +145,11 @@ def nearest_robot(
     bounds = bounds or BodyBounds()
     whole = complete(robot)
     asked = tightened(whole, bounds)
-    likely = likely_bodies(robot) if likely is None else likely
-    space = Space.of(robot, whole, p, covariance, likely)
+    expected = likely_bodies(robot) if likely is None else likely
+    space = Space.of(robot, whole, p, covariance, expected)
     first = space.nearest(asked)
     distance, nearest = space.distance(first), space.moved(first)
-    phi = space.likeliest(conditions(whole, bounds), first)
+    phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
     bodies = phi[: 10 * robot.n_joints].reshape(-1, 10)
     outside = distance > INSIDE**2
     return NearestRobot(

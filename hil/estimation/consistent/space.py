@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.consistent.likeliest import likeliest
+from hil.estimation.consistent.likeliest import likeliest, rescaled
 from hil.estimation.consistent.semidefinite import Inequality, least_squares
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import pseudo_inertia
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+SCALINGS = 12
+"""Times that bodies and the scale of the likely ones are found from each other, at most."""
+_SAME_SCALE = 1e-2
 _RANK = 1e-9
 _NEGLIGIBLE = 1e-13
 _PULL = 1e-6
@@ -86,18 +89,35 @@ class Space:
         """|x|^2 of a solution."""
         return float(np.sum(solved.u[: self.root.shape[1]] ** 2))
 
-    def likeliest(self, asked: Sequence[Condition], solved: Solved) -> Array:
-        """Likeliest standard parameters with the base parameters of a solution."""
-        if not self.free.size:
-            return np.asarray(self.placement @ self.moved(solved))
-        p, n = self.moved(solved), len(self.likely)
+    def likeliest(self, asked: Sequence[Condition], solved: Solved, *, scaled: bool) -> Array:
+        """Likeliest standard parameters with the base parameters of a solution.
+
+        Parameters
+        ----------
+        scaled : bool
+            Whether likely bodies are known but for their scale.
+        """
+        z, space, n = solved.u[self.root.shape[1] :], self, self.likely.size
+        start = self.placement @ self.moved(solved)
+        for _ in range(SCALINGS if scaled else 1):
+            z = space._chosen(asked, self.moved(solved), z)
+            scale = rescaled(space.likely, (start + self.free @ z)[:n].reshape(-1, 10))
+            if np.allclose(scale[:, -1], space.likely[:, -1], rtol=_SAME_SCALE):
+                break
+            space = replace(space, likely=scale)
+        return np.asarray(start + self.free @ z)
+
+    def _chosen(self, asked: Sequence[Condition], p: Array, z: Array) -> Array:
+        """The likeliest z for base parameters p."""
+        if not z.size:
+            return z
+        n = self.likely.size
         every = [self._inequality(each, p, self.free) for each in asked]
         bodies = [each for each, of in zip(every, asked, strict=True) if of.link is not None]
         others = [each for each, of in zip(every, asked, strict=True) if of.link is None]
-        added = self.free[10 * n :] / self._unit[10 * n :, np.newaxis]
+        added = self.free[n:] / self._unit[n:, np.newaxis]
         pull = _PULL * (1.0 + np.sum(added**2, axis=0))
-        z = likeliest(bodies, others, pull, solved.u[self.root.shape[1] :])
-        return np.asarray(self.placement @ p + self.free @ z)
+        return likeliest(bodies, others, pull, z)
 
     @property
     def _unit(self) -> Array:
