@@ -13,7 +13,7 @@ their log det.
 Likely bodies that only come from shapes are known but for scale: `rescaled` finds how much heavier
 and larger all of them together should be, a J_0 with lengths times b, for the divergence to be
 least. In u = 1/b and the sums of tr J_0^-1 J over the spatial, the mixed and the mass block,
-s u^2 + t u + m, it is least for n bodies where s u^2 - t u - 3 m = 0 and a is a quarter of the mean.
+s u^2 + t u + m, it is least where s u^2 - t u - 3 m = 0 and a is a quarter of the sums' mean.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Bodies that links are likely to be, where no data say more: from their shapes and the model.
+"""Bodies that links are likely to be, where no data say more: from their shapes.
 
 Torques show combinations of the links' parameters only; what they leave open is taken nearest to
 these bodies. Where a URDF states bodies they are those. Else a link is a rod with rounded ends:
 the capsule that the robot file states, or the way from its frame to the next one; its mass goes by
-its volume, and the density that all links share is chosen so that the joints' own inertias are on
-average those of the model.
+its volume. How heavy and how large all of them are together is left to the data
+(`hil.estimation.consistent.likeliest`); here they have the density of water.
 """
 
 from __future__ import annotations
