@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.export.simulated_robot import likely_of
@@ -10,6 +9,8 @@ from hil.export.urdf_links import UrdfLinks
 from hil.model.urdf import UrdfChain, read_urdf
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 

@@ -17,10 +17,11 @@ import numpy as np
 
 from hil.export.exact_numbers import comment, number, numbers
 from hil.export.exported import Exported
+from hil.export.simple_friction import friction_remarks
 from hil.export.simulated_robot import simulated_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -30,13 +31,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+_NOTHING = 1e-12
+"""Inertia that makes a factor of joints without any rotor exist [kg m^2]."""
 _FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
     """Return the model as `NAME.xml`; in frames and with names of a URDF where given."""
     robot = simulated_robot(model, None if given is None else given.chain)
-    remarks = tuple(_remarks(model, robot))
+    remarks = (*friction_remarks(model), *_left_out(model, robot))
     root = ET.Element("mujoco", model=robot.name)
     root.append(ET.Comment(comment((*origin, *remarks))))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -96,34 +99,13 @@ def _tendons(root: ET.Element, robot: SimulatedRobot) -> None:
                 ET.SubElement(fixed, "joint", joint=joint.name, coef=number(float(share)))
 
 
-_NOTHING = 1e-12
-"""Inertia that makes a factor of joints without any rotor exist [kg m^2]."""
-
-
 def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
     actuator = ET.SubElement(root, "actuator")
     for joint in robot.joints:
-        limits = {}
+        stated = {"name": f"{joint.name}_motor", "joint": joint.name}
         if not np.isnan(joint.effort):
-            limits = {"ctrlrange": numbers((-joint.effort, joint.effort))}
-        ET.SubElement(actuator, "motor", name=f"{joint.name}_motor", joint=joint.name, **limits)
-
-
-def _remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
-    for axis, joint in enumerate(robot.joints):
-        unit = model.robot.torque_unit(axis)
-        if joint.friction is None:
-            yield (
-                f"no friction of {joint.name} is known, so none is stated; identify the run anew,"
-                " with recordings that show it"
-            )
-        else:
-            yield (
-                f"friction of {joint.name} as damping and frictionloss is off by"
-                f" {joint.friction.misfit:.2g} {unit} rms from the identified law up to"
-                f" {joint.friction.speed:.3g} {model.robot.position_unit(axis)}/s"
-            )
-    yield from _left_out(model, robot)
+            stated["ctrlrange"] = numbers((-joint.effort, joint.effort))
+        ET.SubElement(actuator, "motor", stated)
 
 
 def _left_out(model: Model, robot: SimulatedRobot) -> Sequence[str]:

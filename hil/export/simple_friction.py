@@ -59,3 +59,28 @@ def simple_friction(model: Model, axis: int) -> SimpleFriction | None:
     return SimpleFriction(
         float(coulomb), float(viscous), float(left) / np.sqrt(len(qd)), float(own.speed)
     )
+
+
+def friction_remarks(model: Model) -> tuple[str, ...]:
+    """What simple friction is off by, joint by joint, and of which joints none is known."""
+    robot = model.robot
+    found = [(axis, simple_friction(model, axis)) for axis in range(robot.n_joints)]
+    off = [
+        f"joint {axis + 1} {each.misfit:.2g} {robot.torque_unit(axis)} up to {each.speed:.3g}"
+        f" {robot.position_unit(axis)}/s"
+        for axis, each in found
+        if each is not None
+    ]
+    unknown = ", ".join(str(axis + 1) for axis, each in found if each is None)
+    remarks = []
+    if off:
+        remarks.append(
+            "Coulomb's and viscous friction alone differ from the identified law, rms:"
+            f" {'; '.join(off)}"
+        )
+    if unknown:
+        remarks.append(
+            f"no friction of joints {unknown} is known, so none is stated; identify the run anew,"
+            " with recordings that show it"
+        )
+    return tuple(remarks)

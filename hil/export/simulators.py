@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-
 from hil.export.exported import Exported
 from hil.export.given_urdf import Given
 from hil.export.mjcf_file import write_mjcf
 from hil.export.urdf_file import write_urdf
 from hil.results.model import Model
 
-
 SimulatorWriter = Callable[[Model, tuple[str, ...], Given | None], Exported]
-"""From a model that has bodies, the lines of its origin, and a URDF to take frames and names from."""
+"""From a model that has bodies, the lines of its origin, and a URDF whose names and frames to take.
+
+The URDF may be left out."""
 
 SIMULATORS: dict[str, SimulatorWriter] = {
     "urdf": write_urdf,

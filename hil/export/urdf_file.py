@@ -11,7 +11,6 @@ The format: wiki.ros.org/urdf/XML.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
@@ -19,16 +18,18 @@ import numpy as np
 
 from hil.export.exact_numbers import comment, number, numbers, roll_pitch_yaw
 from hil.export.exported import Exported
+from hil.export.simple_friction import friction_remarks
 from hil.export.simulated_robot import simulated_robot
 from hil.export.urdf_links import UrdfLinks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
     from hil.export.given_urdf import Given
+    from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
     from hil.results.model import Model
 
     Array = NDArray[np.float64]
@@ -41,20 +42,23 @@ _INERTIA = {
     "iyz": (1, 2),
     "izz": (2, 2),
 }
+UNLIMITED = 1e6
+"""In place of an effort or a velocity that nobody has stated."""
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
     """Return the model as a URDF: one of its own, or the given one with its bodies."""
     robot = simulated_robot(model, None if given is None else given.chain)
-    remarks = (*_rotors(robot), *_gravity(robot), *_without_friction(robot))
+    remarks = (*_rotors(robot), *_gravity(robot), *_springs(model), *friction_remarks(model))
     if given is None:
         root = _own(robot)
+        remarks = (*remarks, *_without_limits(robot))
     else:
         root, more = _with_bodies(robot, given.path)
         remarks = (*remarks, *more)
-    ET.indent(root)
     root.insert(0, ET.Comment(comment((*origin, *remarks))))
+    ET.indent(root)
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
     return Exported({f"{model.robot.name}.urdf": text}, remarks)
 
@@ -127,10 +131,10 @@ def _inertial(joint: SimulatedJoint) -> ET.Element:
 
 
 def _limits(joint: SimulatedJoint) -> dict[str, str]:
-    """What is known; a URDF must state effort and velocity, and 0 stands for unknown."""
+    """Limits as attributes; a URDF must state all of them."""
     found = {"lower": joint.lower, "upper": joint.upper}
     found |= {"effort": joint.effort, "velocity": joint.velocity}
-    return {key: number(0.0 if np.isnan(value) else value) for key, value in found.items()}
+    return {key: number(UNLIMITED if np.isnan(value) else value) for key, value in found.items()}
 
 
 def _set_dynamics(element: ET.Element, joint: SimulatedJoint) -> None:
@@ -172,11 +176,15 @@ def _gravity(robot: SimulatedRobot) -> Sequence[str]:
     return (f"identified with gravity of {number(size)} m/s2: state the same in the simulator",)
 
 
-def _without_friction(robot: SimulatedRobot) -> Sequence[str]:
-    missing = [joint.name for joint in robot.joints if joint.friction is None]
-    if not missing:
+def _springs(model: Model) -> Sequence[str]:
+    springs = [name for name in model.robot.added_parameters if name.startswith("k")]
+    return (f"a URDF has no springs: {', '.join(springs)} are left out",) if springs else ()
+
+
+def _without_limits(robot: SimulatedRobot) -> Sequence[str]:
+    unknown = [joint.name for joint in robot.joints if np.isnan(joint.effort + joint.velocity)]
+    if not unknown:
         return ()
     return (
-        f"no friction of {', '.join(missing)} is known, so none is stated; identify the run anew,"
-        " with recordings that show it",
+        f"effort or velocity of {', '.join(unknown)} is unknown; {UNLIMITED:g} stands in its place",
     )
