@@ -17,7 +17,7 @@ import numpy as np
 
 from hil.export.exact_numbers import comment, number, numbers
 from hil.export.exported import Exported
-from hil.export.simple_friction import friction_remarks
+from hil.export.friction_of_joints import friction_remarks
 from hil.export.simulated_robot import simulated_robot
 
 if TYPE_CHECKING:

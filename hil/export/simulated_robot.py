@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch
-from hil.export.simple_friction import simple_friction
+from hil.export.friction_of_joints import friction_of_joints
 from hil.model.added_parameters import added_inertias
 from hil.model.axes_to_frames import frames_of
 from hil.model.frames import inverse, parameter_map, pose_of, pseudo_inertia
@@ -125,6 +125,7 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
         The URDF's chain is another one than the model's.
     """
     robot, consistent = model.robot, _bodies_of(model)
+    friction = friction_of_joints(model)
     rotors = np.diag(robot.reflected_inertia) + _identified_rotors(robot, consistent)
     placed = _of_robot_file(robot) if chain is None else _of_urdf(robot, chain)
     return SimulatedRobot(
@@ -143,7 +144,7 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
                 velocity=float(robot.velocity_limit[axis]),
                 effort=float(robot.torque_limit[axis]),
                 armature=float(rotors[axis, axis]),
-                friction=simple_friction(model, axis),
+                friction=friction[axis],
                 stiffness=consistent.added.get(f"k{axis + 1}", 0.0),
                 body=parameter_map(each.mdh) @ consistent.bodies[axis],
             )
