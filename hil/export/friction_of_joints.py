@@ -1,4 +1,4 @@
-"""Friction of the joints of a simulated robot; a model without any is exported without, and says so."""
+"""Friction of the joints of a simulated robot; a model without is exported without, and says so."""
 
 from __future__ import annotations
 
@@ -25,5 +25,8 @@ def friction_remarks(model: Model) -> tuple[str, ...]:
     """What Coulomb's and viscous friction are off by, or why there is none."""
     try:
         return tuple(misfits(model, simple_friction(model)))
-    except NotEnoughData as error:
-        return (f"without friction: {error}",)
+    except NotEnoughData:
+        return (
+            "no friction is stated, since the model has no law of all axes: identify a run anew"
+            " that moves all of them (hil identify)",
+        )

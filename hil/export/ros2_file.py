@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 NOTES = (
     "joint side, SI: N m, N m s/rad, kg m2; for prismatic joints N, N s/m, kg",
     "joints are named joint1 and on: rename them after your URDF, in the same order",
-    "torque to command = rigid bodies + armature * acceleration + friction below",
+    "torque to command = rigid bodies + armature * acceleration + friction below; armature is the"
+    " rotor inertia that the robot file states, one that was identified counts with the bodies",
     "static friction and the Stribeck velocity replace coulomb and viscous where your controller"
     " knows Stribeck's curve; do not add both",
     "over-compensated Coulomb friction makes a joint creep or oscillate: begin with half of it, and"

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SCALINGS = 6
+SCALINGS = 20
 """Times that bodies and the scale of the likely ones are found from each other, at most."""
-_SAME_SCALE = 0.02
+_SAME_SCALE = 0.01
 _RANK = 1e-9
 _NEGLIGIBLE = 1e-13
 _PULL = 1e-6

@@ -1,9 +1,11 @@
 """The nearest robot that consists of bodies: how far it is, and that bodies it is."""
 
 import numpy as np
+import possible_models
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from possible_models import bodies
 from synthetic import TABLE_3_A
 
 from hil.errors import InvalidValue
@@ -19,8 +21,6 @@ from hil.model.drive_train_file import CoupledMotor
 from hil.model.frames import body_parameters
 from hil.model.robot import Robot, load_robot
 
-HALF_DENSE = 0.05
-"""Of parameters, as relative errors."""
 JOINT = {
     "frame": {"alpha": 0.0},
     "q_min": -3.0,
@@ -33,24 +33,10 @@ JOINT = {
 UPRIGHT = (0.0, -9.81, 0.0)
 
 
-def bodies(n, seed):
-    """Standard parameters of clouds of eight masses, one a link."""
-    rng = np.random.default_rng(seed)
-    found = []
-    for _ in range(n):
-        places = rng.normal(size=3) * 0.2 + rng.normal(size=(8, 3)) * 0.1
-        points = np.column_stack([places, np.ones(8)])
-        found.append(body_parameters((points.T * rng.uniform(0.5, 3.0, 8)) @ points))
-    return np.array(found)
-
-
 def possible(name, seed=0):
     """A robot and base parameters that bodies have, with standard errors."""
-    robot = load_robot(f"tests/robots/{name}.yaml" if "/" not in name else name)
-    added = np.full(len(robot.added_parameters), 0.05)
-    phi = np.concatenate([bodies(robot.n_joints, seed).ravel(), added])
-    p = base_parameters(robot).matrix @ phi
-    return robot, p, HALF_DENSE * np.maximum(np.abs(p), 0.02)
+    robot = load_robot(name if "/" in name else f"tests/robots/{name}.yaml")
+    return robot, *possible_models.possible(robot, seed)
 
 
 def seen(robot, found):
@@ -100,7 +86,9 @@ def independent_distance(robot, p, covariance, bounds):
     return float(2.0 * solver.solve()["info"]["pobj"])
 
 
-@pytest.mark.parametrize(("name", "seed"), [("pan-tilt", 1), ("scara", 3), ("hil/robots/manutec-r15.yaml", 2)])
+@pytest.mark.parametrize(
+    ("name", "seed"), [("pan-tilt", 1), ("scara", 3), ("hil/robots/manutec-r15.yaml", 2)]
+)
 def test_the_distance_is_that_of_an_independent_solver(name, seed):
     robot, p, error = possible(name)
     far = p * np.random.default_rng(seed).uniform(-1.0, 1.0, len(p))
