@@ -73,6 +73,8 @@ OTHERWISE = {
     ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
     ("friction", "imports/plausibility.py"): "the same",
     ("gravity", "study/other_machine.py"): "the same",
+    ("gravity", "export/ros2_file.py"): "a parameter of a node",
+    ("friction", "export/ros2_file.py"): "the same",
     ("trajectory", "study/campaigns.py"): "a campaign of a study",
     ("trajectory", "study/cell.py"): "the same",
     ("trajectory", "planning/design/candidates.py"): "what a plan by minutes may choose besides",

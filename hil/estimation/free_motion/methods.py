@@ -91,7 +91,7 @@ def fit_free_motions(
     """
     variant, motions = VARIANTS[name], FreeMotions(recorded)
     found = survey(motions)
-    processing, reason = processing_of(found)
+    processing, reasons = processing_of(found)
     first = first_estimate(robot, found, processing)
     divided = division(processing, found.stretches, found.duration)
     products = accumulate(
@@ -114,9 +114,10 @@ def fit_free_motions(
     fit = FreeMotionFit(
         cut_off=processing.cut_off,
         band=processing.band,
-        cut_off_reason=reason,
+        cut_off_reason=reasons.cut_off,
         dead_zone=dead_zone(choice),
         recorded_velocity=tuple(int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)),
+        velocity_reasons=reasons.velocities,
         axes=axis_friction(solution, plain, choice, processing, products.n_shared),
         coupled=coupled_friction(robot, solution),
         relative_residual=tuple(None if np.isnan(r) else float(r) for r in relative),
