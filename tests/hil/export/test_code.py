@@ -176,7 +176,7 @@ def test_fewer_operations_than_the_recursion_on_whole_links(kind: str) -> None:
 
 
 def test_without_friction_the_torque_says_so(tmp_path: Path) -> None:
-    model = stated_model(load_robot("manutec-r15"), friction=False)
+    model = stated_model(load_robot("manutec-r15"), friction=())
     exported = write_python(model, ())
     (text,) = exported.files.values()
     assert "def friction" not in text
