@@ -28,7 +28,7 @@ def bodies(robot: Robot, found: ConsistentRobot) -> Table:
         title="Nearest robot that consists of bodies",
         columns=(
             Column("link"),
-            *figures("mass, kg", "centre, m", "spread, mm", "without its condition"),
+            *figures("mass, kg", "centre, m", "spread, mm", "distance without"),
         ),
         parts=(Part(tuple(rows)),),
         explanation=(
@@ -93,6 +93,6 @@ def _link(number: int, body: LinkBody, binding: dict[str, float]) -> Row:
         str(number),
         significant(float(mass), 3),
         " ".join(f"{x:.3f}" for x in centre),
-        " ".join(significant(1e3 * float(x), 2) for x in spread),
-        "" if without is None else significant(without, 3),
+        " ".join(f"{1e3 * x:.3g}" for x in spread),
+        "" if without is None else f"{without:.3g}",
     )

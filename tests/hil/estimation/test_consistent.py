@@ -5,6 +5,7 @@ import possible_models
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nearest_bodies import independent_distance
 from possible_models import bodies
 from synthetic import TABLE_3_A
 
@@ -46,50 +47,11 @@ def seen(robot, found):
     return whole.matrix @ phi, whole.matrix @ own.placement @ found.p
 
 
-def independent_distance(robot, p, covariance, bounds):
-    """The same program as it is written down, for a first-order solver of another kind."""
-    scs = pytest.importorskip("scs", reason="needs SCS")
-    from scipy import sparse
-
-    whole = complete(robot)
-    K, T = (
-        base_parameters(whole).matrix,
-        base_parameters(whole).matrix @ base_parameters(robot).placement,
-    )
-    asked, n, k = tightened(whole, bounds), len(p), K.shape[1]
-    unit = np.linalg.norm(K, axis=0)
-    unit = 1.0 / np.where(unit > 0, unit, 1.0)
-    root = np.linalg.cholesky(covariance)
-    rows, sides, sizes = [np.hstack([T @ root, -K * unit])], [-T @ p], []
-    scalars = [c for c in asked if len(c.constant) == 1]
-    matrices = [c for c in asked if len(c.constant) > 1]
-    for c in scalars:
-        rows.append(np.hstack([np.zeros(n), -c.weights[0, 0] * unit])[np.newaxis])
-        sides.append(c.constant[0])
-    for c in matrices:
-        size = len(c.constant)
-        lower = [(i, j) for j in range(size) for i in range(j, size)]
-        factor = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in lower])
-        own = np.array([c.weights[i, j] for i, j in lower]) * unit
-        rows.append(np.hstack([np.zeros((len(lower), n)), -own * factor[:, np.newaxis]]))
-        sides.append(np.array([c.constant[i, j] for i, j in lower]) * factor)
-        sizes.append(size)
-    P = sparse.csc_matrix(np.diag([1.0] * n + [0.0] * k))
-    data = {
-        "P": P,
-        "A": sparse.csc_matrix(np.vstack(rows)),
-        "b": np.concatenate(sides),
-        "c": np.zeros(n + k),
-    }
-    cone = {"z": len(K), "l": len(scalars), "s": sizes}
-    solver = scs.SCS(data, cone, eps_abs=1e-6, eps_rel=1e-6, max_iters=200_000, verbose=False)
-    return float(2.0 * solver.solve()["info"]["pobj"])
-
-
 @pytest.mark.parametrize(
     ("name", "seed"), [("pan-tilt", 1), ("scara", 3), ("hil/robots/manutec-r15.yaml", 2)]
 )
 def test_the_distance_is_that_of_an_independent_solver(name, seed):
+    pytest.importorskip("scs", reason="needs SCS")
     robot, p, error = possible(name)
     far = p * np.random.default_rng(seed).uniform(-1.0, 1.0, len(p))
     bounds = BodyBounds(masses=dict.fromkeys(range(1, robot.n_joints + 1), (1.0, 60.0)))
