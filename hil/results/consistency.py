@@ -72,6 +72,7 @@ def with_consistent_robot(
         thickness=bounds.thickness,
         masses=dict(bounds.masses),
         likely=likely_from,
+        open_masses=found.open_masses,
         links=tuple(
             LinkBody(parameters=tuple(body.tolist()), thickness=float(t))
             for body, t in zip(found.bodies, found.thickness, strict=True)

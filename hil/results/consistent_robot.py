@@ -83,6 +83,8 @@ class ConsistentRobot(FileModel):
         Bounds of masses that were asked for, by link from 1 [kg].
     likely : str
         Where the likely bodies come from, to which those here are nearest where no torque decides.
+    open_masses : tuple of int
+        Links, from 1, whose mass no torque decides.
     links : tuple of LinkBody
     added : dict of str to float
         Rotor inertias and springs, by name.
@@ -100,6 +102,7 @@ class ConsistentRobot(FileModel):
     thickness: float
     masses: dict[int, tuple[float, float]]
     likely: str
+    open_masses: tuple[int, ...]
     links: tuple[LinkBody, ...]
     added: dict[str, float]
     binding: tuple[BindingCondition, ...]
@@ -126,8 +129,15 @@ class ConsistentRobot(FileModel):
             return (
                 "the identified base parameters belong to bodies as they are: distance 0, no"
                 " condition binds",
+                *self._open(),
             )
-        found = [self._distance(), self._binding(), *self._largest(robot), *self._costs(robot)]
+        found = [
+            self._distance(),
+            self._binding(),
+            *self._largest(robot),
+            *self._costs(robot),
+            *self._open(),
+        ]
         if self.contradicted:
             found.append(
                 "the data contradict bodies: look for what the model leaves out (hil diagnose), for"
@@ -145,6 +155,15 @@ class ConsistentRobot(FileModel):
     def _binding(self) -> str:
         parts = [f"{each.name} (without it {each.distance_without:.4g})" for each in self.binding]
         return f"conditions that bind: {', '.join(parts)}"
+
+    def _open(self) -> list[str]:
+        if not self.open_masses:
+            return []
+        links = ", ".join(map(str, self.open_masses))
+        return [
+            f"no torque decides the masses of links {links}: they come from {self.likely}, and"
+            " centres and inertias of these links go with them"
+        ]
 
     def _largest(self, robot: Robot) -> list[str]:
         names = base_parameters(robot).names

@@ -89,6 +89,8 @@ class NearestRobot:
         Of drive trains and springs (`hil.model.added_parameters`).
     thickness : ndarray, shape (n_joints,)
         Least spread of each link's mass about its centre [m].
+    open_masses : tuple of int
+        Links, from 1, whose mass no torque decides; it is that of a likely body then.
     distance : float
         d^2.
     distance_complete : float
@@ -102,6 +104,7 @@ class NearestRobot:
     bodies: Array
     added: Array
     thickness: Array
+    open_masses: tuple[int, ...]
     distance: float
     distance_complete: float
     binding: tuple[Binding, ...]
@@ -158,6 +161,7 @@ def nearest_robot(
         bodies=bodies,
         added=phi[bodies.size :],
         thickness=np.array([thickness_of(body) for body in bodies]),
+        open_masses=space.open_masses,
         distance=distance,
         distance_complete=_distance(space.with_absent(robot), asked) if outside else distance,
         binding=_binding(space, asked, first) if outside else (),

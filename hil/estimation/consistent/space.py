@@ -74,6 +74,12 @@ class Space:
         absent = [k for k, name in enumerate(robot.standard_parameters) if name not in stated]
         return replace(self, free=np.hstack([self.free, np.diag(self._unit)[:, absent]]))
 
+    @property
+    def open_masses(self) -> tuple[int, ...]:
+        """Links, from 1, whose mass no torque decides."""
+        rows = np.abs(self.free[9 : self.likely.size : 10]) / self.likely[:, 9:]
+        return tuple(int(k) + 1 for k in np.flatnonzero(rows.max(axis=1, initial=0.0) > _RANK))
+
     def nearest(self, asked: Sequence[Condition]) -> Solved:
         """Smallest x, with some z, that meets the conditions."""
         directions = np.hstack([self.placement @ self.root, self.free])

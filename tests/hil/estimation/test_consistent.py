@@ -132,6 +132,13 @@ def test_least_squares_under_the_conditions_is_the_projection_in_its_own_informa
     np.testing.assert_allclose(found.p, direct, rtol=1e-4, atol=1e-5)
 
 
+def test_masses_that_no_torque_decides_are_named():
+    robot, p, error = possible("cartesian")
+    assert nearest_robot(robot, p, np.diag(error**2)).open_masses == ()
+    robot, p, error = possible("scara")
+    assert nearest_robot(robot, p, np.diag(error**2)).open_masses == (1, 2, 3, 4)
+
+
 def test_rotors_are_not_negative_however_they_are_estimated():
     joint = JOINT | {"drive": JOINT["drive"] | {"rotor_inertia": "unknown"}}
     swung = joint | {"frame": {"alpha": 0.0, "d": "0.3"}}
