@@ -2,8 +2,8 @@
 
 The exported functions are compiled by cc with -O2 and timed in C, over a thousand states, as a
 controller calls them. Pinocchio is called from Python, which costs its calls; its C++ is timed too
-where Eigen's headers are found (pip install cmeel-eigen), for the same frames with all ten
-parameters of every link.
+where Eigen's headers are found (pip install --no-deps cmeel-eigen), for six axes in any frames and
+all ten parameters of every link, which is what its time depends on.
 """
 
 from __future__ import annotations
@@ -26,14 +26,21 @@ from stated_model import stated_model
 
 from hil import Robot
 from hil.export.c_code import write_c
-from hil.export.expressions import Graph, count
+from hil.export.expressions import count
 from hil.export.functions import functions
 from hil.export.identifiers import identifier
-from hil.export.rigid_bodies import Joint, rigid_bodies
+from hil.export.operations import of_whole_links
 
 ROBOTS = ("manutec-r15", str(Path(__file__).parents[1] / "tests" / "robots" / "ur10e.yaml"))
 FRICTION = ("offset", "Coulomb", "viscous", "arc tangent")
 """Terms of the law, as `hil identify` chooses it for most axes of the virtual plants."""
+PINOCCHIO = (
+    "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION",
+    "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
+    "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+    "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
+)
+"""What its own build defines, so that its compiled library is called."""
 CALLS, STATES = 2_000_000, 1000
 _C = """\
 #define _POSIX_C_SOURCE 199309L
@@ -73,8 +80,7 @@ _TIMING = """\
     printf("{function} %g\\n", best);
 """
 _CPP = """\
-#include <pinocchio/multibody/model.hpp>
-#include <pinocchio/multibody/data.hpp>
+#include <pinocchio/multibody.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
 #include <chrono>
 #include <cstdio>
@@ -124,26 +130,6 @@ def timed_c(robot: Robot, folder: Path) -> dict[str, float]:
     return {name: float(us) for name, us in (line.split() for line in done.stdout.splitlines())}
 
 
-def of_whole_links(robot: Robot) -> str:
-    """Operations of the same recursion with all parameters of all links and any frames."""
-    graph, n = Graph(), robot.n_joints
-    symbols = {
-        name: [graph.symbol(f"{name}{k}") for k in range(n * each)]
-        for name, each in (("turn", 4), ("arm", 3), ("body", 10), ("qd", 1), ("qdd", 1))
-    }
-    chain = [
-        Joint(
-            *symbols["turn"][4 * j : 4 * j + 4],
-            tuple(symbols["arm"][3 * j : 3 * j + 3]),
-            revolute=bool(robot.revolute[j]),
-        )
-        for j in range(n)
-    ]
-    bodies = [symbols["body"][10 * j : 10 * j + 10] for j in range(n)]
-    found = rigid_bodies(chain, bodies, symbols["qd"], symbols["qdd"], (0.3, 0.4, -9.8))
-    return str(count([graph.lifted(each) for each in found])._replace(functions=2 * n))
-
-
 def pinocchio_from_python(robot: Robot) -> float:
     """Time pin.rnea [us a call]."""
     model = pinocchio_arm(robot)
@@ -165,9 +151,10 @@ def pinocchio_in_cpp(folder: Path) -> float | None:
     if not eigen.exists() or shutil.which("c++") is None:
         return None
     (folder / "rnea.cpp").write_text(_CPP)
+    include, library = prefix / "include", prefix / "lib"
     command = [
-        "c++", "-std=c++17", "-O2", "-DNDEBUG", f"-I{prefix / 'include'}", f"-I{eigen}", "rnea.cpp",
-        "-o", "rnea", f"-L{prefix / 'lib'}", "-lpinocchio_default", f"-Wl,-rpath,{prefix / 'lib'}",
+        "c++", "-std=c++17", "-O2", "-DNDEBUG", *PINOCCHIO, f"-I{include}", f"-I{eigen}",
+        "rnea.cpp", "-o", "rnea", f"-L{library}", "-lpinocchio_default", f"-Wl,-rpath,{library}",
     ]  # fmt: skip
     subprocess.run(command, cwd=folder, check=True)
     done = subprocess.run([folder / "rnea"], capture_output=True, text=True, check=True)
@@ -188,7 +175,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             for name, us in timed_c(robot, Path(folder)).items():
                 table.add_row(f"exported {name}", counted[name], f"{us:.3f}")
-        table.add_row("recursion on whole links", of_whole_links(robot), "")
+        table.add_row("recursion on whole links", str(of_whole_links(robot)), "")
         table.add_row("Pinocchio's rnea from Python", "", f"{pinocchio_from_python(robot):.3f}")
         table.add_row("Pinocchio's rnea in C++", "", f"{in_cpp:.3f}" if in_cpp else "no Eigen")
         Console().print(table)
