@@ -33,12 +33,6 @@ def export(
         Path | None,
         typer.Option(help="URDF of the robot, whose shapes and names urdf and mjcf keep."),
     ] = None,
-    base: Annotated[
-        str | None, typer.Option("--from", help="Link of the URDF at which the chain begins.")
-    ] = None,
-    tip: Annotated[
-        str | None, typer.Option("--to-link", help="Link of the URDF at which the chain ends.")
-    ] = None,
     masses: Masses = None,
 ) -> None:
     """Write an identified model as files of other tools."""
@@ -50,7 +44,7 @@ def export(
 
     model = Model.load(source)
     if to in SIMULATORS:
-        exported = _bodies(model, source, to, (urdf, base, tip), masses)
+        exported = _bodies(model, source, to, urdf, masses)
     elif urdf or masses:
         raise typer.BadParameter(
             f"--urdf and --mass are about bodies, which {to} has not; they go with"
@@ -69,11 +63,7 @@ def export(
 
 
 def _bodies(
-    model: Model,
-    source: Path,
-    to: str,
-    urdf: tuple[Path | None, str | None, str | None],
-    masses: list[str] | None,
+    model: Model, source: Path, to: str, urdf: Path | None, masses: list[str] | None
 ) -> Exported:
     """The model with bodies, found now unless the model has them as they are asked for."""
     from hil.cli.consistent_view import body_bounds, render
@@ -82,8 +72,7 @@ def _bodies(
     from hil.export.simulators import export_to_simulator
     from hil.results.consistency import SHAPES, with_consistent_robot
 
-    path, base, tip = urdf
-    given = None if path is None else given_urdf(path, base, tip)
+    given = None if urdf is None else given_urdf(urdf, model.robot)
     likely = None if given is None else bodies_of(given, model.robot)
     if model.consistent is None or masses or likely is not None:
         model = with_consistent_robot(
@@ -91,7 +80,7 @@ def _bodies(
             _recordings(source),
             body_bounds(masses),
             likely,
-            SHAPES if likely is None else f"the inertials of {path}",
+            SHAPES if likely is None else f"the inertials of {urdf}",
         )
     exported = export_to_simulator(model, to, origin(model, source), given)
     render(model)

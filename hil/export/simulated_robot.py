@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import Mismatch
 from hil.export.friction_of_joints import friction_of_joints
 from hil.model.added_parameters import added_inertias
 from hil.model.axes_to_frames import frames_of
@@ -29,9 +28,6 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
     Array = NDArray[np.float64]
-
-SAME = 1e-6
-"""By which frames of a URDF may differ from those of the model [rad, m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,12 +113,14 @@ class SimulatedRobot:
 
 
 def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRobot:
-    """Return a model as simulators take it; in frames and with names of `chain` where given.
+    """Return a model as simulators take it.
 
-    Raises
-    ------
-    Mismatch
-        The URDF's chain is another one than the model's.
+    Parameters
+    ----------
+    model : Model
+        With bodies.
+    chain : UrdfChain, optional
+        Of the same robot, whose frames and names are taken.
     """
     robot, consistent = model.robot, _bodies_of(model)
     friction = friction_of_joints(model)
@@ -193,7 +191,6 @@ def _of_robot_file(robot: Robot) -> list[_Placed]:
 
 def _of_urdf(robot: Robot, chain: UrdfChain) -> list[_Placed]:
     frames = frames_of(chain)
-    _refuse_other_chain(robot, chain)
     still = np.zeros(robot.n_joints)
     placed = zip(
         chain.joints,
@@ -205,27 +202,6 @@ def _of_urdf(robot: Robot, chain: UrdfChain) -> list[_Placed]:
         _Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
         for joint, own, mdh in placed
     ]
-
-
-def _refuse_other_chain(robot: Robot, chain: UrdfChain) -> None:
-    types = ["revolute" if turns else "prismatic" for turns in robot.revolute]
-    remedy = "export the URDF that the robot was made from, and name its ends with --from and --to"
-    if [joint.type for joint in chain.joints] != types:
-        raise Mismatch(
-            f"{chain.robot} from {chain.base} to {chain.tip}: joints"
-            f" {', '.join(j.type for j in chain.joints)} are not those of the model of"
-            f" {robot.name} ({', '.join(types)}); {remedy}"
-        )
-    frames = frames_of(chain)
-    for key in ("alpha", "d", "theta", "r"):
-        apart = np.abs(getattr(frames, key) - getattr(robot, key))
-        worst = int(np.argmax(apart))
-        if apart[worst] > SAME:
-            raise Mismatch(
-                f"{chain.robot} from {chain.base} to {chain.tip}: {key} of joint {worst + 1} is"
-                f" {getattr(frames, key)[worst]:.6g}, of the model of {robot.name}"
-                f" {getattr(robot, key)[worst]:.6g}; {remedy}"
-            )
 
 
 def _bodies_of(model: Model) -> ConsistentRobot:

@@ -27,11 +27,6 @@ def export_to_simulator(
     """Return a model that has bodies in a format of `SIMULATORS`; nothing is written.
 
     What the bodies cost is stated with the origin.
-
-    Raises
-    ------
-    Mismatch
-        The URDF's chain is another one than the model's.
     """
     costs = model.consistent.statements(model.robot) if model.consistent else ()
     return SIMULATORS[name](model, (*origin, *costs), given)

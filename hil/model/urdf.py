@@ -32,7 +32,7 @@ ROUNDED = 1e-3
 """How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
 MOST_JOINTS = 30
 """Of a chain: more is no robot, and takes forever."""
-_MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +131,7 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
 
 
 class UrdfReader:
-    """A URDF: `links` and joints (`below` each link) as elements of its `file`."""
+    """A URDF: `links`, and joints `below` and `above` each, as elements of its `file`."""
 
     def __init__(self, path: Path) -> None:
         self.file = XmlFile(path)
@@ -143,14 +143,14 @@ class UrdfReader:
         self.links = self.file.named("link")
         self._edges = {name: self._edge(each) for name, each in self.file.named("joint").items()}
         self.below: dict[str, list[UrdfEdge]] = {}
-        self._above: dict[str, UrdfEdge] = {}
+        self.above: dict[str, UrdfEdge] = {}
         for edge in self._edges.values():
-            if edge.child in self._above:
-                other = self._above[edge.child].element.get("name")
+            if edge.child in self.above:
+                other = self.above[edge.child].element.get("name")
                 raise self.file.wrong(
                     edge.element, f"link {edge.child!r} is the child of joint {other!r} already"
                 )
-            self._above[edge.child] = edge
+            self.above[edge.child] = edge
             self.below.setdefault(edge.parent, []).append(edge)
 
     def chain(self, base: str | None, tip: str | None) -> UrdfChain:
@@ -187,8 +187,8 @@ class UrdfReader:
     def _between(self, base: str | None, tip: str) -> list[UrdfEdge]:
         edges: list[UrdfEdge] = []
         here = tip
-        while here != base and here in self._above:
-            edges.insert(0, self._above[here])
+        while here != base and here in self.above:
+            edges.insert(0, self.above[here])
             here = edges[0].parent
             if len(edges) > len(self.links):
                 raise FileError(f"{self._path}: link {here!r} is above itself; joints must not")
@@ -205,14 +205,14 @@ class UrdfReader:
         """Edges of the chain with most moving joints; it ends at the last of them."""
         chains = {}
         for tip in self.links:
-            above = self._above.get(tip)
-            if above is None or above.element.get("type") not in _MOVING:
+            above = self.above.get(tip)
+            if above is None or above.element.get("type") not in MOVING:
                 continue
             edges = self._between(None, tip)
             if base is not None:
                 starts = [k for k, edge in enumerate(edges) if edge.parent == base]
                 edges = edges[starts[0] :] if starts else []
-            own = [e for e in edges if e.element.get("type") in _MOVING]
+            own = [e for e in edges if e.element.get("type") in MOVING]
             if own and not any(e.element.find("mimic") is not None for e in own):
                 chains[tip] = (len(own), edges)
         if not chains:
@@ -233,7 +233,7 @@ class UrdfReader:
             raise self.file.wrong(
                 element, f"joint {name!r} mimics another one; end the chain before it with --to"
             )
-        if stated not in _MOVING:
+        if stated not in MOVING:
             raise self.file.wrong(
                 element,
                 f"joint {name!r}: type {stated!r} must be revolute, continuous, prismatic or"

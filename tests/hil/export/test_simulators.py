@@ -183,7 +183,7 @@ def arm(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(text.replace("</robot>", more + "</robot>"))
     model = consistent(robot_from_urdf(path, tip="link4"), scatter=0.5)
-    return model, given_urdf(path, tip="link4"), path
+    return model, given_urdf(path, model.robot), path
 
 
 def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(arm):
@@ -196,7 +196,7 @@ def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(a
     before, links = UrdfLinks(path), UrdfLinks(after)
     np.testing.assert_array_equal(links.body("finger"), before.body("finger"))
     assert links.body("tool") is None
-    bodies = bodies_of(given_urdf(after, tip="link4"), model.robot)
+    bodies = bodies_of(given_urdf(after, model.robot), model.robot)
     np.testing.assert_allclose(bodies, model.consistent.bodies, rtol=1e-9, atol=1e-12)
     assert "the body of link4 is that of tool too" in text
     assert "what joints grip carry keeps its inertials" in text
@@ -230,21 +230,28 @@ def test_a_model_of_the_urdf_s_own_bodies_gets_them_back_though_torques_leave_mu
     assert found.likely == "arm.urdf"
 
 
-def test_a_urdf_of_another_chain_is_refused(arm, tmp_path):
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (("0.1 0.2 0.3", "0.1 0.25 0.3"), r"from base to link4 \w+ of joint . is"),
+        (('name="joint4" type="revolute"', 'name="joint4" type="prismatic"'), "its joints are"),
+        (('name="joint4" type="revolute"', 'name="joint4" type="fixed"'), "its joints are|fewer"),
+        (('name="joint2" type="prismatic"', 'name="joint2" type="floating"'), "it has fewer"),
+    ],
+)
+def test_a_urdf_without_the_chain_is_refused(arm, tmp_path, change, why):
     model, _, path = arm
     other = tmp_path / "other.urdf"
-    other.write_text(path.read_text().replace("0.1 0.2 0.3", "0.1 0.25 0.3"))
-    with pytest.raises(Mismatch, match=r"of joint . is .*, of the model of askew-arm .*--from"):
-        export_to_simulator(model, "urdf", (), given_urdf(other, tip="link4"))
-    with pytest.raises(Mismatch, match=r"joints revolute, prismatic, revolute are not those"):
-        export_to_simulator(model, "mjcf", (), given_urdf(path, tip="link3"))
+    other.write_text(path.read_text().replace(*change))
+    with pytest.raises(Mismatch, match=f"no chain of 4 joints has the frames of askew-arm.*{why}"):
+        given_urdf(other, model.robot)
 
 
 def test_a_urdf_that_is_none_is_refused(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text("<robot")
     with pytest.raises(FileError, match=r"arm\.urdf"):
-        given_urdf(path)
+        given_urdf(path, load_robot("tests/robots/scara.yaml"))
 
 
 def test_ros2_parameters_are_read_back(arm):
