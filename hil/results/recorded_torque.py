@@ -91,7 +91,7 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     NotEnoughData
         A model without friction, or a recording shorter than the low-pass reaches.
     """
-    motion = filtered_motion(recording, _processing(model))
+    motion = filtered_motion(recording, processing_of(model))
     if not motion.used.any():
         raise NotEnoughData(
             f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s are"
@@ -114,7 +114,14 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     )
 
 
-def _processing(model: Model) -> Processing:
+def processing_of(model: Model) -> Processing:
+    """How a model's recordings became signals.
+
+    Raises
+    ------
+    NotEnoughData
+        A model that was not identified from free motions.
+    """
     if model.friction is None:
         raise NotEnoughData(
             f"the {model.method} method finds no law of friction, so torques cannot be predicted;"
