@@ -1,4 +1,4 @@
-"""A first estimate of the base parameters, for what friction knows of the transmitted torque."""
+"""A first estimate of base parameters and gains: friction needs to know the transmitted torque."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.accumulation import accumulate, division
+from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import without_choice
 from hil.estimation.free_motion.system import normal, summed
+from hil.estimation.free_motion.unknown_gains import first_scaling
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -21,11 +22,25 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-def first_estimate(robot: Robot, found: Survey, processing: Processing) -> Array:
-    """Weighted least squares over the survey's stretches, shape (n_base,)."""
+def first_estimate(
+    robot: Robot, found: Survey, processing: Processing, unknown: tuple[int, ...] = ()
+) -> Array:
+    """Weighted least squares over the survey's stretches, shape (n_base,).
+
+    Parameters
+    ----------
+    unknown : tuple of int
+        Axes, from 0, whose gain is unknown.
+
+    Raises
+    ------
+    NotIdentifiable
+        Parameters that unknown gains leave open up to scale.
+    """
     n_base = len(base_parameters(robot))
     divided = division(processing, found.stretches, found.duration)
-    products = accumulate(robot, found.stretches, processing, divided, np.zeros(n_base))
+    recorded = recorded_products(robot, found.stretches, processing, divided, np.zeros(n_base))
+    products = first_scaling(robot, recorded, unknown).applied(recorded)
     choice = without_choice(products, weighted=True)
     system = normal(summed(products.pieces), products.n_shared, choice.weights)
     return system.only(choice.kept(products.n_shared)).solution()[:n_base]

@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.estimate import Estimate, LeftOut
-from hil.estimation.free_motion.accumulation import accumulate, division
+from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.bias_test import bias_test
 from hil.estimation.free_motion.choice import choose, without_choice
 from hil.estimation.free_motion.description import (
@@ -27,6 +27,7 @@ from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import solve
 from hil.estimation.free_motion.survey import configurations, survey
+from hil.estimation.free_motion.unknown_gains import first_scaling, found_gains, refined
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
@@ -120,14 +121,16 @@ def fit_free_motions(
     NotEnoughData
         No free motions, or too short ones.
     NotIdentifiable
-        Base parameters that the motions do not excite.
+        Base parameters that the motions do not excite, or that unknown gains leave open.
+    Mismatch
+        The gain of an axis is known in some motions and unknown in others.
     """
     variant, motions = VARIANTS[name], FreeMotions(recorded)
     found = survey(motions)
     processing, reason = processing_of(found)
-    first = first_estimate(robot, found, processing)
+    first = first_estimate(robot, found, processing, found.unknown_gains)
     divided = division(processing, found.stretches, found.duration)
-    products = accumulate(
+    as_recorded = recorded_products(
         robot,
         (recording for _, recording in motions),
         processing,
@@ -136,7 +139,11 @@ def fit_free_motions(
         instruments=variant.solver == "instrumental",
     )
     chosen = variant.terms == "chosen"
+    scaling = first_scaling(robot, as_recorded, found.unknown_gains)
+    products = scaling.applied(as_recorded)
     choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
+    scaling = refined(as_recorded, scaling, choice)
+    products = scaling.applied(as_recorded) if scaling.unknown else products
     visited = configurations(found)
     solution = solve(robot, products, choice, variant.solver, visited)
     plain = solve(
@@ -154,11 +161,12 @@ def fit_free_motions(
         coupled=coupled_friction(robot, solution),
         relative_residual=tuple(None if np.isnan(r) else float(r) for r in relative),
         overall_residual=overall,
-        bias_test=bias_test(robot, found, processing, choice, first),
+        bias_test=bias_test(robot, found, processing, scaling, choice, first),
         least_inertia=least_inertia(robot, solution.x[:n], visited),
         remarks=remarks(robot, products, solution, found),
+        gains=found_gains(robot, scaling, solution),
     )
-    gains = effect_of_gains(robot, products, choice, n)
+    gains = effect_of_gains(robot, as_recorded, scaling, choice, n)
     return _estimate(name, solution, found, rms, fit, gains)
 
 

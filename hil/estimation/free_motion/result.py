@@ -52,6 +52,22 @@ class CoupledFriction(FileModel):
     coulomb: TermValue
 
 
+class GainValue(FileModel):
+    """Gain that the map left unknown, as it was found.
+
+    Attributes
+    ----------
+    axis : int
+        From 1.
+    value, standard_error : float
+        [N m or N for one unit of the signal as the map reads it].
+    """
+
+    axis: int
+    value: float
+    standard_error: float
+
+
 class BiasTest(FileModel):
     """Durbin, Wu and Hausman's test whether instruments find the same as least squares.
 
@@ -98,6 +114,8 @@ class FreeMotionFit(FileModel):
         greatest element of its diagonal there; negative where the estimate is no possible body.
     remarks : tuple of str
         What restricts the estimate.
+    gains : tuple of GainValue
+        Of axes whose gain the map left unknown.
     """
 
     cut_off: float
@@ -112,3 +130,4 @@ class FreeMotionFit(FileModel):
     bias_test: BiasTest | None
     least_inertia: float
     remarks: tuple[str, ...]
+    gains: tuple[GainValue, ...] = ()

@@ -1,0 +1,104 @@
+"""Scales that unknown gains leave open, whatever the signals are: a matter of structure.
+
+Parameters, friction and gain of some axes may be multiplied alike without a change of any torque
+unless one of these axes shares parameters with an axis of known gain, or turns a rotor of known
+inertia. Then the column of such a gain (`scaling`) is a combination of the others. Whether it is
+does not depend on the values of the parameters, almost all being alike in this; so they are drawn
+at random, and no signal enters.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotIdentifiable
+from hil.estimation.free_motion.friction_terms import CLASSICAL
+from hil.estimation.free_motion.scaling import Scaling
+from hil.estimation.free_motion.system import embedded, kept_unknowns, normal, summed
+from hil.model.base_parameters import base_parameters
+from hil.regression.least_squares import IDENTIFIABLE, undetermined
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.accumulation import Products
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+REMEDY = (
+    "state one gain in the map or a rotor_inertia in the robot file, or record the same motion with"
+    " a load of known mass (hil payload --mass --gains)"
+)
+_TINY = np.finfo(float).tiny
+
+
+def require_scale(robot: Robot, recorded: Products, unknown: tuple[int, ...]) -> None:
+    """Refuse motions whose torques leave a scale open.
+
+    Raises
+    ------
+    NotIdentifiable
+        It names the gains and the base parameters that are determined only up to scale.
+    """
+    names, axes = base_parameters(robot).names, range(robot.n_joints)
+    x, total = _any_solution(recorded, unknown), summed(recorded.pieces).sum(axis=0)
+    ones = np.ones(robot.n_joints)
+    modelled = Scaling(ones, tuple(axes), x).columns(recorded)
+    size = np.einsum("jak,jab,jbk->j", modelled, total, modelled)
+    products = Scaling(ones, unknown, x).applied(recorded)
+    kept = kept_unknowns(products.n_shared, [CLASSICAL] * robot.n_joints)
+    weights = 1.0 / np.maximum(size, _TINY)
+    N = normal(summed(products.pieces), products.n_shared, weights).only(kept).N.sum(axis=0)
+    gains = np.arange(products.n_shared - len(unknown), products.n_shared)
+    linear = np.delete(np.arange(len(N)), gains)
+    lost, before = undetermined(N, IDENTIFIABLE), undetermined(N[np.ix_(linear, linear)], IDENTIFIABLE)
+    if not lost[gains].any():
+        return
+    parameters = [name for k, name in enumerate(names) if lost[k] and not before[k]]
+    listed = [axis for axis, each in zip(unknown, lost[gains], strict=True) if each]
+    raise NotIdentifiable(
+        f"{gains_of(listed)} and with {'it' if len(listed) == 1 else 'them'}"
+        f" {', '.join(parameters) or 'friction'} are determined only up to scale: multiplied alike"
+        f" they leave all torques as they are; {REMEDY}"
+    )
+
+
+def gains_of(axes: Sequence[int]) -> str:
+    """Unknown gains of axes, from 0, in words."""
+    listed = ", ".join(str(axis + 1) for axis in axes)
+    return f"the unknown gain{'s' * (len(axes) > 1)} of axis {listed}"
+
+
+def mean_signal(recorded: Products) -> Array:
+    """Mean squares of the signals as they were recorded, shape (n_joints,)."""
+    counts = recorded.counts.sum(axis=(0, 2))
+    return np.maximum(recorded.squares / np.maximum(counts, 1.0), _TINY)
+
+
+def usual_torque(recorded: Products, unknown: tuple[int, ...]) -> float:
+    """Mean square of the torques of known gain, or else of the known rotors [N^2 m^2 or N^2]."""
+    known = np.delete(mean_signal(recorded), unknown)
+    if known.size:
+        return float(known.mean())
+    rotor, counts = recorded.n_shared, recorded.counts.sum(axis=(0, 2))
+    squares = summed(recorded.pieces)[:, :, rotor, rotor].sum(axis=0)
+    return float(np.mean(squares / np.maximum(counts, 1.0))) or 1.0
+
+
+def _any_solution(recorded: Products, unknown: tuple[int, ...]) -> Array:
+    """Parameters and classical friction drawn at random, their torques of usual size."""
+    n, linear = recorded.n_joints, recorded.n_shared - 1
+    counts = np.maximum(recorded.counts.sum(axis=(0, 2)), 1.0)[:, np.newaxis]
+    squares = np.einsum("jkk->jk", summed(recorded.pieces).sum(axis=0))[:, 1:] / counts
+    shared, own = squares[:, :linear].mean(axis=0), squares[:, linear + 1 :]
+    size = np.concatenate([shared, own.ravel()])
+    kept = kept_unknowns(linear, [CLASSICAL] * n)
+    drawn = embedded(np.random.default_rng(0).standard_normal(len(kept)), kept, len(size))
+    usual = np.sqrt(usual_torque(recorded, unknown) / len(kept))
+    found: Array = np.where(size > 0, drawn, 0.0) * usual / np.sqrt(np.maximum(size, _TINY))
+    return found
