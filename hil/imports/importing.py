@@ -122,7 +122,7 @@ def _import_one(
     numbered = numbered_pieces(the_map, samples, timing)
     excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
     alone = the_map.content.kind
-    found = suspicions(excerpts, robot, None if alone is None else alone - 1)
+    found = suspicions(excerpts, robot, None if alone is None else alone - 1, the_map.unknown_gains)
     refusing = [s for s in found if s.certain and s.check not in the_map.content.accept]
     if refusing:
         remedy = "; if it is right as it is, write accept: [{}]"
@@ -188,6 +188,12 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
                 ("robot",),
                 f"{robot.name} differs from the robot of {maps[0].path}, or their gains'"
                 " uncertainties do; a run is of one robot: import them into two",
+            )
+        if the_map.unknown_gains != maps[0].unknown_gains:
+            raise the_map.wrong(
+                ("joints",),
+                f"gains are unknown of other joints than in {maps[0].path}; an axis has one gain:"
+                " state it in both, or leave it unknown in both",
             )
 
 

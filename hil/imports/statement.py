@@ -53,6 +53,7 @@ class Statement:
             *self._samples(),
             *self._left_out(),
             *self._velocities(),
+            *self._gains(),
             self._motions(),
             *(f"{place(s.location)}: {s.message}" for s in self.suspicions),
         ]
@@ -87,6 +88,15 @@ class Statement:
         for (recorded, reason), joints in by_reason.items():
             which = "as recorded" if recorded else "derived from the position"
             yield f"velocity of {_joints(joints, len(self.velocities))} {which}: {reason}"
+
+    def _gains(self) -> Iterator[str]:
+        joints = [joint + 1 for joint in self.the_map.unknown_gains]
+        if joints:
+            units = {self.the_map.content.joints[joint - 1].torque.unit for joint in joints}
+            yield (
+                f"gain of {_joints(joints, len(self.velocities))} unknown: torques stay in"
+                f" {', '.join(sorted(units))}, and hil identify finds the gain with the parameters"
+            )
 
     def _motions(self) -> str:
         seconds = sum(motion.duration for motion in self.motions)

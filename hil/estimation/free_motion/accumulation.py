@@ -6,7 +6,8 @@ matrix over the columns
     y | A(q, qd, qdd), coupled motors, friction
 
 of filtered samples: first with the signal as it was recorded for y and the torque of rotors of
-known inertia as a further column (`recorded_products`), then of the torque to be explained. Pieces are divided by the axis's speed too, so that a dead zone can be chosen
+known inertia as a further column (`recorded_products`), then of the torque to be explained
+(`scaling`). Pieces are divided by the axis's speed too, so that a dead zone can be chosen
 afterwards. Cells are samples that are alike in positions and velocities, wherever in time they are:
 the nearest of some states that were drawn from the motion. What a model cannot explain repeats
 whenever the motion does; over cells it scatters.

@@ -60,12 +60,15 @@ class GainValue(FileModel):
     axis : int
         From 1.
     value, standard_error : float
-        [N m or N for one unit of the signal as the map reads it].
+        For one unit of the signal, on the side on which the map reads it [`unit`].
+    unit : str
+        N m or N.
     """
 
     axis: int
     value: float
     standard_error: float
+    unit: str
 
 
 class BiasTest(FileModel):

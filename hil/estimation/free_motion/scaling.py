@@ -87,9 +87,7 @@ class Scaling:
         return found
 
 
-def recast(
-    products: Products, first: Array, kept: Indices, added: Array, gains: Array
-) -> Products:
+def recast(products: Products, first: Array, kept: Indices, added: Array, gains: Array) -> Products:
     """Inner products of other shared columns, which are combinations of those that there are.
 
     Parameters

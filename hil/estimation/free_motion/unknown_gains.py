@@ -124,7 +124,7 @@ def _start(recorded: Products, unknown: tuple[int, ...]) -> Scaling:
 
 
 def _linear(recorded: Products, axes: Sequence[int]) -> Products:
-    """Products of the linear problem; signals of unknown gain are the last of the shared columns."""
+    """Products of the linear problem; signals of unknown gain are the last shared columns."""
     n, rotor = recorded.n_joints, recorded.n_shared
     first = np.zeros((n, recorded.pieces.shape[-1]))
     first[:, 0], first[:, rotor] = 1.0, -1.0
@@ -154,6 +154,11 @@ def found_gains(robot: Robot, scaling: Scaling, solution: Solution) -> tuple[Gai
         )
     values = scaling.gains[list(scaling.unknown)] * np.exp(change)
     return tuple(
-        GainValue(axis=axis + 1, value=float(value), standard_error=float(value * each))
+        GainValue(
+            axis=axis + 1,
+            value=float(value),
+            standard_error=float(value * each),
+            unit="N m" if robot.revolute[axis] else "N",
+        )
         for axis, value, each in zip(scaling.unknown, values, error, strict=True)
     )
