@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.estimation.free_motion.methods import DEFAULT
+from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate, estimates
 from hil.report.friction_of_run import friction_of_run
 from hil.results.advice import advice

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import solve
 from hil.estimation.free_motion.survey import configurations, survey
 from hil.estimation.free_motion.unknown_gains import first_scaling, found_gains, refined
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
@@ -36,46 +36,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.estimation.free_motion.solution import Solution, Solver
+    from hil.estimation.free_motion.solution import Solution
     from hil.estimation.free_motion.survey import Survey
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-
-DEFAULT = "free motion"
-
-
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """One method.
-
-    Attributes
-    ----------
-    solver : str
-        See `hil.estimation.free_motion.solution`.
-    terms : {"chosen", "classical"}
-        Whether law of friction and dead zone are chosen, or friction is Coulomb's and viscous at
-        all speeds.
-    weighted : bool
-        Rows of an axis by its residual variance.
-    """
-
-    solver: Solver = "least squares"
-    terms: Literal["chosen", "classical"] = "classical"
-    weighted: bool = True
-
-
-VARIANTS: dict[str, Variant] = {
-    DEFAULT: Variant(solver="positive", terms="chosen"),
-    "least squares": Variant(weighted=False),
-    "weighted least squares": Variant(),
-    "instrumental variables": Variant(solver="instrumental"),
-    "total least squares": Variant(solver="total"),
-    "robust": Variant(solver="robust"),
-}
-"""All methods for free motions."""
 
 
 class FreeMotions:
