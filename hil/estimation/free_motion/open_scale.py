@@ -79,6 +79,14 @@ def _open(
     return lost[gains], lost[:n_base] & ~before[:n_base]
 
 
+def open_gains(recorded: Products, unknown: tuple[int, ...]) -> list[int]:
+    """Axes, from 0, of unknown gains that are in a scale left open."""
+    if not unknown:
+        return []
+    lost = np.logical_or(*(_open(recorded, unknown, 0, seed)[0] for seed in range(2)))
+    return [axis for axis, each in zip(unknown, lost, strict=True) if each]
+
+
 def gains_of(axes: Sequence[int]) -> str:
     """Unknown gains of axes, from 0, in words."""
     listed = ", ".join(str(axis + 1) for axis in axes)
