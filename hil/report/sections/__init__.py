@@ -57,6 +57,7 @@ OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
 OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
     free_motions.section,
     validation.section,
+    payload.section,
     sessions.section,
 )
 """Of a run that was imported."""
