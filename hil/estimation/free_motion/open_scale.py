@@ -54,7 +54,7 @@ def require_scale(robot: Robot, recorded: Products, unknown: tuple[int, ...]) ->
     axes = [axis for axis, each in zip(unknown, gains, strict=True) if each]
     listed = ", ".join(name for name, each in zip(names, parameters, strict=True) if each)
     raise NotIdentifiable(
-        f"{gains_of(axes)} and with {'it' if len(axes) == 1 else 'them'} {listed or 'friction'} are"
+        f"{gains_of(axes)} and with {'it' if len(axes) == 1 else 'them'} {listed or 'all its friction'} are"
         f" determined only up to scale: multiplied alike they leave all torques as they are;"
         f" {REMEDY}"
     )
