@@ -5,14 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.errors import UnknownName
+from hil.export.c_code import write_c
+from hil.export.friction_file import write_friction
 from hil.export.json_file import write_json
+from hil.export.python_code import write_python
 
 if TYPE_CHECKING:
     from hil.export.exported import Exported, Writer
     from hil.results.model import Model
 
 FORMATS: dict[str, Writer] = {
+    "c": write_c,
+    "python": write_python,
     "json": write_json,
+    "friction": write_friction,
 }
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
-from hil.imports.units import NEEDS_GAIN, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
+from hil.imports.units import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 from hil.model.drive_train_file import UNKNOWN, Unknown
 
 Check = Literal["range", "velocity", "friction", "shape", "still"]
@@ -160,17 +160,32 @@ class Format(FileModel):
     topic: str | None = None
 
 
+class TimeColumn(FileModel):
+    """A column of time stamps, or of one part of them."""
+
+    column: Column
+    unit: TimeUnit = "s"
+
+
 class Time(FileModel):
-    """Time stamps as a column, or an even rate [Hz] where there are none."""
+    """Time stamps as a column, or as the sum of two, or an even rate [Hz] where there are none."""
 
     column: Column | None = None
     unit: TimeUnit = "s"
+    plus: TimeColumn | None = None
     rate: Annotated[float, Field(gt=0, le=1e6)] | None = None
 
     @model_validator(mode="after")
     def _either(self) -> Time:
         if (self.column is None) == (self.rate is None):
             raise ValueError("needs a column, or a rate in Hz: one of the two")
+        if self.plus is not None and self.column is None:
+            raise ValueError("plus is added to a column, and a rate has none; remove it")
+        if self.plus is not None and SECONDS[self.plus.unit] >= SECONDS[self.unit]:
+            raise ValueError(
+                f"plus in {self.plus.unit} must be in a smaller unit than {self.unit}: it is the"
+                " part of a stamp below one of these; exchange the two columns"
+            )
         return self
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.motion import Processing
     from hil.estimation.free_motion.scaling import Scaling
+    from hil.estimation.free_motion.settings import Reasons
     from hil.estimation.free_motion.survey import Survey
     from hil.estimation.free_motion.variants import Variant
     from hil.model.robot import Robot
@@ -69,8 +70,7 @@ class Gathered:
     ----------
     found : Survey
     processing : Processing
-    reason : str
-        Why the cut-off is what it is.
+    reasons : Reasons
     first : ndarray, shape (n_base,)
         First estimate, which friction of the load goes by.
     recorded : Products
@@ -81,7 +81,7 @@ class Gathered:
 
     found: Survey
     processing: Processing
-    reason: str
+    reasons: Reasons
     first: Array
     recorded: Products
     scaling: Scaling
@@ -118,7 +118,7 @@ def gather(
     """
     motions = FreeMotions(recorded)
     found = survey(motions)
-    processing, reason = processing_of(found)
+    processing, reasons = processing_of(found)
     first, unknown = first_estimate(robot, found, processing, open_scale=open_scale)
     condensed = recorded_products(
         robot,
@@ -133,4 +133,4 @@ def gather(
     chosen = variant.terms == "chosen"
     choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
     scaling = refined(condensed, scaling, choice)
-    return Gathered(found, processing, reason, first, condensed, scaling, choice)
+    return Gathered(found, processing, reasons, first, condensed, scaling, choice)

@@ -88,9 +88,10 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
     fit = FreeMotionFit(
         cut_off=processing.cut_off,
         band=processing.band,
-        cut_off_reason=gathered.reason,
+        cut_off_reason=gathered.reasons.cut_off,
         dead_zone=dead_zone(choice),
         recorded_velocity=tuple(int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)),
+        velocity_reasons=gathered.reasons.velocities,
         axes=axis_friction(solution, plain, choice, processing, products.n_shared),
         coupled=coupled_friction(robot, solution),
         relative_residual=tuple(None if np.isnan(r) else float(r) for r in relative),

@@ -53,10 +53,10 @@ def require_scale(robot: Robot, recorded: Products, unknown: tuple[int, ...]) ->
         return
     axes = [axis for axis, each in zip(unknown, gains, strict=True) if each]
     listed = ", ".join(name for name, each in zip(names, parameters, strict=True) if each)
+    both = f"{'it' if len(axes) == 1 else 'them'} {listed or 'all its friction'}"
     raise NotIdentifiable(
-        f"{gains_of(axes)} and with {'it' if len(axes) == 1 else 'them'} {listed or 'all its friction'} are"
-        f" determined only up to scale: multiplied alike they leave all torques as they are;"
-        f" {REMEDY}"
+        f"{gains_of(axes)} and with {both} are determined only up to scale: multiplied alike they"
+        f" leave all torques as they are; {REMEDY}"
     )
 
 

@@ -104,6 +104,8 @@ class FreeMotionFit(FileModel):
         Samples slower than this share of an axis's speed were not fitted, but count as residuals.
     recorded_velocity : tuple of int
         Axes, from 1, whose velocity was taken as recorded.
+    velocity_reasons : tuple of str
+        Of each axis why; empty in models that were written without.
     axes : tuple of AxisFriction
     coupled : tuple of CoupledFriction
     relative_residual : tuple of float or None
@@ -133,4 +135,5 @@ class FreeMotionFit(FileModel):
     bias_test: BiasTest | None
     least_inertia: float
     remarks: tuple[str, ...]
+    velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()

@@ -117,7 +117,14 @@ def statements(fit: FreeMotionFit) -> tuple[str, ...]:
     """What was chosen, what was tested, and what restricts the estimate."""
     return tuple(
         text
-        for text in (_settings(fit), *_gains(fit), _bias(fit), _bodies(fit), *fit.remarks)
+        for text in (
+            _settings(fit),
+            _velocities(fit),
+            *_gains(fit),
+            _bias(fit),
+            _bodies(fit),
+            *fit.remarks,
+        )
         if text
     )
 
@@ -128,11 +135,8 @@ def _settings(fit: FreeMotionFit) -> str:
         if fit.dead_zone
         else "no dead zone"
     )
-    axes = ", ".join(map(str, fit.recorded_velocity))
-    velocity = f"recorded velocity of axes {axes}" if axes else "velocity from the positions"
     return (
-        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz;"
-        f" {zone}; {velocity}"
+        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
     )
 
 
@@ -143,6 +147,20 @@ def _gains(fit: FreeMotionFit) -> Iterator[str]:
             f"gain of axis {each.axis}, unknown in the map: {value} ± {error} {each.unit} for one"
             " unit of the signal"
         )
+
+
+def _velocities(fit: FreeMotionFit) -> str:
+    """Which velocities were taken, and why; axes of the same reason together."""
+    n = len(fit.axes)
+    alike: dict[tuple[bool, str], list[str]] = {}
+    for axis, reason in enumerate(fit.velocity_reasons or ("",) * n, start=1):
+        alike.setdefault((axis in fit.recorded_velocity, reason), []).append(str(axis))
+    sentences = []
+    for (recorded, reason), axes in alike.items():
+        which = f"axis {', '.join(axes)}" if len(axes) < n else "all axes"
+        why = f" ({reason})" if reason else ""
+        sentences.append(f"{which} {'as recorded' if recorded else 'from the position'}{why}")
+    return f"velocity of {'; of '.join(sentences)}"
 
 
 def _bias(fit: FreeMotionFit) -> str:
