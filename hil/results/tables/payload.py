@@ -97,8 +97,15 @@ def goodness_of_fit(load: PayloadFile) -> str:
     return (
         f"A rigid load leaves χ² = {load.chi_squared:.1f} of the differences with"
         f" {load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
-        + ("." if p > MISFIT else ": something else changed between the runs.")
+        + ("." if p > MISFIT else f": something else changed between the runs{_or_gains(load)}.")
     )
+
+
+def _or_gains(load: PayloadFile) -> str:
+    """What else explains changes that no load makes, of imported runs with gains as stated."""
+    if not load.imported or load.gains:
+        return ""
+    return ", or the gains are wrong, which --mass and --gains find"
 
 
 def unseen(load: PayloadFile) -> str:

@@ -15,6 +15,7 @@ from checked_files.yaml_file import load_yaml
 from hil import cli
 from hil.errors import Mismatch, NoLoad
 from hil.report.page import report
+from hil.results.diagnosis import diagnose
 from hil.results.payload import find_payload
 from hil.results.payload_file import PayloadFile
 from hil.runs.run import Run
@@ -151,6 +152,13 @@ def test_a_copy_of_the_same_run_is_the_same_run(runs: Path, tmp_path: Path) -> N
     shutil.copytree(runs / "bare", tmp_path / "copy")
     with pytest.raises(Mismatch, match="has the same recordings"):
         find_payload(Run.open(runs / "bare"), Run.open(tmp_path / "copy"))
+
+
+def test_a_diagnosis_of_an_imported_run_is_refused_with_the_way_to_test_a_parameter(
+    runs: Path,
+) -> None:
+    with pytest.raises(Mismatch, match="add it to the parameters in the robot file"):
+        diagnose(Run.open(runs / "bare"))
 
 
 def test_gains_take_a_mass(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
