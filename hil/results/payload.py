@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import Mismatch
+from hil.errors import InvalidValue, Mismatch
 from hil.estimation.identify import estimate, prepared_for
 from hil.estimation.payload import estimate_payload, require_load
 from hil.estimation.simultaneous import SimultaneousFit
@@ -76,10 +76,14 @@ def find_payload(
         A damaged recording.
     Mismatch
         Runs of different robots or kinds, the same run twice, or a mass that contradicts them.
+    InvalidValue
+        Gains without a mass.
     NotIdentifiable, NoLoad
         Measurements that do not suffice, no load that stands out of its error, or a robot file
         without anything that a load changes.
     """
+    if gains and mass is None:
+        raise InvalidValue("gains are found by the load's mass; state it too")
     _refuse_unfit(without, loaded)
     if without.imported:
         return _of_free_motions(without, loaded, mass, gains=gains)
