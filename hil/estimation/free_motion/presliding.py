@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.choice import HeldOut, simplest
-from hil.estimation.free_motion.columns import coupled_friction, n_shared, torque_to_explain
+from hil.estimation.free_motion.columns import coupled_friction, n_shared, rotor_torque
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.system import normal, residual_weights
 from hil.model.dynamics import regressor
@@ -48,11 +48,14 @@ SHORTEST = 10.0
 
 
 def with_presliding(robot: Robot, found: Survey, processing: Processing) -> Processing:
-    """Settings with the presliding distance of every axis that moves."""
+    """Settings with the presliding distance of every axis that moves.
+
+    Where gains are unknown there is none: axes that share parameters cannot be fitted together yet.
+    """
     distances = np.zeros(robot.n_joints)
     motions = [filtered_motion(each, processing) for each in found.stretches]
     motions = [motion for motion in motions if motion.used.any()]
-    if not motions:
+    if found.unknown_gains or not motions:
         return processing
     search = _Search(robot, motions)
     for axis in range(robot.n_joints):
@@ -115,9 +118,11 @@ def _columns(robot: Robot, motion: Motion, axis: int) -> Array:
     rows = regressor(robot, motion.q, motion.qd, motion.qdd, joints=[axis])[:, 0]
     u = motion.qd[:, axis] / motion.processing.speed[axis]
     friction = np.column_stack([np.ones(len(u)), u, np.cbrt(u)])
-    passed = motion.passed(np.hstack([rows, coupled_friction(robot, motion.qd, axis), friction]))
-    y = torque_to_explain(robot, motion)[:, axis, np.newaxis]
-    return np.hstack([y, passed[: len(y)]])
+    rotor = rotor_torque(robot, motion, axis)[:, np.newaxis]
+    columns = [rotor, rows, coupled_friction(robot, motion.qd, axis), friction]
+    passed = motion.passed(np.hstack(columns))[: len(motion.tau)]
+    y = motion.tau[: len(passed), axis, np.newaxis] - passed[:, :1]
+    return np.hstack([y, passed[:, 1:]])
 
 
 def _blocks(motion: Motion) -> list[slice]:
