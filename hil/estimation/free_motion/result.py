@@ -56,6 +56,25 @@ class CoupledFriction(FileModel):
     coulomb: TermValue
 
 
+class GainValue(FileModel):
+    """Gain that the map left unknown, as it was found.
+
+    Attributes
+    ----------
+    axis : int
+        From 1.
+    value, standard_error : float
+        For one unit of the signal, on the side on which the map reads it [`unit`].
+    unit : str
+        N m or N.
+    """
+
+    axis: int
+    value: float
+    standard_error: float
+    unit: str
+
+
 class BiasTest(FileModel):
     """Durbin, Wu and Hausman's test whether instruments find the same as least squares.
 
@@ -104,6 +123,8 @@ class FreeMotionFit(FileModel):
         greatest element of its diagonal there; negative where the estimate is no possible body.
     remarks : tuple of str
         What restricts the estimate.
+    gains : tuple of GainValue
+        Of axes whose gain the map left unknown.
     """
 
     cut_off: float
@@ -119,3 +140,4 @@ class FreeMotionFit(FileModel):
     least_inertia: float
     remarks: tuple[str, ...]
     velocity_reasons: tuple[str, ...] = ()
+    gains: tuple[GainValue, ...] = ()
