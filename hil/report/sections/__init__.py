@@ -60,6 +60,7 @@ OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
     free_motions.section,
     validation.section,
     bodies.section,
+    payload.section,
     sessions.section,
 )
 """Of a run that was imported."""
