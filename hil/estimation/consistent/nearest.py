@@ -20,10 +20,10 @@ over by taking their rows out of V = N^-1, which leaves N's Schur complement.
 That program decides p' and leaves z open; `hil.estimation.consistent.likeliest` chooses it. The
 program asks for twice the thickness, so that the choice has room.
 
-If bodies are the truth d^2 is at most the distance to it, a chi-square of n_base degrees of freedom.
-Where errors are small against the curvature of the set only directions in which conditions bind
-count: d^2 is then a mixture of chi-squares of up to r (r + 1) / 2 degrees for each matrix that has
-lost the rank r, and the one of most degrees gives the greatest p-value.
+If bodies are the truth d^2 is at most the distance to it, a chi-square of n_base degrees of
+freedom. Where errors are small against the curvature of the set only directions in which conditions
+bind count: d^2 is then a mixture of chi-squares of up to r (r + 1) / 2 degrees for each matrix that
+has lost the rank r, and the one of most degrees gives the greatest p-value.
 """
 
 from __future__ import annotations
