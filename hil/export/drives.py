@@ -102,7 +102,6 @@ def _axis(
         "arc tangent": lambda: graph.function("atan", u * (1.0 / BEND)),
         "quadratic": lambda: u * graph.function("abs", u),
         "load": lambda: graph.function("abs", load) * direction,
-        "presliding": lambda: graph.number(0.0),  # no history is kept: friction turns at once
     }
     total = graph.number(0.0)
     for term, value in law.terms.items():

@@ -27,7 +27,6 @@ FORMULAS = {
     "arc tangent": "atan(u / 0.08)",
     "quadratic": "u |u|",
     "load": "|load| sgn(v)",
-    "presliding": "0 once the axis has gone the presliding distance",
 }
 """What the coefficient of each term is multiplied by; u is the velocity over `speed`."""
 

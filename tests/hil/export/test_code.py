@@ -178,7 +178,7 @@ def test_fewer_operations_than_the_recursion_on_whole_links(kind: str) -> None:
     assert f"rigid_bodies: {own}; {general} for whole links" in stated
 
 
-def test_without_friction_the_torque_says_so(tmp_path: Path) -> None:
+def test_without_friction_the_torque_says_so() -> None:
     model = stated_model(load_robot("manutec-r15"), friction=())
     exported = write_python(model, ())
     (text,) = exported.files.values()
