@@ -20,9 +20,10 @@ over by taking their rows out of V = N^-1, which leaves N's Schur complement.
 That program decides p' and leaves z open; `hil.estimation.consistent.likeliest` chooses it. The
 program asks for twice the thickness, so that the choice has room.
 
-Since d^2 is the least over a convex set that holds the truth, where there is any, it exceeds what
-chance gives it at most as a chi-square variable does that has as many degrees of freedom as the
-conditions that bind: r (r + 1) / 2 of a matrix that has lost the rank r.
+If bodies are the truth d^2 is at most the distance to it, a chi-square of n_base degrees of
+freedom. Where errors are small against the curvature of the set only directions in which conditions
+bind count: d^2 is then a mixture of chi-squares of up to r (r + 1) / 2 degrees for each matrix that
+has lost the rank r, and the one of most degrees gives the greatest p-value.
 """
 
 from __future__ import annotations
