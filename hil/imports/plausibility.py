@@ -35,8 +35,11 @@ POINTS = 400
 FITS = 0.9
 """Correlation from which on two velocities count as of one joint."""
 _AGREES = 0.1
+_SMALL = 0.03
 _BEYOND = 1.05
 _FAR_BEYOND = 3.0
+_BELIEVED = 1e6
+"""Greatest speed, torque and force that any robot may have, if its limits are not known."""
 _FRICTION_T = 6.0
 _NOTABLE = 0.02
 _RANK = 1e-8
@@ -75,9 +78,10 @@ def suspicions(
     """
     evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *_ranges(evidence, robot)]
-    found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
+    if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
+        found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
     if alone is None and not any(suspicion.certain for suspicion in found):
-        found += shape_suspicions(evidence, robot)
+        found += [*_small(evidence, robot), *shape_suspicions(evidence, robot)]
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
@@ -128,7 +132,8 @@ def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             ("position", evidence.qd, robot.velocity_limit, f"{unit}/s"),
             ("torque", evidence.tau, robot.torque_limit, "N m" if unit == "rad" else "N"),
         ):
-            most, bound = float(np.abs(values[:, joint]).max()), float(limit[joint])
+            most = float(np.abs(values[:, joint]).max())
+            bound = float(np.fmin(limit[joint], _BELIEVED))
             if most > 1.2 * bound:
                 yield Suspicion(
                     "range",
@@ -138,6 +143,21 @@ def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
                     " the unit, the gain or the side, or the limit in the robot file",
                     certain=most > 10 * bound,
                 )
+
+
+def _small(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+    """All joints move very little, like radians taken for degrees or for angles of motors."""
+    shares = np.ptp(evidence.q, axis=0) / (robot.q_max - robot.q_min)
+    widest = int(np.argmax(shares))
+    if np.ptp(evidence.q[:, widest]) > MOVES and shares[widest] < _SMALL:
+        way, unit = float(np.ptp(evidence.q[:, widest])), robot.position_unit(widest)
+        yield Suspicion(
+            "range",
+            ("joints", widest, "position"),
+            f"moves by {way:.3g} {unit}, {100 * shares[widest]:.2g} % of its range, and no joint"
+            " by a greater share; are unit, per_unit and position_side right?",
+            certain=False,
+        )
 
 
 def _other_unit(q: Array, joint: int, robot: Robot) -> str:
