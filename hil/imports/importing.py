@@ -191,6 +191,12 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
                 f"{robot.name} differs from the robot of {maps[0].path}, or their gains'"
                 " uncertainties do; a run is of one robot: import them into two",
             )
+        if the_map.unknown_gains != maps[0].unknown_gains:
+            raise the_map.wrong(
+                ("joints",),
+                f"gains are unknown of other joints than in {maps[0].path}; an axis has one gain:"
+                " state it in both, or leave it unknown in both",
+            )
 
 
 def _stems(maps: Sequence[MapFile]) -> list[str]:

@@ -100,6 +100,7 @@ def measured_motions(
             cycles=_cycles(stroke, the_map.content.kind),
             alone=the_map.content.kind,
             cut_off=the_map.content.cut_off,
+            unknown_gains=tuple(joint + 1 for joint in the_map.unknown_gains) or None,
             source=_source(the_map, samples, piece),
         )
         yield Measured(motion, recording)

@@ -74,7 +74,7 @@ def import_one(
     numbered = numbered_pieces(the_map, samples, timing)
     excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
     alone = the_map.content.kind
-    found = suspicions(excerpts, robot, None if alone is None else alone - 1)
+    found = suspicions(excerpts, robot, None if alone is None else alone - 1, the_map.unknown_gains)
     refusing = [s for s in found if s.certain and s.check not in the_map.content.accept]
     if refusing:
         remedy = "; if it is right as it is, write accept: [{}]"

@@ -65,7 +65,10 @@ class Evidence:
 
 
 def suspicions(
-    excerpts: Sequence[Excerpt], robot: Robot, alone: int | None = None
+    excerpts: Sequence[Excerpt],
+    robot: Robot,
+    alone: int | None = None,
+    unknown_gains: Sequence[int] = (),
 ) -> list[Suspicion]:
     """All that is found, what is certain first.
 
@@ -75,13 +78,17 @@ def suspicions(
     robot : Robot
     alone : int, optional
         The joint, from 0, that is stated to move while all others stand still.
+    unknown_gains : sequence of int
+        Joints, from 0, of whose torques the size says nothing: then limits of torque and the shape
+        of the model, which compares the torques of joints, are no checks.
     """
     evidence = Evidence.of(excerpts)
-    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot)]
+    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot, unknown_gains)]
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
     if alone is None and not any(suspicion.certain for suspicion in found):
-        found += [*_small(evidence, robot), *shape_suspicions(evidence, robot)]
+        found += _small(evidence, robot)
+        found += [] if unknown_gains else shape_suspicions(evidence, robot)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
@@ -112,7 +119,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
             )
 
 
-def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+def _ranges(evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]) -> Iterator[Suspicion]:
     for joint in range(robot.n_joints):
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
@@ -132,9 +139,12 @@ def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             ("position", evidence.qd, robot.velocity_limit, f"{unit}/s"),
             ("torque", evidence.tau, robot.torque_limit, "N m" if unit == "rad" else "N"),
         ):
-            most = float(np.abs(values[:, joint]).max())
-            bound = float(np.fmin(limit[joint], _BELIEVED))
-            if most > 1.2 * bound:
+    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot, unknown_gains)]
+    if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
+        found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
+    if alone is None and not any(suspicion.certain for suspicion in found):
+        found += _small(evidence, robot)
+        found += [] if unknown_gains else shape_suspicions(evidence, robot)
                 yield Suspicion(
                     "range",
                     ("joints", joint, key),

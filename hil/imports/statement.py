@@ -52,6 +52,7 @@ class Statement:
             *self._samples(),
             *self._left_out(),
             *self._velocities(),
+            *self._gains(),
             self._motions(),
             *(f"{place(s.location)}: {s.message}" for s in self.suspicions),
         ]
@@ -84,6 +85,15 @@ class Statement:
         if joints:
             which = _joints(joints, len(self.recorded))
             yield f"velocity of {which} was recorded; identification states whether it is used"
+
+    def _gains(self) -> Iterator[str]:
+        joints = [joint + 1 for joint in self.the_map.unknown_gains]
+        if joints:
+            units = {self.the_map.content.joints[joint - 1].torque.unit for joint in joints}
+            yield (
+                f"gain of {_joints(joints, len(self.recorded))} unknown: torques stay in"
+                f" {', '.join(sorted(units))}, and hil identify finds the gain with the parameters"
+            )
 
     def _motions(self) -> str:
         seconds = sum(motion.duration for motion in self.motions)

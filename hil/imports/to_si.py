@@ -52,6 +52,8 @@ class Conversion:
         )
         to_joints = np.diag(q).T
         speeds, efforts = np.diag(qd), np.diag([torque.factor for torque in torques])
+        if content.torque_side == "motor":
+            _refuse_mixed(the_map, robot)
         if "motor" in {content.position_side, content.torque_side}:
             matrix = _motor_matrix(the_map, robot)
             if content.position_side == "motor":
@@ -104,6 +106,18 @@ def _motor_matrix(the_map: MapFile, robot: Robot) -> Array:
             " unknown; state it there",
         )
     return robot.motor_matrix
+
+
+def _refuse_mixed(the_map: MapFile, robot: Robot) -> None:
+    """Refuse unknown gains of motors whose torques two joints share: each would have both."""
+    for motor, joint, _ in robot.couplings:
+        for number in (motor, joint):
+            if number in the_map.unknown_gains:
+                raise the_map.wrong(
+                    ("joints", number, "torque", "gain"),
+                    f"motor {motor + 1} acts on joints {joint + 1} and {motor + 1} of {robot.name},"
+                    " so torques of unknown gain cannot be brought to the joints; state the gain",
+                )
 
 
 def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:

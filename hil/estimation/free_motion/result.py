@@ -28,6 +28,9 @@ class AxisFriction(FileModel):
         That velocities are divided by [rad/s or m/s]; the axis hardly ever exceeds it.
     terms : dict of str to TermValue
         By the names of `hil.estimation.free_motion.friction_terms.TERMS`.
+    covariance : tuple of tuple of float
+        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty in files of earlier
+        versions, whose standard errors then count as independent.
     plain : dict of str to TermValue
         What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
         comparison with other sources. The law that was chosen may share them out otherwise.
@@ -41,6 +44,7 @@ class AxisFriction(FileModel):
     terms: dict[str, TermValue]
     plain: dict[str, TermValue]
     held_out: dict[str, float]
+    covariance: tuple[tuple[float, ...], ...] = ()
 
 
 class CoupledFriction(FileModel):
@@ -50,6 +54,25 @@ class CoupledFriction(FileModel):
     joint: int
     viscous: TermValue
     coulomb: TermValue
+
+
+class GainValue(FileModel):
+    """Gain that the map left unknown, as it was found.
+
+    Attributes
+    ----------
+    axis : int
+        From 1.
+    value, standard_error : float
+        For one unit of the signal, on the side on which the map reads it [`unit`].
+    unit : str
+        N m or N.
+    """
+
+    axis: int
+    value: float
+    standard_error: float
+    unit: str
 
 
 class BiasTest(FileModel):
@@ -100,6 +123,8 @@ class FreeMotionFit(FileModel):
         greatest element of its diagonal there; negative where the estimate is no possible body.
     remarks : tuple of str
         What restricts the estimate.
+    gains : tuple of GainValue
+        Of axes whose gain the map left unknown.
     """
 
     cut_off: float
@@ -115,3 +140,4 @@ class FreeMotionFit(FileModel):
     least_inertia: float
     remarks: tuple[str, ...]
     velocity_reasons: tuple[str, ...] = ()
+    gains: tuple[GainValue, ...] = ()

@@ -11,6 +11,8 @@ from hil.results.tables.cells import probability, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hil.estimation.free_motion.result import AxisFriction, FreeMotionFit, TermValue
     from hil.results.model import Model
     from hil.results.tables.table import Row
@@ -115,7 +117,14 @@ def statements(fit: FreeMotionFit) -> tuple[str, ...]:
     """What was chosen, what was tested, and what restricts the estimate."""
     return tuple(
         text
-        for text in (_settings(fit), _velocities(fit), _bias(fit), _bodies(fit), *fit.remarks)
+        for text in (
+            _settings(fit),
+            _velocities(fit),
+            *_gains(fit),
+            _bias(fit),
+            _bodies(fit),
+            *fit.remarks,
+        )
         if text
     )
 
@@ -129,6 +138,15 @@ def _settings(fit: FreeMotionFit) -> str:
     return (
         f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
     )
+
+
+def _gains(fit: FreeMotionFit) -> Iterator[str]:
+    for each in fit.gains:
+        value, error = uncertain(each.value, each.standard_error)
+        yield (
+            f"gain of axis {each.axis}, unknown in the map: {value} ± {error} {each.unit} for one"
+            " unit of the signal"
+        )
 
 
 def _velocities(fit: FreeMotionFit) -> str:
