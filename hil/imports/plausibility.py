@@ -139,12 +139,11 @@ def _ranges(evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]) -> I
             ("position", evidence.qd, robot.velocity_limit, f"{unit}/s"),
             ("torque", evidence.tau, robot.torque_limit, "N m" if unit == "rad" else "N"),
         ):
-    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot, unknown_gains)]
-    if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
-        found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
-    if alone is None and not any(suspicion.certain for suspicion in found):
-        found += _small(evidence, robot)
-        found += [] if unknown_gains else shape_suspicions(evidence, robot)
+            if key == "torque" and joint in unknown_gains:
+                continue
+            most = float(np.abs(values[:, joint]).max())
+            bound = float(np.fmin(limit[joint], _BELIEVED))
+            if most > 1.2 * bound:
                 yield Suspicion(
                     "range",
                     ("joints", joint, key),
