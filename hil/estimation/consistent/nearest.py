@@ -56,8 +56,8 @@ BINDING = 1e-6
 """Share of the greatest multiplier from which on a condition binds."""
 INSIDE = 1e-4
 """Distance d below which the estimate meets all conditions as it is."""
-_ROUNDED = 0.9
-"""Share of the thickness that must be left after the solvers' rounding."""
+_ROUNDED = 0.25
+"""Share of the thickness that rounding must leave; it takes some of links of a few grams."""
 
 
 class Binding(NamedTuple):
