@@ -36,9 +36,6 @@ class AxisLaw(AxisFriction):
 
     Attributes
     ----------
-    covariance : tuple of tuple of float
-        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty where only their
-        standard errors are known, which then count as independent.
     wander : float
         Greatest difference of the level in one measurement from the law, as a share of it. It
         counts as one standard deviation: in a measurement the level is a mean already.
@@ -46,7 +43,6 @@ class AxisLaw(AxisFriction):
         Slowest and fastest samples that the law was found from [rad/s or m/s].
     """
 
-    covariance: tuple[tuple[float, ...], ...] = ()
     wander: float = 0.0
     speeds: tuple[float, float] | None = None
 

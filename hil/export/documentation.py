@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.export.expressions import count
+from hil.export.operations import of_whole_links
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -53,8 +54,9 @@ def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
 
 def remarks(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
     """What the terminal states of exported code: operations, and what there is not."""
-    counted = (f"{each.name}: {count(each.results)}" for each in functions)
-    return (*counted, *missing(model, functions))
+    counted = {each.name: f"{each.name}: {count(each.results)}" for each in functions}
+    counted["rigid_bodies"] += f"; {of_whole_links(model.robot)} for whole links"
+    return (*counted.values(), *missing(model, functions))
 
 
 def _parameters(model: Model) -> list[str]:

@@ -93,7 +93,7 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     NotEnoughData
         A model without friction, or a recording shorter than the low-pass reaches.
     """
-    motion = filtered_motion(recording, _processing(model))
+    motion = filtered_motion(recording, processing_of(model))
     if not motion.used.any():
         raise NotEnoughData(
             f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s are"
@@ -139,7 +139,14 @@ def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recordi
     return replace(recording, tau=recording.tau * gains)
 
 
-def _processing(model: Model) -> Processing:
+def processing_of(model: Model) -> Processing:
+    """How a model's recordings became signals.
+
+    Raises
+    ------
+    NotEnoughData
+        A model that was not identified from free motions.
+    """
     if model.friction is None:
         raise NotEnoughData(
             f"the {model.method} method finds no law of friction, so torques cannot be predicted;"

@@ -14,11 +14,13 @@ from hil.results.model import Model
 from hil.results.model_file import Provenance
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from hil.model.robot import Robot
 
 
-def stated_model(robot: Robot, seed: int = 0, *, friction: bool = True) -> Model:
-    """A model as if it had been identified."""
+def stated_model(robot: Robot, seed: int = 0, *, friction: Collection[str] = TERMS) -> Model:
+    """A model as if it had been identified, with these terms of friction; none without any."""
     rng = np.random.default_rng(seed)
     n = len(base_parameters(robot))
     return Model(
@@ -41,11 +43,11 @@ def stated_model(robot: Robot, seed: int = 0, *, friction: bool = True) -> Model
             method="improved",
             version="0",
         ),
-        friction_law=_law(robot, rng) if friction else None,
+        friction_law=_law(robot, rng, friction) if friction else None,
     )
 
 
-def _law(robot: Robot, rng: np.random.Generator) -> FrictionLaw:
+def _law(robot: Robot, rng: np.random.Generator, terms: Collection[str]) -> FrictionLaw:
     def value() -> TermValue:
         return TermValue(value=float(rng.uniform(0.2, 2.0)), standard_error=0.01)
 
@@ -53,7 +55,7 @@ def _law(robot: Robot, rng: np.random.Generator) -> FrictionLaw:
         AxisLaw(
             law="all",
             speed=2.0,
-            terms={term: value() for term in TERMS},
+            terms={term: value() for term in terms},
             plain={},
             held_out={},
             wander=0.03,

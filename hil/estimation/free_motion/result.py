@@ -28,6 +28,9 @@ class AxisFriction(FileModel):
         That velocities are divided by [rad/s or m/s]; the axis hardly ever exceeds it.
     terms : dict of str to TermValue
         By the names of `hil.estimation.free_motion.friction_terms.TERMS`.
+    covariance : tuple of tuple of float
+        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty in files of earlier
+        versions, whose standard errors then count as independent.
     plain : dict of str to TermValue
         What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
         comparison with other sources. The law that was chosen may share them out otherwise.
@@ -41,6 +44,7 @@ class AxisFriction(FileModel):
     terms: dict[str, TermValue]
     plain: dict[str, TermValue]
     held_out: dict[str, float]
+    covariance: tuple[tuple[float, ...], ...] = ()
 
 
 class CoupledFriction(FileModel):

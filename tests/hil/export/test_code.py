@@ -16,6 +16,7 @@ from hil.export.c_code import write_c
 from hil.export.expressions import count
 from hil.export.functions import functions, rigid
 from hil.export.identifiers import identifier
+from hil.export.operations import of_whole_links
 from hil.export.python_code import write_python
 from hil.model.robot import load_robot, parse_robot
 
@@ -173,10 +174,12 @@ def test_fewer_operations_than_the_recursion_on_whole_links(kind: str) -> None:
     robot = load_robot(ROBOTS[kind])
     own, general = count(rigid(stated_model(robot)).results), of_whole_links(robot)
     assert own.multiplications + own.additions < 0.7 * (general.multiplications + general.additions)
+    stated = write_c(stated_model(robot), ()).remarks
+    assert f"rigid_bodies: {own}; {general} for whole links" in stated
 
 
 def test_without_friction_the_torque_says_so(tmp_path: Path) -> None:
-    model = stated_model(load_robot("manutec-r15"), friction=False)
+    model = stated_model(load_robot("manutec-r15"), friction=())
     exported = write_python(model, ())
     (text,) = exported.files.values()
     assert "def friction" not in text
@@ -197,22 +200,3 @@ def test_without_torque_constants_there_is_no_current() -> None:
 def test_names_of_robots_become_identifiers(name: str, wanted: str) -> None:
     assert identifier(name) == wanted
     assert identifier(name).isidentifier()
-
-
-def of_whole_links(robot: Robot) -> Any:
-    """Operations of the same recursion when all ten parameters of all links are there."""
-    from hil.export.expressions import Graph
-    from hil.export.rigid_bodies import Joint, rigid_bodies
-
-    graph, n = Graph(), robot.n_joints
-
-    def symbols(name: str, k: int) -> list[Any]:
-        return [graph.symbol(f"{name}{each}") for each in range(k)]
-
-    chain = [
-        Joint(*symbols(f"turn{j}_", 4), tuple(symbols(f"arm{j}_", 3)), bool(robot.revolute[j]))
-        for j in range(n)
-    ]
-    bodies = [symbols(f"body{j}_", 10) for j in range(n)]
-    found = rigid_bodies(chain, bodies, symbols("qd", n), symbols("qdd", n), (0.3, 0.4, -9.8))
-    return count([graph.lifted(each) for each in found])

@@ -85,4 +85,4 @@ def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
 
 def test_a_model_without_friction_is_refused_with_the_remedy() -> None:
     with pytest.raises(NotEnoughData, match=r"no law of friction: .* hil identify"):
-        write_friction(stated_model(load_robot("manutec-r15"), friction=False), ())
+        write_friction(stated_model(load_robot("manutec-r15"), friction=()), ())
