@@ -16,6 +16,7 @@ which noise and friction shift, at times far.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,10 +77,22 @@ def first_scaling(robot: Robot, recorded: Products, unknown: tuple[int, ...]) ->
     if not unknown:
         return Scaling.known(robot.n_joints)
     require_scale(robot, recorded, unknown)
-    usual = _usual(recorded, unknown)
-    starts = usual, _by_linear_problem(recorded, unknown, usual)
-    found = [_converged(recorded, unknown, gains) for gains in starts]
+    whole = _in_one_piece(recorded)
+    usual = _usual(whole, unknown)
+    starts = usual, _by_linear_problem(whole, unknown, usual)
+    found = [_converged(whole, unknown, gains) for gains in starts]
     return min(found, key=lambda each: each[1])[0]
+
+
+def _in_one_piece(recorded: Products) -> Products:
+    """The same added up over time, which is all that a solution takes."""
+    return replace(
+        recorded,
+        pieces=recorded.pieces.sum(axis=0, keepdims=True),
+        counts=recorded.counts.sum(axis=0, keepdims=True),
+        cells=recorded.cells[:0],
+        instruments=None,
+    )
 
 
 def _converged(recorded: Products, unknown: tuple[int, ...], gains: Array) -> tuple[Scaling, float]:
@@ -114,8 +127,9 @@ def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
 
     Weights are of torques in SI; they are kept while the gains change.
     """
+    whole = _in_one_piece(recorded)
     for _ in range(ROUNDS if scaling.unknown else 0):
-        scaling, change = _step(scaling, scaling.applied(recorded), choice)
+        scaling, change = _step(scaling, scaling.applied(whole), choice)
         if change < CONVERGED:
             break
     return scaling
