@@ -112,7 +112,7 @@ def _axis(
 
 def _ripple(graph: Graph, robot: Robot, axis: int, term: str, q: Expression) -> Expression:
     """Ripple of one order over the motor's angle; none where that is unknown, as in the law."""
-    ratio = float(np.nan_to_num(robot.gear_ratio[axis])) if robot.revolute[axis] else 0.0
+    ratio = float(np.nan_to_num(robot.gear_ratio[axis]))
     wave, order = re.fullmatch(r"(cosine|sine) (\d+)", term).groups()  # type: ignore[union-attr]
     if not ratio:
         return graph.number(0.0)

@@ -204,7 +204,9 @@ class Model:
                 Reflected inertia of the rotors that the robot file states, eq. (7).
             friction
                 The law of friction (`friction_law`); at rest its offset alone, since what holds a
-                resting axis is no function of velocity.
+                resting axis is no function of velocity. Where rows are successive samples of a
+                motion, positions changing as velocities say, it turns round after a reversal over
+                the presliding distance that imported recordings showed.
 
         Returns
         -------

@@ -26,7 +26,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ class _Sums:
     ) -> None:
         self._robot, self._processing = robot, processing
         self._divided, self._first = divided, first
-        self._m, self._n_speeds = 2 + n_shared(robot) + len(TERMS), len(SPEEDS) + 1
+        self._m, self._n_speeds = 2 + n_shared(robot) + len(COLUMNS), len(SPEEDS) + 1
         n = robot.n_joints
         self.pieces: list[Array] = []
         self.counts: list[Array] = []

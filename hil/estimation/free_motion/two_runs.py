@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import LAWS, TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.scaling import Scaling, recast
 from hil.estimation.free_motion.system import (
     Normal,
@@ -186,7 +186,7 @@ class TwoRuns:
         n, k = self.n_base, terms.columns.shape[1]
         p = state.x[:n] + s * (terms.known + terms.columns @ state.x[n : n + k])
         own = state.x[n + k + len(self.axes) + s * self.n_own :][: self.n_own]
-        friction = embedded(own[self._n_coupled :], self._own, self.n_joints * len(TERMS))
+        friction = embedded(own[self._n_coupled :], self._own, self.n_joints * len(COLUMNS))
         return np.concatenate([p, own[: self._n_coupled], friction])
 
     def _placed(self, system: Normal, s: int) -> tuple[Array, Array, Array]:
