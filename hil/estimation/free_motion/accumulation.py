@@ -28,7 +28,6 @@ from hil.errors import NotEnoughData
 from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
-from hil.estimation.free_motion.scaling import Scaling
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -144,20 +143,6 @@ def _middles(states: Array) -> Array:
     return found
 
 
-def accumulate(
-    robot: Robot,
-    recorded: Iterable[Recording],
-    processing: Processing,
-    divided: Division,
-    first: Array,
-    *,
-    instruments: bool = False,
-) -> Products:
-    """Condense recordings of torques in SI; parameters and errors as of `recorded_products`."""
-    found = recorded_products(robot, recorded, processing, divided, first, instruments=instruments)
-    return Scaling.known(robot.n_joints).applied(found)
-
-
 def recorded_products(
     robot: Robot,
     recorded: Iterable[Recording],
@@ -208,7 +193,7 @@ def _too_short(processing: Processing) -> NotEnoughData:
 
 
 class _Sums:
-    """What `accumulate` adds up."""
+    """What `recorded_products` adds up."""
 
     def __init__(
         self, robot: Robot, processing: Processing, divided: Division, first: Array

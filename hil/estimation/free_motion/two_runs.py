@@ -27,6 +27,7 @@ from hil.estimation.free_motion.system import (
     residual_weights,
     summed,
 )
+from hil.estimation.free_motion.unknown_gains import CONVERGED, ROUNDS, STRIDE
 from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
@@ -42,12 +43,6 @@ if TYPE_CHECKING:
 
 BLOCKS = 30
 """Of time, of each run, at most."""
-ROUNDS = 50
-"""Of Gauss and Newton's method, at most."""
-CONVERGED = 1e-9
-"""Relative change of the gains at which it ends."""
-STRIDE = 0.7
-"""Largest change of a gain's logarithm in one round."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -109,3 +109,13 @@ def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds() ->
 def test_tx40_by_plain_least_squares_leaves_no_more_than_others_found() -> None:
     found = estimate(load_robot("staubli-tx40"), [tx40()], "least squares")
     assert (found.residual < [3.02, 3.79, 2.38, 0.95, 1.59, 0.99]).all()
+
+
+def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> None:
+    (motion, recording) = tx40()
+    unknown = motion.model_copy(update={"unknown_gains": (3,)})
+    found = estimate(load_robot("staubli-tx40"), [(unknown, recording)], "free motion").free
+    assert found is not None
+    (gain,) = found.gains
+    assert gain.standard_error < 0.05
+    assert abs(gain.value - 1.0) < 2 * gain.standard_error
