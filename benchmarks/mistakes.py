@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Plant = dict[str, Any]
+    Change = Callable[[Array, Array], None]
 
 COUNTS = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
 
@@ -62,7 +63,7 @@ class Case:
     name: Name
     axes: tuple[int, ...]
     plant: Callable[[Plant], None] | None = None
-    recorded: Callable[[Array, Array], None] | None = None
+    recorded: Change | None = None
     later: Callable[[Plant], None] | None = None
 
 
@@ -111,21 +112,27 @@ def load(mass: float, centre: tuple[float, float, float]) -> Callable[[Plant], N
     return change
 
 
-def torque_sign(axis: int) -> Callable[[Array, Array], None]:
-    def change(q: Array, tau: Array) -> None:
+def torque_sign(axis: int) -> Change:
+    """Count torques the other way."""
+
+    def change(_q: Array, tau: Array) -> None:
         tau[:, axis - 1] *= -1
 
     return change
 
 
-def position_sign(axis: int) -> Callable[[Array, Array], None]:
-    def change(q: Array, tau: Array) -> None:
+def position_sign(axis: int) -> Change:
+    """Count positions the other way."""
+
+    def change(q: Array, _tau: Array) -> None:
         q[:, axis - 1] *= -1
 
     return change
 
 
-def exchanged(one: int, other: int) -> Callable[[Array, Array], None]:
+def exchanged(one: int, other: int) -> Change:
+    """Give two axes each other's columns."""
+
     def change(q: Array, tau: Array) -> None:
         for x in (q, tau):
             x[:, [one - 1, other - 1]] = x[:, [other - 1, one - 1]]
@@ -133,7 +140,7 @@ def exchanged(one: int, other: int) -> Callable[[Array, Array], None]:
     return change
 
 
-def geared(axis: int, ratio: float) -> Callable[[Array, Array], None]:
+def geared(axis: int, ratio: float) -> Change:
     """Let a gear ratio be `ratio` times the stated one; drives that know theirs are refused."""
 
     def change(q: Array, tau: Array) -> None:
@@ -143,10 +150,10 @@ def geared(axis: int, ratio: float) -> Callable[[Array, Array], None]:
     return change
 
 
-def clipped(axis: int, most: float) -> Callable[[Array, Array], None]:
+def clipped(axis: int, most: float) -> Change:
     """Let the drive report no more than a torque [N m]."""
 
-    def change(q: Array, tau: Array) -> None:
+    def change(_q: Array, tau: Array) -> None:
         np.clip(tau[:, axis - 1], -most, most, out=tau[:, axis - 1])
 
     return change
@@ -193,7 +200,7 @@ def measure(folder: Path, stem: str, seed: int, change: Callable[[Plant], None] 
     return run
 
 
-def rewrite(run: Path, change: Callable[[Array, Array], None]) -> None:
+def rewrite(run: Path, change: Change) -> None:
     """Change what was recorded."""
     for measured in list(Run.open(run)):
         q, tau = measured.recording.q.copy(), measured.recording.tau.copy()

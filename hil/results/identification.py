@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.identify import default_method, estimate
+from hil.estimation.mistakes.finding import find_mistake
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.error_budget import error_budget
 from hil.results.model import Model
 from hil.results.model_file import Provenance
 from hil.results.naming import named
+from hil.results.outcome import outcome
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 
@@ -18,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.estimate import Estimate
+    from hil.estimation.mistakes.mistake import Mistake
     from hil.runs.run import Run
 
 
@@ -42,11 +47,22 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
     UnknownName
         There is no such method.
     NotIdentifiable, NotEnoughData
-        Measurements that do not suffice.
+        Measurements that do not suffice; the likeliest mistake behind that is stated, if any is
+        found.
     """
+    recorded = Pooled([run, *others])
     with named(run):
-        found = estimate(run.robot, Pooled([run, *others]), method or method_for(run, others)[0])
-    return model_of(run, found, others)
+        try:
+            found = estimate(run.robot, recorded, method or method_for(run, others)[0])
+        except (NotIdentifiable, NotEnoughData) as error:
+            raise _with_mistake(error, find_mistake(run.robot, recorded)) from error
+    return model_of(run, found, others, find_mistake(run.robot, recorded))
+
+
+def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
+    if mistake is None:
+        return error
+    return type(error)(f"{error}\nlikeliest cause: {mistake}; {mistake.remedy}")
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
@@ -54,9 +70,11 @@ def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
     return default_method([motion for each in (run, *others) for motion in each.motions])
 
 
-def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
-    """Return an estimate from a run, and others together with it, as a model."""
-    return Model(
+def model_of(
+    run: Run, found: Estimate, others: Sequence[Run] = (), mistake: Mistake | None = None
+) -> Model:
+    """Return an estimate from a run, and others together with it, as a model, and judge it."""
+    model = Model(
         robot=run.robot,
         values=found.p,
         scatter_covariance=found.covariance,
@@ -69,6 +87,7 @@ def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
         error_budget=error_budget(found, run.robot),
         friction=found.free,
     )
+    return replace(model, outcome=outcome(model, mistake))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

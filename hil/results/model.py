@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.error_budget import ErrorTerm
     from hil.results.model_file import Provenance
+    from hil.results.outcome import Outcome
     from hil.results.verdict import KeptVerdict
 
     Array = NDArray[np.float64]
@@ -73,6 +74,8 @@ class Model:
         Causes of error, the largest first; empty where nothing but noise matters.
     friction : FreeMotionFit, optional
         Friction of each axis and what was chosen, where free motions were identified.
+    outcome : Outcome, optional
+        What the identification is worth; None of a model that no version of this has judged.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings.
     """
@@ -88,6 +91,7 @@ class Model:
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    outcome: Outcome | None = None
     validations: tuple[KeptVerdict, ...] = ()
 
     @classmethod
@@ -115,6 +119,7 @@ class Model:
             provenance=kept.provenance,
             error_budget=kept.error_budget,
             friction=kept.friction,
+            outcome=kept.outcome,
             validations=kept.validations,
         )
 

@@ -21,6 +21,7 @@ from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.error_budget import ErrorTerm
+from hil.results.outcome import Outcome
 from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
@@ -90,6 +91,8 @@ class ModelFile(FileModel):
         The largest first.
     friction : FreeMotionFit, optional
         Friction and settings of an estimate from free motions.
+    outcome : Outcome, optional
+        What the identification is worth.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings, as `hil validate` found.
     robot_file : str, optional
@@ -106,6 +109,7 @@ class ModelFile(FileModel):
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    outcome: Outcome | None = None
     validations: tuple[KeptVerdict, ...] = ()
     robot_file: str | None = None
 
@@ -137,6 +141,7 @@ class ModelFile(FileModel):
             condition=model.condition,
             error_budget=model.error_budget,
             friction=model.friction,
+            outcome=model.outcome,
             validations=model.validations,
             robot_file=model.robot.text,
         )
@@ -174,7 +179,9 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        absent = {name for name in ("friction", "validations") if not getattr(self, name)}
+        absent = {
+            name for name in ("friction", "outcome", "validations") if not getattr(self, name)
+        }
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
             Dumper=_Dumper,

@@ -1,1 +1,1 @@
-"""Mistakes in what is stated of a robot or its drives, found as other readings of the recordings."""
+"""Mistakes in what robot and drives files state, found as other readings of the recordings."""

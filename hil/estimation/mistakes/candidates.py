@@ -87,13 +87,14 @@ def of_signs(stated: Reading) -> Iterator[Candidate]:
     """Signs of position, torque, or both."""
     robot = stated.robot
     for axis in range(robot.n_joints):
-        for name, change, words in (
-            (MistakeName.DIRECTION, {"sign_q": -1.0, "sign_tau": -1.0},
+        for name, reading, words in (
+            (MistakeName.DIRECTION, stated.at(axis, sign_q=-1.0, sign_tau=-1.0),
              "counts the other way round, position and torque alike"),
-            (MistakeName.POSITION_SIGN, {"sign_q": -1.0}, "its position has the wrong sign"),
-            (MistakeName.TORQUE_SIGN, {"sign_tau": -1.0}, "its torque has the wrong sign"),
+            (MistakeName.POSITION_SIGN, stated.at(axis, sign_q=-1.0),
+             "its position has the wrong sign"),
+            (MistakeName.TORQUE_SIGN, stated.at(axis, sign_tau=-1.0),
+             "its torque has the wrong sign"),
         ):  # fmt: skip
-            reading = stated.at(axis, **change)
             yield Candidate(name, (axis,), partial(_fixed, reading), partial(_said, words))
 
 
@@ -105,7 +106,7 @@ def of_order(stated: Reading) -> Iterator[Candidate]:
             order = list(stated.order)
             order[i], order[j] = order[j], order[i]
             reading = replace(stated, order=tuple(order))
-            words = partial(_said, "are exchanged: each has the recordings of the other")
+            words = partial(_said, "each has the recordings of the other")
             yield Candidate(MistakeName.EXCHANGED, (i, j), partial(_fixed, reading), words)
 
 

@@ -2,8 +2,8 @@
 
 To try another reading of all recordings means another regressor at every sample. Some thousand
 samples decide between readings, so positions, velocities, accelerations and torques are smoothed
-first and thinned out; the regressor follows from what is left. That smoothing and the regressor's
-nonlinearity do not commute does not matter here: it is small against any mistake that is looked for.
+first and thinned out; the regressor follows from what is left. That it is not quite the smoothed
+regressor is small against any mistake that is looked for.
 
 Friction is eliminated from every part of a measurement by itself, as in
 `hil.estimation.condensed`: a part is what belongs together (`condensed.periods_of`), and of longer
@@ -101,7 +101,8 @@ class Channel:
     @property
     def degrees(self) -> int:
         """Samples less what friction takes up."""
-        return len(self.tau) - sum(part.friction.shape[1] for part in self.parts)
+        taken: int = sum(part.friction.shape[1] for part in self.parts)
+        return len(self.tau) - taken
 
 
 def channels(

@@ -69,12 +69,25 @@ class Reading:
         one = np.ones(n)
         return cls(robot, tuple(range(n)), one, one, one, one, np.zeros(n), np.array(robot.gravity))
 
-    def at(self, axis: int, **changed: float) -> Reading:
-        """The same with one axis's entries multiplied; of `zero`, increased."""
-        values = {name: np.array(getattr(self, name)) for name in changed}
-        for name, value in changed.items():
-            values[name][axis] = values[name][axis] + value if name == "zero" else value
-        return replace(self, **values)
+    def at(
+        self,
+        axis: int,
+        *,
+        sign_q: float | None = None,
+        sign_tau: float | None = None,
+        scale: float | None = None,
+        gain: float | None = None,
+        zero: float | None = None,
+    ) -> Reading:
+        """The same with other values of one axis."""
+        return replace(
+            self,
+            sign_q=_put(self.sign_q, axis, sign_q),
+            sign_tau=_put(self.sign_tau, axis, sign_tau),
+            scale=_put(self.scale, axis, scale),
+            gain=_put(self.gain, axis, gain),
+            zero=_put(self.zero, axis, zero),
+        )
 
     def joint(self, channel: int) -> int:
         """The joint that is read from a channel."""
@@ -100,3 +113,12 @@ class Reading:
         rows = regressor(self.robot, q, qd, qdd, joints=[joint], gravity=self.gravity)[:, 0]
         motor = self.robot.reflected_inertia[joint] / self.scale[joint] ** 2 * qdd[:, joint]
         return factor * rows, factor * motor
+
+
+def _put(values: Array, axis: int, value: float | None) -> Array:
+    """Return `values` with that of an axis replaced, if there is one to put there."""
+    if value is None:
+        return values
+    other = values.copy()
+    other[axis] = value
+    return other

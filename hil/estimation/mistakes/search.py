@@ -125,5 +125,6 @@ def _step(campaign: Campaign, J: Array, residual: Array) -> tuple[Array, Array]:
     inverse = np.linalg.pinv(J.T @ J)
     step = -inverse @ (J.T @ residual)
     left = residual + J @ step
-    scores = np.array([J[rows].T @ left[rows] for rows in campaign.parts])
-    return step, np.sqrt(np.diag(sandwich(inverse, scatter(scores))))
+    scores = [J[rows].T @ left[rows] for rows in campaign.parts]
+    covariance = sandwich(np.asarray(inverse), scatter(np.array(scores)))
+    return step, np.sqrt(np.diag(covariance))
