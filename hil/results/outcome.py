@@ -82,16 +82,18 @@ class Outcome(FileModel):
 
 def outcome(model: Model, mistake: Mistake | None = None) -> Outcome:
     """Judge a model by itself: the worst of what speaks against it, the likeliest mistake first."""
-    found = [*_mistaken(mistake), *reservations(model), *_causes(model.error_budget)]
+    found = [
+        *_mistaken(mistake), *_unexcited(model), *data_reservations(model),
+        *_causes(model.error_budget),
+    ]  # fmt: skip
     # of equally bad ones the first, which Python's sort keeps in front
     worst = sorted(found, key=lambda each: -OUTCOME_WORDS.index(each.word))
     return worst[0] if worst else Outcome(word="good", reason=_precision(model))
 
 
-def reservations(model: Model) -> Iterator[Outcome]:
-    """What a model's own figures say against it, whatever it is used for."""
+def data_reservations(model: Model) -> Iterator[Outcome]:
+    """What the measurements behind a model say against it, whatever it is used for."""
     yield from _few(model)
-    yield from _unexcited(model)
     yield from _ill_conditioned(model)
 
 
@@ -129,7 +131,7 @@ def _unexcited(model: Model) -> Iterator[Outcome]:
     worst = int(np.argmax(relative))
     yield Outcome(
         word="failed" if relative[worst] > NOTHING else "doubtful",
-        reason=f"axis {worst + 1} is not excited: its torque on a free motion is uncertain by"
+        reason=f"axis {worst + 1} not excited: its torque on a free motion is uncertain by"
         f" {relative[worst]:.0%}",
         remedy="measure motions that show its parameters (hil plan --refine)",
     )

@@ -79,8 +79,11 @@ class Candidate:
 
     @property
     def unknowns(self) -> int:
-        """All that a candidate leaves open, base parameters that it adds included."""
-        return self.k + self.more
+        """What a candidate leaves open; base parameters that it adds count twice.
+
+        A zero is likelier to be off than a link parameter that does what the zero would do.
+        """
+        return self.k + 2 * self.more
 
 
 def of_signs(stated: Reading) -> Iterator[Candidate]:

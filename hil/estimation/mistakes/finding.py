@@ -9,6 +9,7 @@ least is named. Where none of them explains the misfit, that is all that is stat
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +55,8 @@ TAKEN = 0.005
 """Share of the sum of squares that it must take away."""
 EXPLAINED = 0.5
 """Share of the misfit that it must explain."""
+AS_GOOD = 0.003
+"""Share of the sum of squares by which two candidates are not distinguished."""
 PER_UNKNOWN = 0.001
 """Share of the sum of squares that an unknown is worth, where candidates are compared."""
 
@@ -110,11 +113,7 @@ def _likeliest(campaign: Campaign, stated: Reading, explained: Explanation) -> M
     ]
     allowed = [each for each in counting if _allowed(campaign, each)]
     if allowed or (counting and possible):
-        best = min(allowed or counting, key=_worth)
-        axes = tuple(axis + 1 for axis in best.candidate.axes)
-        detail = best.candidate.words(best.theta, best.error)
-        left = best.explanation.chi_square / explained.chi_square
-        return Mistake(best.candidate.name, axes, detail, left)
+        return _named(sorted(allowed or counting, key=_worth), explained)
     return _contradiction(campaign, stated, explained)
 
 
@@ -126,6 +125,24 @@ def _candidates(campaign: Campaign, stated: Reading) -> Iterator[Candidate]:
     yield from of_sizes(stated)
     yield from of_slips(stated, instants.tolist())
     yield from of_missing_parameters(stated)
+
+
+def _named(ranked: Sequence[Tried], explained: Explanation) -> Mistake:
+    """The best, with the next one of another name or axis if that is as good."""
+    best, *rest = ranked
+    others = [
+        _mistake(each, explained)
+        for each in rest
+        if _worth(each) < (1.0 + AS_GOOD) * _worth(best)
+        and (each.candidate.name, each.candidate.axes) != (best.candidate.name, best.candidate.axes)
+    ]
+    return replace(_mistake(best, explained), other=str(others[0]) if others else "")
+
+
+def _mistake(each: Tried, explained: Explanation) -> Mistake:
+    axes = tuple(axis + 1 for axis in each.candidate.axes)
+    left = each.explanation.chi_square / explained.chi_square
+    return Mistake(each.candidate.name, axes, each.candidate.words(each.theta, each.error), left)
 
 
 def _explains(each: Tried, explained: Explanation) -> bool:

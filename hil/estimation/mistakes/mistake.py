@@ -58,12 +58,15 @@ class Mistake:
         Its size with standard error, or its evidence; a clause without subject.
     left : float
         Share of the sum of squares of residuals that remains once it is corrected.
+    other : str
+        Another mistake that explains the recordings as well; empty where there is none.
     """
 
     name: MistakeName
     axes: tuple[int, ...]
     detail: str
     left: float
+    other: str = ""
 
     @property
     def remedy(self) -> str:
@@ -73,4 +76,5 @@ class Mistake:
     def __str__(self) -> str:
         which = " and ".join(map(str, self.axes))
         where = f"axis {which}: " if len(self.axes) == 1 else f"axes {which}: " if which else ""
-        return f"{where}{self.detail}"
+        other = f", or, explaining it as well, {self.other}" if self.other else ""
+        return f"{where}{self.detail}{other}"
