@@ -202,12 +202,13 @@ def measure(folder: Path, stem: str, seed: int, change: Callable[[Plant], None] 
 
 def rewrite(run: Path, change: Change) -> None:
     """Change what was recorded."""
-    for measured in list(Run.open(run)):
+    folder = Run.open(run)
+    for measured in list(folder):
         q, tau = measured.recording.q.copy(), measured.recording.tau.copy()
         change(q, tau)
         other = replace(measured.recording, q=q, tau=tau)
-        path = Run.open(run).recording_path(measured.measurement)
-        write_measured(path, replace(measured, recording=other))
+        path = folder.recording_path(measured.measurement)
+        write_measured(path, replace(measured, recording=other), folder.robot)
 
 
 def runs_of(folder: Path, case: str, seed: int) -> list[Run]:

@@ -140,7 +140,9 @@ def diagnose(folder: RunPath) -> None:
 
     run = Run.open(folder)
     found = diagnosis.diagnose(run)
-    diagnosis_view.render(diagnosis_file.write_diagnosis(run, found), found.estimate, out)
+    diagnosis_view.render(
+        diagnosis_file.write_diagnosis(run, found), found.estimate, run.robot, out
+    )
     plots = write_diagnosis_plots(folder, found)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
     _show_place("diagnosis", folder / diagnosis_file.NAME)

@@ -130,7 +130,7 @@ def _import_one(
         raise FileError("\n".join(map(str, lines)))
     choices = tuple(choose(excerpts, joint) for joint in range(robot.n_joints))
     measured = measured_motions(the_map, samples, numbered, choices, stem)
-    motions = tuple(_written(each, folder) for each in measured)
+    motions = tuple(_written(each, folder, robot) for each in measured)
     return Statement(the_map, timing, samples.wraps, choices, motions, tuple(found))
 
 
@@ -143,10 +143,10 @@ def _timing(the_map: MapFile, samples: Samples) -> Timing:
         raise the_map.wrong(("time",) if stated else (), str(error)) from error
 
 
-def _written(measured: Measured, folder: Path) -> FreeMotion:
+def _written(measured: Measured, folder: Path, robot: Robot) -> FreeMotion:
     motion = measured.measurement
     assert isinstance(motion, FreeMotion)  # noqa: S101 - made as such
-    write_measured(folder / "recordings" / f"{motion.id}.h5", measured)
+    write_measured(folder / "recordings" / f"{motion.id}.h5", measured, robot)
     return motion
 
 
