@@ -6,6 +6,10 @@ columns would. Each is measured in eight minutes of robot time; good runs on oth
 often something is named where nothing is wrong::
 
     python benchmarks/mistakes.py [--seed 40] [--good 20] [--keep FOLDER]
+    python benchmarks/mistakes.py --every-axis [--keep FOLDER]
+
+The second makes the mistakes that have an axis on every axis of one good run's recordings, and
+states what becomes of each: there are some that no recording can show.
 """
 
 from __future__ import annotations
@@ -225,18 +229,74 @@ def runs_of(folder: Path, case: str, seed: int) -> list[Run]:
     return [Run.open(each) for each in every if each.exists()]
 
 
+def shifted(axis: int, degrees: float) -> Change:
+    """Shift positions."""
+
+    def change(q: Array, _tau: Array) -> None:
+        q[:, axis - 1] -= math.radians(degrees)
+
+    return change
+
+
+def both_signs(axis: int) -> Change:
+    """Count positions and torques the other way."""
+
+    def change(q: Array, tau: Array) -> None:
+        q[:, axis - 1] *= -1
+        tau[:, axis - 1] *= -1
+
+    return change
+
+
+def constant(axis: int, factor: float) -> Change:
+    """Let a torque constant be `factor` times the stated one."""
+
+    def change(_q: Array, tau: Array) -> None:
+        tau[:, axis - 1] /= factor
+
+    return change
+
+
+ON_EVERY_AXIS: dict[str, Callable[[int], Change]] = {
+    "direction": both_signs,
+    "sign of position": position_sign,
+    "sign of torque": torque_sign,
+    "zero, 20 degrees": lambda axis: shifted(axis, 20.0),
+    "gear, 101 for 100": lambda axis: geared(axis, 1.01),
+    "gear, 50 for 100": lambda axis: geared(axis, 0.5),
+    "torque constant, 130 %": lambda axis: constant(axis, 1.3),
+}
+
+
+def show_every_axis(run: Run) -> None:
+    """Print what is named where one good run's recordings have each mistake on each axis."""
+    for what, change in ON_EVERY_AXIS.items():
+        for axis in range(1, run.robot.n_joints + 1):
+            recordings = list(Pooled([run]))
+            for k, (motion, recording) in enumerate(recordings):
+                q, tau = recording.q.copy(), recording.tau.copy()
+                change(axis)(q, tau)
+                recordings[k] = motion, replace(recording, q=q, tau=tau)
+            found = find_mistake(run.robot, recordings)
+            print(f"{what}, axis {axis}: {found or 'nothing'}", flush=True)
+
+
 def main() -> None:
     """Measure, look for mistakes, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--seed", type=int, default=40)
     parser.add_argument("--good", type=int, default=20, help="runs in which nothing is wrong")
     parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")
+    parser.add_argument("--every-axis", action="store_true", help="what shows on each axis")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / "plan.yaml").exists():
             hil("plan", ROBOT, "-o", folder / "plan.yaml", *COUNTS)
+        if given.every_axis:
+            show_every_axis(Run.open(measure(folder, "good", given.seed, None)))
+            return
         named = 0
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             every = list(pool.map(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, load_yaml
+from checked_files.yaml_file import FileError
 from hil.errors import InvalidArray, NotEnoughData
 from hil.estimation.free_motion.friction_torque import friction_torque
 from hil.estimation.intervals import combined_degrees, half_width
@@ -23,7 +23,7 @@ from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
 from hil.regression.uncertainty import correlation_of
-from hil.results.model_file import ModelFile, file_of
+from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.ripple import ripple_left_out
 from hil.results.samples import samples
 from hil.results.tables.free_motion import friction, left_by_free_motions, statements
@@ -101,12 +101,13 @@ class Model:
         Raises
         ------
         FileError
-            There is none, it was damaged, or it belongs to another robot than the one beside it.
+            There is none, it was cut off or edited, or it belongs to another robot than the one
+            beside it.
         """
         path = file_of(Path(path))
         if not path.exists():
             raise FileError(f"{path}: not there yet; make it with: hil identify {path.parent}")
-        kept = load_yaml(path, ModelFile)
+        kept = read_model_file(path)
         scatter, drives = kept.covariances()
         return cls(
             robot=kept.robot(path),

@@ -9,13 +9,14 @@ degrees of freedom that explain them.
 
 from __future__ import annotations
 
+from math import isclose
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import yaml
 from pydantic import model_validator
 
-from checked_files.yaml_file import FileError, FileModel
+from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NAME = "model.yaml"
+_SAME = 1e-6
 
 
 class Parameter(FileModel):
@@ -188,6 +190,37 @@ class ModelFile(FileModel):
             sort_keys=False,
             width=200,
         )
+
+
+def read_model_file(path: Path) -> ModelFile:
+    """Read a model's file and refuse one that was cut off or edited.
+
+    Raises
+    ------
+    FileError
+        One line, with the remedy.
+    """
+    remedy = f"write it anew with: hil identify {path.parent}"
+    text = read_text(path)
+    try:
+        kept = parse_yaml(text, ModelFile, str(path))
+    except FileError as error:
+        raise FileError(
+            f"{path}: was cut off or edited, and is no whole model; {remedy}"
+        ) from error
+    for number, each in enumerate(kept.parameters):
+        variance = kept.covariance[number][number]
+        low, high = each.interval_95
+        if not (
+            isclose((low + high) / 2, each.value, rel_tol=_SAME, abs_tol=_SAME * (high - low))
+            and isclose(variance, each.standard_error**2, rel_tol=_SAME)
+        ):
+            line = line_of(text, ("parameters", number, "value"))
+            raise FileError(
+                f"{path}:{line}: {each.name}: value, standard error and interval do not belong"
+                f" together, so the file was edited; {remedy}"
+            )
+    return kept
 
 
 def file_of(path: Path) -> Path:

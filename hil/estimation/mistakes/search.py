@@ -24,9 +24,12 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 ROUNDS = 6
+FARTHEST = 1.0
+"""Longest step: where unknowns hardly show, the linear one leads anywhere."""
+SHORTER = 3
+"""Steps that are tried, each a third of the one before."""
 ENOUGH = 1e-4
 """Relative decrease of the sum of squares below which a search ends."""
-_SHORTEST = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,16 +100,24 @@ def _refined(
     for _ in range(ROUNDS):
         J = _derivative(campaign, candidate, theta, explained)
         step, error = _step(campaign, J, explained.residual)
-        share, before = 1.0, explained.chi_square
-        while share > _SHORTEST:
-            found = campaign.explain(candidate.reading(theta + share * step))
-            if found.chi_square < before:
-                theta, explained = theta + share * step, found
-                break
-            share /= 3
+        before = explained.chi_square
+        theta, explained = _descended(campaign, candidate, theta, explained, step)
         if explained.chi_square > (1 - ENOUGH) * before:
             break
     return Tried(candidate, theta, error, explained)
+
+
+def _descended(
+    campaign: Campaign, candidate: Candidate, theta: Array, explained: Explanation, step: Array
+) -> tuple[Array, Explanation]:
+    """Go as far along a step as the sum of squares decreases; stay where it does not."""
+    step = step * min(1.0, FARTHEST / max(float(np.linalg.norm(step)), ENOUGH))
+    for _ in range(SHORTER):
+        found = campaign.explain(candidate.reading(theta + step))
+        if found.chi_square < explained.chi_square:
+            return theta + step, found
+        step = step / 3
+    return theta, explained
 
 
 def _derivative(
