@@ -193,21 +193,20 @@ class ModelFile(FileModel):
 
 
 def read_model_file(path: Path) -> ModelFile:
-    """Read a model's file and refuse one that was cut off or edited.
+    """Read a model's file and refuse one that was cut off or edited, by its first problem.
 
     Raises
     ------
     FileError
         One line, with the remedy.
     """
-    remedy = f"write it anew with: hil identify {path.parent}"
+    remedy = f"write the file anew with: hil identify {path.parent}"
     text = read_text(path)
     try:
         kept = parse_yaml(text, ModelFile, str(path))
     except FileError as error:
-        raise FileError(
-            f"{path}: was cut off or edited, and is no whole model; {remedy}"
-        ) from error
+        first, *_ = str(error).splitlines()
+        raise FileError(f"{first}, or {remedy}") from error
     for number, each in enumerate(kept.parameters):
         variance = kept.covariance[number][number]
         low, high = each.interval_95

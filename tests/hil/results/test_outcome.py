@@ -68,6 +68,8 @@ def test_a_model_that_was_edited_or_cut_off_is_refused(model: Model, tmp_path: P
     with pytest.raises(FileError, match=r"model.yaml:\d+: p1: .* was edited; .*hil identify"):
         Model.load(path)
     path.write_text(whole[: len(whole) // 3], encoding="utf-8")
-    with pytest.raises(FileError, match=r"cut off or edited, .*hil identify") as refused:
+    with pytest.raises(
+        FileError, match=r"model.yaml:\d+: .*, or write the file anew with: hil identify"
+    ) as refused:
         Model.load(path)
     assert len(str(refused.value).splitlines()) == 1
