@@ -7,7 +7,10 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
-from hil.estimation.identify import default_method, estimate
+from hil.estimation.campaign_friction import campaign_friction
+from hil.estimation.condensed import stack
+from hil.estimation.friction_law import FrictionLaw
+from hil.estimation.identify import default_method, estimate, prepared_for
 from hil.estimation.mistakes.finding import find_mistake
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.error_budget import error_budget
@@ -50,13 +53,17 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
         Measurements that do not suffice; the likeliest mistake behind that is stated, if any is
         found.
     """
-    recorded = Pooled([run, *others])
+    campaign = Pooled([run, *others])
     with named(run):
         try:
-            found = estimate(run.robot, recorded, method or method_for(run, others)[0])
+            found = estimate(run.robot, campaign, method or method_for(run, others)[0])
         except (NotIdentifiable, NotEnoughData) as error:
-            raise _with_mistake(error, find_mistake(run.robot, recorded)) from error
-    return model_of(run, found, others, find_mistake(run.robot, recorded))
+            raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
+    if found.free is None and found.friction_law is None:
+        prepared = prepared_for(run.robot, found, campaign)
+        stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
+        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks))
+    return model_of(run, found, others, find_mistake(run.robot, campaign))
 
 
 def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
@@ -86,6 +93,7 @@ def model_of(
         local=found.local,
         error_budget=error_budget(found, run.robot),
         friction=found.free,
+        friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
     )
     return replace(model, outcome=outcome(model, mistake))
 
