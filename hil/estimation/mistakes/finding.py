@@ -164,7 +164,10 @@ def _possible(campaign: Campaign, reading: Reading, explained: Explanation) -> b
 
 
 def _allowed(campaign: Campaign, each: Tried) -> bool:
+    """Whether mechanics allows it; parameters added, which hardly show, may have any sign."""
     reading = each.candidate.reading(each.theta)
+    if each.candidate.more:
+        return not campaign.driving(reading, each.explanation.p)
     return _possible(campaign, reading, each.explanation)
 
 
