@@ -35,6 +35,8 @@ OWN = 1e-5
 """As `rank` of `orthonormal`: base parameters that a part by itself can show."""
 N_OWN = 2
 """Terms of a channel by itself: an offset and |v|, by which friction may differ by direction."""
+FINEST = 1e-4
+"""Share of the torque limit that no reading is finer than, and no model truer."""
 CONFIGURATIONS = 60
 """At which the mass matrix is looked at."""
 
@@ -68,10 +70,9 @@ class Campaign:
     def __init__(self, channels: Sequence[Channel], stated: Reading) -> None:
         self.channels = channels
         found = [_pure_error(channel, *stated.columns(channel)) for channel in channels]
-        self.pure_error = np.array([error for error, _ in found])
+        least = FINEST * stated.robot.torque_limit[[channel.axis for channel in channels]]
+        self.pure_error = np.maximum(found, least)
         """Standard deviation by channel, shape (n_channels,) [N m]."""
-        self.shown = sum(shown for _, shown in found)
-        """How many quantities all parts show, each by itself."""
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
@@ -87,7 +88,7 @@ class Campaign:
         blocks = [self._block(k, reading) for k in range(len(self.channels))]
         p = _fitted(blocks)
         left = [_left(block, p) for block in blocks]
-        degrees = [channel.degrees for channel in self.channels]
+        degrees = [max(channel.degrees, 1) for channel in self.channels]
         misfit = [float(x @ x) / n for x, n in zip(left, degrees, strict=True)]
         return Explanation(np.concatenate(left), np.array(misfit), p)
 
@@ -140,14 +141,13 @@ def _left(block: Array, p: Array) -> Array:
     return left - Q @ (Q.T @ left)
 
 
-def _pure_error(channel: Channel, rows: Array, motor: Array) -> tuple[float, int]:
-    """Root mean square of what parts leave, each by itself, and how much each can show in all."""
-    square, degrees, shown = 0.0, 0, 0
+def _pure_error(channel: Channel, rows: Array, motor: Array) -> float:
+    """Root mean square of what parts leave, each by itself."""
+    square, degrees = 0.0, 0
     for part in channel.parts:
         columns = part.without_friction(np.column_stack([channel.tau - motor, rows]))
         Q, _ = orthonormal(columns[:, 1:], OWN)
         left = columns[:, 0] - Q @ (Q.T @ columns[:, 0])
         square += float(left @ left)
         degrees += len(left) - part.friction.shape[1] - Q.shape[1]
-        shown += Q.shape[1]
-    return float(np.sqrt(square / max(degrees, 1))), shown
+    return float(np.sqrt(square / max(degrees, 1)))
