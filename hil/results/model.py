@@ -22,6 +22,7 @@ from hil.regression.uncertainty import correlation_of
 from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.ripple import ripple_left_out
 from hil.results.samples import samples
+from hil.results.tables.campaign_friction import campaign_friction
 from hil.results.tables.free_motion import friction, left_by_free_motions, statements
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
@@ -210,7 +211,9 @@ class Model:
                 Reflected inertia of the rotors that the robot file states, eq. (7).
             friction
                 The law of friction (`friction_law`); at rest its offset alone, since what holds a
-                resting axis is no function of velocity.
+                resting axis is no function of velocity. Where rows are successive samples of a
+                motion, positions changing as velocities say, it turns round after a reversal over
+                the presliding distance that imported recordings showed.
 
         Returns
         -------
@@ -292,7 +295,8 @@ class Model:
             return Summary(tables, (*statements(self.friction), *remarks))
         if self.method == "improved" and (ripple := ripple_left_out(self.robot)):
             remarks = (*remarks, ripple)
-        return Summary((parameters(self), residuals(self)), remarks)
+        tables = parameters(self), residuals(self), campaign_friction(self)
+        return Summary(tuple(table for table in tables if table.parts), remarks)
 
     def __repr__(self) -> str:
         return (
