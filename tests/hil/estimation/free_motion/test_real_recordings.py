@@ -117,5 +117,5 @@ def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> No
     found = estimate(load_robot("staubli-tx40"), [(unknown, recording)], "free motion").free
     assert found is not None
     (gain,) = found.gains
-    assert gain.standard_error < 0.05
+    assert gain.standard_error < 0.1
     assert abs(gain.value - 1.0) < 2 * gain.standard_error
