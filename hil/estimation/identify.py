@@ -28,6 +28,8 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
+from hil.estimation.back_and_forth.method import NAME as BACK_AND_FORTH
+from hil.estimation.back_and_forth.method import fit_back_and_forth, goes_back_and_forth
 from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
 from hil.estimation.drive_train_search import find_drive_train
@@ -271,6 +273,7 @@ def _conventional(name: str) -> Identify:
 METHODS: dict[str, Identify] = {
     **{method: _two_step(method) for method in TWO_STEP_METHODS},
     **{name: _conventional(name) for name in VARIANTS},
+    BACK_AND_FORTH: fit_back_and_forth,
     **{name: partial(fit_free_motions, name=name) for name in FREE_VARIANTS},
 }
 """All methods by name: two-step ones, conventional ones from trajectories, and those for motions
@@ -280,8 +283,17 @@ that somebody else recorded."""
 def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
     """Name of the method for measurements or recorded motions, and why it is this one."""
     free = sum(isinstance(motion, FreeMotion) for motion in motions)
+    alone = sum(map(goes_back_and_forth, motions))
+    if motions and alone == len(motions):
+        return BACK_AND_FORTH, "in all recordings one axis moves back and forth by itself"
     if motions and free == len(motions):
-        return DEFAULT, "all recordings are of motions that somebody else chose"
+        reason = "all recordings are of motions that somebody else chose"
+        if alone:
+            reason += (
+                f"; of {alone} of them, in which one axis moves back and forth by itself,"
+                f" --method '{BACK_AND_FORTH}' finds friction without a law"
+            )
+        return DEFAULT, reason
     if free:
         return "improved", f"{len(motions) - free} of {len(motions)} recordings were measured here"
     return "improved", "all recordings were measured here"
