@@ -128,6 +128,7 @@ def exported(run: Run, folder: Path) -> Run:
         content = {
             "robot": "robot.yaml", "files": [f"r{number}.csv"], "joints": joints,
             "time": {"column": "t", "unit": "s"}, "kind": {"back_and_forth": axis + 1},
+            "accept": ["still", "friction"],
         }  # fmt: skip
         maps.append(folder / f"{measurement.id}.yaml")
         maps[-1].write_text(yaml.safe_dump(content))

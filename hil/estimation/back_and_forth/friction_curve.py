@@ -63,7 +63,7 @@ def _curve(robot: Robot, recordings: Sequence[Halves], solution: Solution) -> Fr
     first = np.cumsum([0, *(int(each.pair.max()) + 1 for each in recordings)])
     pair = np.concatenate([each.pair + k for each, k in zip(recordings, first, strict=False)])
     scale = 1.0, 1.0 / recordings[0].greatest_speed
-    places = unknown_places(robot, axis)[-COMMON:]
+    places = unknown_places(robot, axis)[-COMMON:][:2]
     errors = np.sqrt(np.diag(solution.covariance)[places])
     constant, per_speed = (
         TermValue(value=float(k * value), standard_error=float(k * error))

@@ -8,6 +8,7 @@ there of either is in its columns.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,8 @@ from hil.estimation.free_motion.motion import filtered_motion
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
+from hil.regression.ripple import RIPPLE_ORDERS, ripple_orders
+from hil.regression.terms import multiples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,8 +43,11 @@ if TYPE_CHECKING:
 STILL = 0.02
 """Way of another axis, as share of the way of the one that is to move alone, below which it counts
 as still: what its controller lets it give way."""
-COMMON = 2
-"""Columns of what differs by direction: a constant, and one in proportion to the speed."""
+COMMON = 2 + 2 * len(RIPPLE_ORDERS)
+"""Columns of what else is the same forth and back, alike in all recordings of an axis: a constant,
+one in proportion to the speed, ripple over the motor's angle."""
+SEEN = 0.4
+"""Cycles of the motor in a sample up to which ripple over its angle is seen as such."""
 TORQUE, MOTOR, FIRST = 0, 1, 2
 """Places of the columns of torque and its motors' part, and of the first base parameter."""
 
@@ -191,8 +197,21 @@ def _columns(
     speed = motion.processing.speed[axis]
     time = motion.period * motion.rates.coarse * np.arange(len(qd))
     common = np.column_stack([np.ones(len(qd)), np.abs(qd) / greatest])
-    columns = [motion.tau[:, [axis]], passed[:, :-1], common]
+    ripple = motion.passed(_ripple(robot, motion, axis))[: len(qd)]
+    columns = [motion.tau[:, [axis]], passed[:, :-1], common, ripple]
     return np.hstack([*columns, friction_columns(qd / speed, time, pairs)]), qd
+
+
+def _ripple(robot: Robot, motion: Motion, axis: int) -> Array:
+    """Cosines and sines of the motor's angle that look like nothing else, shape (n, 2 n_orders)."""
+    orders = np.array(RIPPLE_ORDERS)
+    held = np.isin(orders, ripple_orders(robot, axis))
+    if not held.any():
+        return np.zeros((len(motion.q), 2 * len(orders)))
+    turns = np.abs(robot.gear_ratio[axis] * motion.qd[:, axis]) * motion.period / math.tau
+    seen = held[:, np.newaxis] & (orders[:, np.newaxis] * turns < SEEN)
+    waves = multiples(robot.gear_ratio[axis] * motion.q[:, axis], RIPPLE_ORDERS) * seen
+    return np.vstack([waves.real, waves.imag]).T
 
 
 def _whole(
