@@ -8,6 +8,11 @@ such a set some parameters are kept, and each stands for itself and a share of t
 
     W_d = W_k B   so   W_k p_k + W_d p_d = W_k (p_k + B p_d).
 
+A column that is nearly such a combination is one too, where noise alone would make its parameter's
+torque, over the recorded motion, uncertain by more than the share `SHARE` of the torque: with rows
+of unit residual variance, of which it leaves the share r of its square length, that torque's sum of
+squares is uncertain by 1 / r.
+
 Those that are not kept are zero in the model: it predicts what such motions show, no more.
 """
 
@@ -26,6 +31,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Indices = NDArray[np.intp]
 
+SHARE = 0.01
+"""Of the torque by which a parameter that is kept is uncertain at most."""
 _NOTICEABLE = 1e-3
 """Share of a parameter in a combination below which it is none of its parts."""
 
@@ -57,18 +64,21 @@ class Excitation:
         return [(int(j), float(row[j])) for j in np.flatnonzero(row) if j != k]
 
 
-def excitation(N: Array, n: int) -> Excitation:
+def excitation(N: Array, n: int, square: float) -> Excitation:
     """Which of the first `n` unknowns the normal equations determine; the others are nuisance.
 
     Parameters
     ----------
     N : ndarray, shape (n + k, n + k)
+        Of rows with residuals of unit variance.
+    square : float
+        Sum of the squares of these rows' torques.
     """
     size = np.diag(N)
     nuisance = n + independent(N[n:, n:], size[n:])
     within = N[:n, nuisance] @ solved(N[np.ix_(nuisance, nuisance)], N[nuisance, :n])
     left = N[:n, :n] - within
-    kept = independent(left, size[:n])
+    kept = independent(left, size[:n], max(IDENTIFIABLE, 1.0 / (SHARE**2 * square)))
     lost = np.setdiff1d(np.arange(n), kept)
     combination = np.zeros((n, n))
     combination[kept, kept] = 1.0
@@ -81,7 +91,7 @@ def excitation(N: Array, n: int) -> Excitation:
     return Excitation(kept, combination)
 
 
-def independent(N: Array, size: Array) -> Indices:
+def independent(N: Array, size: Array, least: float = IDENTIFIABLE) -> Indices:
     """Unknowns whose columns are no combinations of those before, in rising order.
 
     Parameters
@@ -89,13 +99,15 @@ def independent(N: Array, size: Array) -> Indices:
     N : ndarray, shape (n, n)
     size : ndarray, shape (n,)
         Squares of the columns' lengths, with which what is left of them is compared.
+    least : float
+        Share of it that is left at least of an independent one.
     """
     heard = size > SILENT**2 * size.max(initial=0.0)
     scale = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, size, 1.0))
     left, kept = N * np.outer(scale, scale), []
     for _ in range(len(N)):
         pivot = int(np.argmax(np.diag(left)))
-        if left[pivot, pivot] <= IDENTIFIABLE:
+        if left[pivot, pivot] <= least:
             break
         kept.append(pivot)
         column = left[:, pivot] / np.sqrt(left[pivot, pivot])

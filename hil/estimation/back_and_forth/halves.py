@@ -63,6 +63,9 @@ class Halves:
         That moves, from 0.
     sums, differences : ndarray, shape (n, 2 + n_base + COMMON + n_friction)
         Of torque, motors' part, rows of base parameters, what differs by direction, friction.
+    excited : ndarray, shape (2 n, n_base)
+        Rows of the base parameters in half-sums, then half-differences, had all other axes stood
+        still: what such motions show, without what they show by chance.
     weight : ndarray, shape (n,)
         Samples that each half is worth.
     pair, bin : ndarray, shape (n,)
@@ -92,6 +95,7 @@ class Halves:
     axis: int
     sums: Array
     differences: Array
+    excited: Array
     weight: Array
     pair: Indices
     bin: Indices
@@ -135,23 +139,27 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording, speed: Arr
     pairs, useless = pairs_of(filtered, stroke, axis, robot.position_unit(axis))
     if not pairs:
         raise NotEnoughData(_why_none(useless))
-    still, positions = _others_still(filtered, axis)
-    columns, u = _columns(robot, positions, axis, speed[axis], pairs)
+    still, alone = _others_still(filtered, axis)
+    columns, u = _columns(robot, filtered, axis, speed[axis], pairs)
+    rows = alone.passed(_rows(robot, alone, axis))[: len(u)]
     used = np.concatenate([np.concatenate([pair.forth, pair.back]) for pair in pairs])
-    places = [pair.halves(np.column_stack([columns, u, _coarse(positions, positions.q)]))
-              for pair in pairs]  # fmt: skip
-    sums, differences = (np.vstack(each) for each in zip(*places, strict=True))
+    together = np.column_stack([columns, rows, u, _coarse(filtered)])
+    sums, differences = (
+        np.vstack(each) for each in zip(*(pair.halves(together) for pair in pairs), strict=True)
+    )
     k = columns.shape[1]
+    mine = slice(k, k + rows.shape[1])
     return Halves(
         id=motion.id,
         axis=axis,
         sums=sums[:, :k],
         differences=differences[:, :k],
+        excited=np.vstack([sums[:, mine], differences[:, mine]]),
         weight=np.concatenate([pair.weights for pair in pairs]),
         pair=np.repeat([pair.number for pair in pairs], [len(pair.bins) for pair in pairs]),
         bin=np.concatenate([pair.bins for pair in pairs]),
-        q=sums[:, k + 1 :],
-        speed=np.abs(differences[:, k]),
+        q=sums[:, mine.stop + 1 :],
+        speed=np.abs(differences[:, mine.stop]),
         samples=columns[used].T @ columns[used],
         n_samples=len(used),
         whole=_whole(columns[:, : 2 + len(base_parameters(robot))], filtered, stroke, pairs, axis),
@@ -176,8 +184,8 @@ def _why_none(useless: Sequence[str]) -> str:
 def _others_still(motion: Motion, axis: int) -> tuple[NDArray[np.bool_], Motion]:
     """Axes that stand still, and the motion with these where they are on average.
 
-    What their controllers let them give way is known too badly to be differentiated twice, and
-    would make base parameters seem to be excited.
+    What their controllers let them give way is in the torque, and so in the columns. But it would
+    make base parameters seem to be excited that are not.
     """
     ways = np.ptp(motion.q, axis=0)
     still = ways <= STILL * ways[axis]
@@ -191,7 +199,7 @@ def _columns(
 ) -> tuple[Array, Array]:
     """All columns at the filtered samples, and the velocity [rad/s or m/s]."""
     motor = motor_torque(robot, motion.q, motion.qd, motion.qdd)[:, [axis]]
-    rows = regressor(robot, motion.q, motion.qd, motion.qdd, joints=[axis])[:, 0]
+    rows = _rows(robot, motion, axis)
     passed = motion.passed(np.hstack([motor, rows, motion.qd[:, [axis]]]))[: len(motion.tau)]
     qd = passed[:, -1]
     speed = motion.processing.speed[axis]
@@ -225,8 +233,13 @@ def _whole(
     return np.array([every[own == pair.number].T @ every[own == pair.number] for pair in pairs])
 
 
-def _coarse(motion: Motion, x: Array) -> Array:
-    return x[:: motion.rates.coarse][: len(motion.tau)]
+def _rows(robot: Robot, motion: Motion, axis: int) -> Array:
+    return regressor(robot, motion.q, motion.qd, motion.qdd, joints=[axis])[:, 0]
+
+
+def _coarse(motion: Motion) -> Array:
+    """Positions at the filtered samples."""
+    return motion.q[:: motion.rates.coarse][: len(motion.tau)]
 
 
 def unknown_places(robot: Robot, axis: int) -> Indices:

@@ -21,6 +21,7 @@ from hil.estimation.back_and_forth.halves import COMMON, FIRST, MOTOR, TORQUE, u
 from hil.estimation.free_motion.accumulation import cells_of
 from hil.estimation.free_motion.system import Normal
 from hil.estimation.free_motion.uncertainty import uncertainty
+from hil.estimation.intervals import MANY
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import fitted, orthonormal, solved
 
@@ -46,7 +47,8 @@ class Rows:
 
     Attributes
     ----------
-    X : ndarray, shape (n, n_unknowns)
+    X, excited : ndarray, shape (n, n_unknowns)
+        Columns, and those that they would be had all other axes stood still.
     torque, motor : ndarray, shape (n,)
     of_differences : ndarray of bool, shape (n,)
     axis, pair, state : ndarray, shape (n,), (n,), (n, n_joints + 1)
@@ -54,6 +56,7 @@ class Rows:
     """
 
     X: Array
+    excited: Array
     torque: Array
     motor: Array
     of_differences: NDArray[np.bool_]
@@ -111,16 +114,24 @@ def solve(robot: Robot, recordings: Sequence[Halves]) -> Solution:
     variances = _first_variances(recordings, n)
     for _ in range(ROUNDS):
         rows = projected(robot, recordings, variances)
-        N = rows.X.T @ rows.X
-        found = excitation(N, n_base)
-        nuisance = n_base + independent(N[n_base:, n_base:], np.diag(N)[n_base:])
-        kept = np.concatenate([found.kept, nuisance])
-        x = np.zeros(len(N))
-        x[kept] = solved(N[np.ix_(kept, kept)], (rows.X.T @ rows.y)[kept])
+        found, kept, x = _solved(rows, n_base, np.inf)
         before, variances = variances, _variances(rows, x, variances)
         if np.allclose(before, variances, rtol=1e-3):
             break
+    rows = projected(robot, recordings, variances)
+    found, kept, x = _solved(rows, n_base, float(rows.y @ rows.y))
     return _solution(rows, x, kept, found, variances, n)
+
+
+def _solved(rows: Rows, n_base: int, square: float) -> tuple[Excitation, Indices, Array]:
+    """What is excited, which unknowns are kept, and their values among all."""
+    N = rows.excited.T @ rows.excited
+    found = excitation(N, n_base, square)
+    nuisance = n_base + independent(N[n_base:, n_base:], np.diag(N)[n_base:])
+    kept = np.concatenate([found.kept, nuisance])
+    x, X = np.zeros(len(N)), rows.X[:, kept]
+    x[kept] = solved(X.T @ X, X.T @ rows.y)
+    return found, kept, x
 
 
 def projected(robot: Robot, recordings: Sequence[Halves], variances: Array) -> Rows:
@@ -132,14 +143,17 @@ def projected(robot: Robot, recordings: Sequence[Halves], variances: Array) -> R
         last = FIRST + len(places)
         weights = [np.sqrt(each.weight / variance) for variance in variances[each.axis]]
         rows = np.vstack([weights[0][:, None] * each.sums, weights[1][:, None] * each.differences])
+        excited = np.concatenate(weights)[:, None] * each.excited
         friction, _ = orthonormal(rows[:, last:])
-        rows = rows[:, :last] - friction @ (friction.T @ rows[:, :last])
-        X = np.zeros((len(rows), n_unknowns))
-        X[:, places] = rows[:, FIRST:]
+        rows = np.hstack([rows[:, :last], excited])
+        rows -= friction @ (friction.T @ rows)
+        X, Z = np.zeros((2, len(rows), n_unknowns))
+        X[:, places] = rows[:, FIRST:last]
+        Z[:, places] = np.hstack([rows[:, last:], rows[:, last - COMMON : last]])
         number = np.unique(each.pair, return_inverse=True)[1]
         state = np.column_stack([each.q, each.speed])
         parts.append(Rows(
-            X=X, torque=rows[:, TORQUE], motor=rows[:, MOTOR],
+            X=X, excited=Z, torque=rows[:, TORQUE], motor=rows[:, MOTOR],
             of_differences=np.repeat([False, True], len(each.weight)),
             axis=np.full(len(rows), each.axis), pair=pairs + np.tile(number, 2),
             state=np.tile(state, (2, 1)),
@@ -188,7 +202,7 @@ def _solution(
     pairs = rows.normal(rows.pair, kept)
     found = uncertainty(pairs, rows.normal(cells, kept), x[kept])
     n = len(x)
-    covariance, degrees = np.zeros((n, n)), np.full(n, np.inf)
+    covariance, degrees = np.zeros((n, n)), np.full(n, MANY)
     covariance[np.ix_(kept, kept)] = found.covariance
     degrees[kept] = found.degrees_of_freedom
     N = pairs.N.sum(axis=0)
