@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.estimation.back_and_forth.method import NAME as BACK_AND_FORTH
 from hil.estimation.free_motion.methods import DEFAULT
 from hil.estimation.identify import estimate, estimates
 from hil.report.friction_of_run import friction_of_run
@@ -16,6 +17,7 @@ from hil.results.recorded_torque import predict_recording
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
+    from hil.estimation.back_and_forth.half_sums import HalfSums
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
@@ -108,6 +110,22 @@ class FreeRun(ReportedRun):
     torque: RecordedTorque
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class StrokesRun(ReportedRun):
+    """A run of axes that move back and forth by themselves, recorded by somebody else.
+
+    Attributes
+    ----------
+    model : Model
+        By the method for them.
+    half_sums : tuple of HalfSums
+        What each recording shows by itself.
+    """
+
+    model: Model
+    half_sums: tuple[HalfSums, ...]
+
+
 def read(source: Run) -> ReportedRun:
     """Read a run and evaluate its friction, if it measured any.
 
@@ -142,6 +160,26 @@ def fitted(run: ReportedRun) -> FreeRun:
         model=model,
         shown=longest.id,
         torque=predict_recording(model, recording),
+    )
+
+
+def stroked(run: ReportedRun) -> StrokesRun:
+    """Identify an imported run by the method for axes that move back and forth.
+
+    Raises
+    ------
+    NotIdentifiable, NotEnoughData
+        Recordings that do not suffice.
+    """
+    with named(run.source):
+        found = estimate(run.robot, run.recordings, BACK_AND_FORTH)
+    return StrokesRun(
+        source=run.source,
+        campaign=run.campaign,
+        recordings=run.recordings,
+        friction=run.friction,
+        model=model_of(run.source, found),
+        half_sums=found.half_sums,
     )
 
 

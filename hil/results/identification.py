@@ -68,6 +68,7 @@ def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
         local=found.local,
         error_budget=error_budget(found, run.robot),
         friction=found.free,
+        back_and_forth=found.back_and_forth,
     )
 
 

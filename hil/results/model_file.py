@@ -16,8 +16,9 @@ import yaml
 from pydantic import model_validator
 
 from checked_files.yaml_file import FileError, FileModel
+from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.free_motion.result import FreeMotionFit
-from hil.estimation.intervals import degrees_behind
+from hil.estimation.intervals import MANY, degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.error_budget import ErrorTerm
@@ -37,19 +38,21 @@ NAME = "model.yaml"
 
 
 class Parameter(FileModel):
-    """One base parameter."""
+    """One base parameter; without standard error and interval it was not identified and is zero."""
 
     name: str
     expression: str
     group: str
     unit: str
     value: float
-    standard_error: float
-    interval_95: tuple[float, float]
+    standard_error: float | None
+    interval_95: tuple[float, float] | None
 
     @property
     def degrees_of_freedom(self) -> float:
         """Degrees of freedom with which the interval follows from the standard error."""
+        if self.interval_95 is None:
+            return MANY
         half = (self.interval_95[1] - self.interval_95[0]) / 2
         return degrees_behind(half / self.standard_error if self.standard_error else 0.0)
 
@@ -90,6 +93,8 @@ class ModelFile(FileModel):
         The largest first.
     friction : FreeMotionFit, optional
         Friction and settings of an estimate from free motions.
+    back_and_forth : BackAndForthFit, optional
+        Curves of friction and settings of an estimate from axes that moved back and forth.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings, as `hil validate` found.
     robot_file : str, optional
@@ -106,6 +111,7 @@ class ModelFile(FileModel):
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    back_and_forth: BackAndForthFit | None = None
     validations: tuple[KeptVerdict, ...] = ()
     robot_file: str | None = None
 
@@ -137,6 +143,7 @@ class ModelFile(FileModel):
             condition=model.condition,
             error_budget=model.error_budget,
             friction=model.friction,
+            back_and_forth=model.back_and_forth,
             validations=model.validations,
             robot_file=model.robot.text,
         )
@@ -174,7 +181,7 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        absent = {name for name in ("friction", "validations") if not getattr(self, name)}
+        absent = {name for name in ("friction", "back_and_forth", "validations") if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
             Dumper=_Dumper,
@@ -192,6 +199,7 @@ def _parameters(model: Model) -> tuple[Parameter, ...]:
     base = base_parameters(model.robot)
     group_of = {index: group for group, members in base.groups.items() for index in members}
     errors, intervals = model.standard_errors.tolist(), model.interval().tolist()
+    identified = model.identified.tolist()
     return tuple(
         Parameter(
             name=base.names[k],
@@ -199,8 +207,8 @@ def _parameters(model: Model) -> tuple[Parameter, ...]:
             group=group_of[k],
             unit=base.units[k],
             value=value,
-            standard_error=errors[k],
-            interval_95=tuple(intervals[k]),
+            standard_error=errors[k] if identified[k] else None,
+            interval_95=tuple(intervals[k]) if identified[k] else None,
         )
         for k, value in enumerate(model.values.tolist())
     )
