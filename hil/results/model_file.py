@@ -181,7 +181,11 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        absent = {name for name in ("friction", "back_and_forth", "validations") if not getattr(self, name)}
+        absent = {
+            name
+            for name in ("friction", "back_and_forth", "validations")
+            if not getattr(self, name)
+        }
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
             Dumper=_Dumper,

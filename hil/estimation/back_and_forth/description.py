@@ -66,9 +66,7 @@ def _term(part: tuple[str, float]) -> str:
     return f"{sign} {name}" if round(size, 3) == 1.0 else f"{sign} {size:.3g} {name}"
 
 
-def remarks(
-    robot: Robot, recordings: Sequence[Halves], solution: Solution
-) -> tuple[str, ...]:
+def remarks(robot: Robot, recordings: Sequence[Halves], solution: Solution) -> tuple[str, ...]:
     """What restricts the estimate."""
     return tuple(
         remark

@@ -41,8 +41,7 @@ def friction_curves(
     """Curves of all axes that were moved."""
     axes = sorted({each.axis for each in recordings})
     return tuple(
-        _curve(robot, [each for each in recordings if each.axis == axis], solution)
-        for axis in axes
+        _curve(robot, [each for each in recordings if each.axis == axis], solution) for axis in axes
     )
 
 

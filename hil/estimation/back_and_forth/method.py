@@ -93,7 +93,10 @@ def fit_back_and_forth(
     rms, relative, overall = residuals(robot, recordings, solution)
     names = base_parameters(robot).names
     fit = BackAndForthFit(
-        cut_off=(min(each.cut_off for each in recordings), max(each.cut_off for each in recordings)),
+        cut_off=(
+            min(each.cut_off for each in recordings),
+            max(each.cut_off for each in recordings),
+        ),
         cut_off_reason=recordings[0].cut_off_reason,
         pairs=sum(each.n_pairs for each in recordings),
         curves=friction_curves(robot, recordings, solution),
@@ -123,9 +126,7 @@ def fit_back_and_forth(
     )
 
 
-def _condensed(
-    robot: Robot, motions: BackAndForth
-) -> tuple[list[Halves], list[LeftOut]]:
+def _condensed(robot: Robot, motions: BackAndForth) -> tuple[list[Halves], list[LeftOut]]:
     """All recordings of which pairs are of use, and what is left out of the others."""
     found, left_out, speed = [], [], speeds_of(robot, motions)
     for motion, recording in motions:

@@ -66,7 +66,8 @@ class Pair:
     def weights(self) -> Array:
         """Reciprocal variances of either half, for samples of variance 1, shape of `bins`."""
         forth, back = (
-            np.bincount(bins, minlength=len(self.bins)) for bins in (self.bins_forth, self.bins_back)
+            np.bincount(bins, minlength=len(self.bins))
+            for bins in (self.bins_forth, self.bins_back)
         )
         found: Array = 4.0 / (1.0 / forth + 1.0 / back)
         return found

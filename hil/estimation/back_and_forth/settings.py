@@ -48,9 +48,7 @@ def speeds_of(robot: Robot, motions: Iterable[tuple[FreeMotion, Recording]]) -> 
     return np.where(found > 0, found, 1.0)
 
 
-def processing_of_strokes(
-    motion: FreeMotion, recording: Recording
-) -> tuple[Processing, str]:
+def processing_of_strokes(motion: FreeMotion, recording: Recording) -> tuple[Processing, str]:
     """Settings of one recording, and why its cut-off is what it is."""
     (axis,) = motion.moved
     width = bandwidth(recording.q[:, axis], recording.period)

@@ -5,8 +5,7 @@ half-sums and of half-differences apart: friction that is no function of the spe
 grows with the load, spoils the latter alone. Friction of each recording is eliminated by orthogonal
 projection.
 
-Standard errors add up, as those of free motions do (`hil.estimation.free_motion.uncertainty`), what
-differs from one pair to the next and what differs from one part of the space of states to the next.
+Standard errors are in `uncertainty`.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ import numpy as np
 
 from hil.estimation.back_and_forth.excitation import Excitation, excitation, independent
 from hil.estimation.back_and_forth.halves import COMMON, FIRST, MOTOR, TORQUE, unknown_places
+from hil.estimation.back_and_forth.uncertainty import uncertainty
 from hil.estimation.free_motion.accumulation import cells_of
 from hil.estimation.free_motion.system import Normal
-from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.estimation.intervals import MANY
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import fitted, orthonormal, solved
@@ -38,6 +37,8 @@ if TYPE_CHECKING:
 
 ROUNDS = 6
 """Of weights from residuals and solution from weights."""
+BLOCKS = 30
+"""Of successive pairs, at most: what friction does lasts longer than a pair."""
 _CONSTANT = 1e-9
 
 
@@ -200,17 +201,18 @@ def _solution(
     states = rows.state / np.where(scatter > _CONSTANT, scatter, 1.0)
     cells = np.unique(cells_of(states), return_inverse=True)[1]
     pairs = rows.normal(rows.pair, kept)
-    found = uncertainty(pairs, rows.normal(cells, kept), x[kept])
+    first = np.linspace(0, len(pairs.v), min(BLOCKS, len(pairs.v)) + 1).round().astype(int)[:-1]
+    own, degrees_kept = uncertainty(pairs.grouped(first), rows.normal(cells, kept), x[kept])
     n = len(x)
     covariance, degrees = np.zeros((n, n)), np.full(n, MANY)
-    covariance[np.ix_(kept, kept)] = found.covariance
-    degrees[kept] = found.degrees_of_freedom
+    covariance[np.ix_(kept, kept)] = own
+    degrees[kept] = degrees_kept
     N = pairs.N.sum(axis=0)
     parts = np.zeros((2, n, n_joints))
     for axis in range(n_joints):
-        own = rows.X[:, kept][rows.axis == axis].T
+        mine = rows.X[:, kept][rows.axis == axis].T
         for k, side in enumerate((rows.torque, rows.motor)):
-            parts[k][kept, axis] = solved(N, own @ side[rows.axis == axis])
+            parts[k][kept, axis] = solved(N, mine @ side[rows.axis == axis])
     size = 1.0 / np.sqrt(np.diag(N))
     return Solution(
         x=x,

@@ -61,7 +61,9 @@ def processing_of(found: Survey) -> tuple[Processing, str]:
     ), reason
 
 
-def cut_off_of(bandwidths: Sequence[float], period: float, stated: float | None) -> tuple[float, str]:
+def cut_off_of(
+    bandwidths: Sequence[float], period: float, stated: float | None
+) -> tuple[float, str]:
     """Cut-off frequency of the positions [Hz], and why it is that.
 
     Parameters

@@ -26,8 +26,7 @@ def curves(model: Model) -> Table:
             *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs"),
         ),
         parts=tuple(
-            Part(tuple(_point(curve, point) for point in curve.points))
-            for curve in _curves(model)
+            Part(tuple(_point(curve, point) for point in curve.points)) for curve in _curves(model)
         ),
         explanation=(
             "Half the difference of the torques forth and back at the same position, less the rigid"
