@@ -59,9 +59,9 @@ def of_strokes(run: StrokesRun) -> Header:
     which = "All" if identified.all() else f"{identified.sum()} of"
     lost = "" if identified.all() else " Those not identified are zero in the model."
     verdict = (
-        f"{which} {len(identified)} base parameters of {run.robot.name} were identified from strokes"
-        f" back and forth, without a law of friction. Of the recorded torques {left} % are left, all"
-        f" axes taken together, away from the reversals.{lost}"
+        f"{which} {len(identified)} base parameters of {run.robot.name} were identified from"
+        f" strokes back and forth, without a law of friction. Of the recorded torques {left} % are"
+        f" left, all axes taken together, away from the reversals.{lost}"
     )
     return _header(run, "identified dynamics", verdict, _recorded(run))
 

@@ -276,9 +276,8 @@ class Model:
             tables = parameters(self), friction(self), left_by_free_motions(self)
             return Summary(tables, (*statements(self.friction), *remarks))
         if (strokes := self.back_and_forth) is not None:
-            curves = back_and_forth.curves(self), back_and_forth.plain(self)
-            tables = parameters(self), *curves, back_and_forth.left_by_strokes(self)
-            return Summary(tables, (*back_and_forth.statements(strokes), *remarks))
+            found = back_and_forth.tables(self)
+            return Summary(found, (*back_and_forth.statements(strokes), *remarks))
         if self.method == "improved" and (ripple := ripple_left_out(self.robot)):
             remarks = (*remarks, ripple)
         return Summary((parameters(self), residuals(self)), remarks)

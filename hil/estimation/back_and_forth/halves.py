@@ -202,12 +202,12 @@ def _columns(
     rows = _rows(robot, motion, axis)
     passed = motion.passed(np.hstack([motor, rows, motion.qd[:, [axis]]]))[: len(motion.tau)]
     qd = passed[:, -1]
-    speed = motion.processing.speed[axis]
+    share: Array = qd / motion.processing.speed[axis]
     time = motion.period * motion.rates.coarse * np.arange(len(qd))
     common = np.column_stack([np.ones(len(qd)), np.abs(qd) / greatest])
     ripple = motion.passed(_ripple(robot, motion, axis))[: len(qd)]
     columns = [motion.tau[:, [axis]], passed[:, :-1], common, ripple]
-    return np.hstack([*columns, friction_columns(qd / speed, time, pairs)]), qd
+    return np.hstack([*columns, friction_columns(share, time, pairs)]), qd
 
 
 def _ripple(robot: Robot, motion: Motion, axis: int) -> Array:

@@ -4,9 +4,9 @@
 
 The h_j interpolate linearly between levels at speeds that the strokes themselves have, so any curve
 is among them. Each pair k has a level a_k and a slope b_k of its own at its turning point; between
-two pairs the T_k interpolate in time, and go on beyond the first and the last one. So a trend, which
-would otherwise shift all half-sums, since a stroke back always comes later than the one forth, is
-read off the half-differences of successive pairs and taken off.
+two pairs the T_k interpolate in time, and go on beyond the first and the last one. A stroke back
+always comes later than the one forth, so a trend would shift all half-sums; it is read off the
+half-differences of successive pairs, and taken off.
 """
 
 from __future__ import annotations

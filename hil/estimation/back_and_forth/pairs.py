@@ -2,8 +2,8 @@
 
 A pair is a stroke forth and the stroke back that follows it, as the import numbered them. Samples
 near a reversal, where friction is no function of the velocity, are left out. Bins of position hold
-about as many samples each, `SAMPLES` of a stroke at least, so they are narrow where the axis is slow
-and its speed changes from one position to the next.
+about as many samples each, `SAMPLES` of a stroke at least, so they are narrow where the axis is
+slow and its speed changes from one position to the next.
 """
 
 from __future__ import annotations

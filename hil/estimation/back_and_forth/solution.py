@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 6
 """Of weights from residuals and solution from weights."""
-BLOCKS = 30
+BLOCKS = 200
 """Of successive pairs, at most: what friction does lasts longer than a pair."""
 _CONSTANT = 1e-9
 

@@ -45,10 +45,8 @@ def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Figure:
     figure, panels = panels_in_rows(len(curves), height=2.4)
     for curve, (panel,) in zip(curves, panels, strict=True):
         axis = curve.axis - 1
-        speed, friction = (
-            np.array([getattr(point, name) for point in curve.points])
-            for name in ("speed", "friction")
-        )
+        speed = np.array([point.speed for point in curve.points])
+        friction = np.array([point.friction for point in curve.points])
         half = np.array([point.half_width or 0.0 for point in curve.points])
         panel.errorbar(speed, friction, half, fmt="o", markersize=3, color=MEASURED, capsize=2)
         if curve.plain:

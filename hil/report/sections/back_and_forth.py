@@ -1,4 +1,4 @@
-"""What was identified of axes that move back and forth: parameters, half-sums, friction's curves."""
+"""What was identified of axes that move back and forth: parameters, half-sums, friction."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ def section(run: StrokesRun) -> Section | None:
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
             "Half the sum of the torques forth and back over the position, less what differs by"
             " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
-            " with standard errors, of the recordings with the longest ways, each in a colour; lines"
-            " are the model.",
+            " with standard errors, of the recordings with the longest ways, each in a colour;"
+            " lines are the model.",
         ),
         Plot(
             "friction-curves",
             partial(friction_curves, model.back_and_forth.curves, run.robot),
             "Friction of each axis over its speed with intervals of 95 %.",
-            "Half the difference of the torques, less the rigid bodies' part of it: friction over the"
-            " speed, means over the pairs with intervals of 95 %. Dashed: Coulomb and viscous alone.",
+            "Half the difference of the torques, less the rigid bodies' part of it: friction over"
+            " the speed, means over the pairs with intervals of 95 %. Dashed: Coulomb and viscous"
+            " alone.",
         ),
     )
     return Section(

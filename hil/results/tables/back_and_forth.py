@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.results.rounding import rounded, significant
 from hil.results.tables.cells import uncertain
+from hil.results.tables.parameters import parameters
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
@@ -15,6 +16,11 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.result import TermValue
     from hil.results.model import Model
     from hil.results.tables.table import Row
+
+
+def tables(model: Model) -> tuple[Table, ...]:
+    """All that is found of such motions."""
+    return parameters(model), curves(model), plain(model), left_by_strokes(model)
 
 
 def curves(model: Model) -> Table:
