@@ -24,8 +24,8 @@ import numpy as np
 import yaml
 
 from hil.errors import HilError
-from hil.estimation.back_and_forth.method import NAME
-from hil.estimation.free_motion.methods import DEFAULT
+from hil.estimation.back_and_forth.recognition import NAME
+from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate
 from hil.imports.importing import import_recordings
 from hil.model.base_parameters import base_parameters

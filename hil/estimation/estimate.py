@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
 
     Array = NDArray[np.float64]
@@ -91,6 +92,8 @@ class Estimate:
         Step 1 of these: the torque of the rigid bodies over the positions of each recording.
     combination : ndarray, shape (n_base, n_base), optional
         ``combination @ truth`` is what `p` stands for; None where that is each parameter itself.
+    friction_law : FrictionLaw, optional
+        Friction over the whole campaign, where the improved method found it.
     """
 
     method: str
@@ -112,6 +115,7 @@ class Estimate:
     back_and_forth: BackAndForthFit | None = None
     half_sums: tuple[HalfSums, ...] = ()
     combination: Array | None = None
+    friction_law: FrictionLaw | None = None
 
     @property
     def standard_error(self) -> Array:

@@ -22,20 +22,20 @@ the rotor inertias. Where the robot file states their uncertainty it is carried 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
-from hil.estimation.back_and_forth.method import NAME as BACK_AND_FORTH
-from hil.estimation.back_and_forth.method import fit_back_and_forth, goes_back_and_forth
+from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
+from hil.estimation.back_and_forth.recognition import goes_back_and_forth
+from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
 from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
-from hil.estimation.free_motion.methods import DEFAULT, fit_free_motions
-from hil.estimation.free_motion.methods import VARIANTS as FREE_VARIANTS
+from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.free_motion.variants import VARIANTS as FREE_VARIANTS
 from hil.estimation.identifiability import conditions, require_all_groups, require_rank
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import signals
@@ -149,6 +149,7 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
             robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
         ),
         noise_covariance=solver.noise_covariance[: len(p), : len(p)],
+        friction_law=campaign_friction(robot, p, (axes for _, axes in solver.stacked)),
     )
 
 
@@ -218,11 +219,21 @@ def prepare(
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
             continue
+        _refuse_unknown_gains(measurement)
         try:
             found.append((measurement, signals(recording)))
         except NotEnoughData as error:
             left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
+
+
+def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
+    if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
+        axes = ", ".join(map(str, measurement.unknown_gains))
+        raise NotIdentifiable(
+            f"{measurement.id}: the gain of axis {axes} is unknown, which only methods for free"
+            f" motions find; take --method '{DEFAULT}', or state the gain in the map"
+        )
 
 
 def prepared_for(
@@ -270,11 +281,27 @@ def _conventional(name: str) -> Identify:
     return identify
 
 
+def _free_motion(name: str) -> Identify:
+    def identify(robot: Robot, recorded: Recorded) -> Estimate:
+        # spectra and filters load for half a second, and what was measured here needs none
+        from hil.estimation.free_motion.methods import fit_free_motions  # noqa: PLC0415
+
+        return fit_free_motions(robot, recorded, name)
+
+    return identify
+
+
+def _back_and_forth(robot: Robot, recorded: Recorded) -> Estimate:
+    from hil.estimation.back_and_forth.method import fit_back_and_forth  # noqa: PLC0415 - the same
+
+    return fit_back_and_forth(robot, recorded)
+
+
 METHODS: dict[str, Identify] = {
     **{method: _two_step(method) for method in TWO_STEP_METHODS},
     **{name: _conventional(name) for name in VARIANTS},
-    BACK_AND_FORTH: fit_back_and_forth,
-    **{name: partial(fit_free_motions, name=name) for name in FREE_VARIANTS},
+    BACK_AND_FORTH: _back_and_forth,
+    **{name: _free_motion(name) for name in FREE_VARIANTS},
 }
 """All methods by name: two-step ones, conventional ones from trajectories, and those for motions
 that somebody else recorded."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.estimation.back_and_forth.method import NAME as BACK_AND_FORTH
+from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.report import header
 from hil.report.friction_of_run import friction_alone
 from hil.report.header import when

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.estimation.back_and_forth.method import NAME as BACK_AND_FORTH
-from hil.estimation.free_motion.methods import DEFAULT
+from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
+from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate, estimates
 from hil.report.friction_of_run import friction_of_run
 from hil.results.advice import advice
 from hil.results.identification import model_of
 from hil.results.naming import named
 from hil.results.prediction import predict
-from hil.results.recorded_torque import predict_recording
+from hil.results.recorded_torque import in_si, predict_recording
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def fitted(run: ReportedRun) -> FreeRun:
         friction=run.friction,
         model=model,
         shown=longest.id,
-        torque=predict_recording(model, recording),
+        torque=predict_recording(model, in_si(model, longest, recording)),
     )
 
 

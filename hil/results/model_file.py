@@ -18,9 +18,11 @@ from pydantic import model_validator
 from checked_files.yaml_file import FileError, FileModel
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.free_motion.result import FreeMotionFit
+from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import MANY, degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
+from hil.results.consistent_robot import ConsistentRobot
 from hil.results.error_budget import ErrorTerm
 from hil.results.verdict import KeptVerdict
 
@@ -95,8 +97,13 @@ class ModelFile(FileModel):
         Friction and settings of an estimate from free motions.
     back_and_forth : BackAndForthFit, optional
         Curves of friction and settings of an estimate from axes that moved back and forth.
+    friction_law : FrictionLaw, optional
+        Friction over the campaign, of methods for strokes and trajectories; that of free motions
+        stands in `friction`.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings, as `hil validate` found.
+    consistent : ConsistentRobot, optional
+        The nearest robot that consists of bodies, as `hil identify --consistent` found.
     robot_file : str, optional
         The robot file, verbatim.
     """
@@ -112,7 +119,9 @@ class ModelFile(FileModel):
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
+    friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
+    consistent: ConsistentRobot | None = None
     robot_file: str | None = None
 
     @model_validator(mode="after")
@@ -144,7 +153,9 @@ class ModelFile(FileModel):
             error_budget=model.error_budget,
             friction=model.friction,
             back_and_forth=model.back_and_forth,
+            friction_law=None if model.friction else model.friction_law,
             validations=model.validations,
+            consistent=model.consistent,
             robot_file=model.robot.text,
         )
 
@@ -179,13 +190,16 @@ class ModelFile(FileModel):
         kept = self.degrees_of_freedom
         return np.array([p.degrees_of_freedom for p in self.parameters] if kept is None else kept)
 
+    def law(self) -> FrictionLaw | None:
+        """Law of friction, whatever the method; None in files of versions that found none."""
+        if self.friction is not None:
+            return FrictionLaw.of_free_motions(self.friction)
+        return self.friction_law
+
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        absent = {
-            name
-            for name in ("friction", "back_and_forth", "validations")
-            if not getattr(self, name)
-        }
+        optional = ("friction", "back_and_forth", "friction_law", "validations", "consistent")
+        absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
             Dumper=_Dumper,

@@ -11,13 +11,13 @@ from hil.estimation.back_and_forth.description import combinations, remarks, res
 from hil.estimation.back_and_forth.friction_curve import friction_curves
 from hil.estimation.back_and_forth.half_sums import half_sums
 from hil.estimation.back_and_forth.halves import halves_of
+from hil.estimation.back_and_forth.recognition import NAME, goes_back_and_forth
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.back_and_forth.settings import speeds_of
 from hil.estimation.back_and_forth.solution import solve
 from hil.estimation.estimate import Estimate, LeftOut
-from hil.estimation.free_motion.methods import FreeMotions
+from hil.estimation.free_motion.gathering import FreeMotions
 from hil.model.base_parameters import base_parameters
-from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -27,17 +27,11 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.halves import Halves
     from hil.estimation.back_and_forth.solution import Solution
     from hil.model.robot import Robot
+    from hil.planning.free_motion import FreeMotion
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-
-NAME = "back and forth"
-
-
-def goes_back_and_forth(motion: RecordedMotion) -> bool:
-    """Whether a recording is of one axis that moves back and forth by itself."""
-    return isinstance(motion, FreeMotion) and motion.alone is not None
 
 
 class BackAndForth(FreeMotions):

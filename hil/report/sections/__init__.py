@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from hil.report.sections import (
     advice,
     back_and_forth,
+    bodies,
     correlations,
     derivation,
     diagnosis,
@@ -40,6 +41,7 @@ OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
     measured_and_modelled.section,
     payload.section,
     diagnosis.section,
+    bodies.section,
     friction_over_campaign.section,
     friction.section,
     torques.section,
@@ -58,6 +60,8 @@ OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
 OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
     free_motions.section,
     validation.section,
+    bodies.section,
+    payload.section,
     sessions.section,
 )
 """Of a run that was imported."""

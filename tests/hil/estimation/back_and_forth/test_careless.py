@@ -11,7 +11,7 @@ from free_run import PERIOD, TRUTH, arm, classical, recorded
 from stroke_run import campaign, recorded_strokes, strokes
 
 from hil.errors import NotEnoughData
-from hil.estimation.back_and_forth.method import NAME
+from hil.estimation.back_and_forth.recognition import NAME
 from hil.estimation.identify import estimate
 from hil.model.dynamics import inverse_dynamics
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.estimation.back_and_forth.method import NAME
+from hil.estimation.back_and_forth.recognition import NAME
 from hil.imports.importing import import_recordings
 from hil.results.identification import identify, method_for
 

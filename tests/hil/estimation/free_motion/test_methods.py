@@ -9,7 +9,7 @@ import pytest
 from free_run import TRUTH, arm, recorded
 
 from hil.errors import NotEnoughData, NotIdentifiable
-from hil.estimation.free_motion.methods import VARIANTS
+from hil.estimation.free_motion.variants import VARIANTS
 from hil.estimation.identify import default_method, estimate
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity
