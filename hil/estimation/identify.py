@@ -311,11 +311,12 @@ def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
     """Name of the method for measurements or recorded motions, and why it is this one."""
     free = sum(isinstance(motion, FreeMotion) for motion in motions)
     alone = sum(map(goes_back_and_forth, motions))
-    if motions and alone == len(motions):
+    unknown = any(isinstance(each, FreeMotion) and each.unknown_gains for each in motions)
+    if motions and alone == len(motions) and not unknown:
         return BACK_AND_FORTH, "in all recordings one axis moves back and forth by itself"
     if motions and free == len(motions):
         reason = "all recordings are of motions that somebody else chose"
-        if alone:
+        if alone and not unknown:
             reason += (
                 f"; of {alone} of them, in which one axis moves back and forth by itself,"
                 f" --method '{BACK_AND_FORTH}' finds friction without a law"

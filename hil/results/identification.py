@@ -6,6 +6,8 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.friction_law import FrictionLaw
@@ -51,11 +53,18 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
     campaign = Pooled([run, *others])
     with named(run):
         found = estimate(run.robot, campaign, method or method_for(run, others)[0])
-    if found.free is None and found.friction_law is None:
+    if found.free is None and found.friction_law is None and _limits_known(run):
         prepared = prepared_for(run.robot, found, campaign)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks))
     return model_of(run, found, others)
+
+
+def _limits_known(run: Run) -> bool:
+    """Whether the samples that a law of friction is fitted to can be chosen: it is done by the limits."""
+    robot = run.robot
+    limits = robot.velocity_limit, robot.acceleration_limit, robot.torque_limit
+    return not any(np.isnan(limit).any() for limit in limits)
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:

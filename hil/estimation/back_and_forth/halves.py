@@ -202,8 +202,8 @@ def _columns(
     rows = _rows(robot, motion, axis)
     passed = motion.passed(np.hstack([motor, rows, motion.qd[:, [axis]]]))[: len(motion.tau)]
     qd = passed[:, -1]
-    share = np.divide(qd, motion.processing.speed[axis], dtype=np.float64)
-    time = motion.period * motion.rates.coarse * np.arange(len(qd))
+    share = qd / motion.processing.speed[axis]
+    time: Array = motion.period * motion.rates.coarse * np.arange(len(qd), dtype=np.float64)
     common = np.column_stack([np.ones(len(qd)), np.abs(qd) / greatest])
     ripple = motion.passed(_ripple(robot, motion, axis))[: len(qd)]
     columns = [motion.tau[:, [axis]], passed[:, :-1], common, ripple]

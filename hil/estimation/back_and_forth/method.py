@@ -124,6 +124,12 @@ def _condensed(robot: Robot, motions: BackAndForth) -> tuple[list[Halves], list[
     """All recordings of which pairs are of use, and what is left out of the others."""
     found, left_out, speed = [], [], speeds_of(robot, motions)
     for motion, recording in motions:
+        if motion.unknown_gains:
+            axes = ", ".join(map(str, motion.unknown_gains))
+            raise NotIdentifiable(
+                f"{motion.id}: the gain of axis {axes} is unknown, which half-sums do not show; state"
+                " it in the map, or identify by --method 'free motion'"
+            )
         try:
             halves = halves_of(robot, motion, recording, speed)
         except NotEnoughData as error:

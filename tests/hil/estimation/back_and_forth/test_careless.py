@@ -10,9 +10,9 @@ import pytest
 from free_run import PERIOD, TRUTH, arm, classical, recorded
 from stroke_run import campaign, recorded_strokes, strokes
 
-from hil.errors import NotEnoughData
+from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.back_and_forth.recognition import NAME
-from hil.estimation.identify import estimate
+from hil.estimation.identify import default_method, estimate
 from hil.model.dynamics import inverse_dynamics
 
 if TYPE_CHECKING:
@@ -140,3 +140,11 @@ def test_one_pair_alone_says_what_it_cannot_show() -> None:
     assert found.back_and_forth is not None
     assert any("have one pair of strokes" in each for each in found.back_and_forth.remarks)
     np.testing.assert_allclose(found.p, TRUTH, atol=0.1)
+
+
+def test_torques_of_unknown_worth_are_left_to_the_method_that_finds_it() -> None:
+    motion, recording = strokes(ROBOT, TRUTH, 1, (0.0, 0.5))
+    unknown = motion.model_copy(update={"unknown_gains": (2,)})
+    assert default_method([unknown])[0] == "free motion"
+    with pytest.raises(NotIdentifiable, match=r"the gain of axis 2 is unknown.*'free motion'"):
+        estimate(ROBOT, [(unknown, recording)], NAME)
