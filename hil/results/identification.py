@@ -61,7 +61,7 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
 
 
 def _limits_known(run: Run) -> bool:
-    """Whether the samples that a law of friction is fitted to can be chosen: it is done by the limits."""
+    """Whether limits are known, by which samples for a law of friction are chosen."""
     robot = run.robot
     limits = robot.velocity_limit, robot.acceleration_limit, robot.torque_limit
     return not any(np.isnan(limit).any() for limit in limits)

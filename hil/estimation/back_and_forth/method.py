@@ -127,8 +127,8 @@ def _condensed(robot: Robot, motions: BackAndForth) -> tuple[list[Halves], list[
         if motion.unknown_gains:
             axes = ", ".join(map(str, motion.unknown_gains))
             raise NotIdentifiable(
-                f"{motion.id}: the gain of axis {axes} is unknown, which half-sums do not show; state"
-                " it in the map, or identify by --method 'free motion'"
+                f"{motion.id}: the gain of axis {axes} is unknown, which half-sums do not show;"
+                " state it in the map, or identify by --method 'free motion'"
             )
         try:
             halves = halves_of(robot, motion, recording, speed)
