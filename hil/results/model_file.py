@@ -9,13 +9,14 @@ degrees of freedom that explain them.
 
 from __future__ import annotations
 
+from math import isclose
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import yaml
 from pydantic import model_validator
 
-from checked_files.yaml_file import FileError, FileModel
+from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.friction_law import FrictionLaw
@@ -24,6 +25,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.consistent_robot import ConsistentRobot
 from hil.results.error_budget import ErrorTerm
+from hil.results.outcome import Outcome
 from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NAME = "model.yaml"
+_SAME = 1e-6
 
 
 class Parameter(FileModel):
@@ -97,6 +100,8 @@ class ModelFile(FileModel):
         Friction and settings of an estimate from free motions.
     back_and_forth : BackAndForthFit, optional
         Curves of friction and settings of an estimate from axes that moved back and forth.
+    outcome : Outcome, optional
+        What the identification is worth.
     friction_law : FrictionLaw, optional
         Friction over the campaign, of methods for strokes and trajectories; that of free motions
         stands in `friction`.
@@ -119,6 +124,7 @@ class ModelFile(FileModel):
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
+    outcome: Outcome | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
     consistent: ConsistentRobot | None = None
@@ -153,6 +159,7 @@ class ModelFile(FileModel):
             error_budget=model.error_budget,
             friction=model.friction,
             back_and_forth=model.back_and_forth,
+            outcome=model.outcome,
             friction_law=None if model.friction else model.friction_law,
             validations=model.validations,
             consistent=model.consistent,
@@ -198,7 +205,9 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        optional = ("friction", "back_and_forth", "friction_law", "validations", "consistent")
+        optional = (
+            "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
+        )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
@@ -206,6 +215,38 @@ class ModelFile(FileModel):
             sort_keys=False,
             width=200,
         )
+
+
+def read_model_file(path: Path) -> ModelFile:
+    """Read a model's file and refuse one that was cut off or edited, by its first problem.
+
+    Raises
+    ------
+    FileError
+        One line, with the remedy.
+    """
+    remedy = f"write the file anew with: hil identify {path.parent}"
+    text = read_text(path)
+    try:
+        kept = parse_yaml(text, ModelFile, str(path))
+    except FileError as error:
+        first, *_ = str(error).splitlines()
+        raise FileError(f"{first}, or {remedy}") from error
+    for number, each in enumerate(kept.parameters):
+        variance = kept.covariance[number][number]
+        if each.interval_95 is None or each.standard_error is None:
+            continue
+        low, high = each.interval_95
+        if not (
+            isclose((low + high) / 2, each.value, rel_tol=_SAME, abs_tol=_SAME * (high - low))
+            and isclose(variance, each.standard_error**2, rel_tol=_SAME)
+        ):
+            line = line_of(text, ("parameters", number, "value"))
+            raise FileError(
+                f"{path}:{line}: {each.name}: value, standard error and interval do not belong"
+                f" together, so the file was edited; {remedy}"
+            )
+    return kept
 
 
 def file_of(path: Path) -> Path:

@@ -227,7 +227,7 @@ def _whole(
 ) -> Array:
     """Inner products of columns and of classical friction's over all of each pair."""
     qd = motion.qd[:, axis]
-    friction = np.column_stack([np.ones_like(qd), motion.direction[:, axis], qd])
+    friction = np.column_stack([np.ones_like(qd), motion.direction_after(axis, 0.0), qd])
     every = np.hstack([columns, motion.passed(friction)[: len(columns)]])[motion.used]
     own = stroke[motion.used] // 2
     return np.array([every[own == pair.number].T @ every[own == pair.number] for pair in pairs])
