@@ -13,6 +13,8 @@ from hil.regression.uncertainty import correlation_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.estimation.back_and_forth.half_sums import HalfSums
+    from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.free_motion.result import FreeMotionFit
@@ -84,6 +86,12 @@ class Estimate:
         What the covariance would be if the residuals were white noise.
     free : FreeMotionFit, optional
         Friction and settings, where free motions were identified.
+    back_and_forth : BackAndForthFit, optional
+        Friction's curves and settings, where axes moved back and forth by themselves.
+    half_sums : tuple of HalfSums
+        Step 1 of these: the torque of the rigid bodies over the positions of each recording.
+    combination : ndarray, shape (n_base, n_base), optional
+        ``combination @ truth`` is what `p` stands for; None where that is each parameter itself.
     friction_law : FrictionLaw, optional
         Friction over the whole campaign, where the improved method found it.
     """
@@ -104,6 +112,9 @@ class Estimate:
     causes: tuple[Cause, ...] = ()
     noise_covariance: Array | None = None
     free: FreeMotionFit | None = None
+    back_and_forth: BackAndForthFit | None = None
+    half_sums: tuple[HalfSums, ...] = ()
+    combination: Array | None = None
     friction_law: FrictionLaw | None = None
 
     @property

@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
+from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
+from hil.estimation.back_and_forth.recognition import goes_back_and_forth
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
@@ -289,9 +291,16 @@ def _free_motion(name: str) -> Identify:
     return identify
 
 
+def _back_and_forth(robot: Robot, recorded: Recorded) -> Estimate:
+    from hil.estimation.back_and_forth.method import fit_back_and_forth  # noqa: PLC0415 - the same
+
+    return fit_back_and_forth(robot, recorded)
+
+
 METHODS: dict[str, Identify] = {
     **{method: _two_step(method) for method in TWO_STEP_METHODS},
     **{name: _conventional(name) for name in VARIANTS},
+    BACK_AND_FORTH: _back_and_forth,
     **{name: _free_motion(name) for name in FREE_VARIANTS},
 }
 """All methods by name: two-step ones, conventional ones from trajectories, and those for motions
@@ -301,8 +310,18 @@ that somebody else recorded."""
 def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
     """Name of the method for measurements or recorded motions, and why it is this one."""
     free = sum(isinstance(motion, FreeMotion) for motion in motions)
+    alone = sum(map(goes_back_and_forth, motions))
+    unknown = any(isinstance(each, FreeMotion) and each.unknown_gains for each in motions)
+    if motions and alone == len(motions) and not unknown:
+        return BACK_AND_FORTH, "in all recordings one axis moves back and forth by itself"
     if motions and free == len(motions):
-        return DEFAULT, "all recordings are of motions that somebody else chose"
+        reason = "all recordings are of motions that somebody else chose"
+        if alone and not unknown:
+            reason += (
+                f"; of {alone} of them, in which one axis moves back and forth by itself,"
+                f" --method '{BACK_AND_FORTH}' finds friction without a law"
+            )
+        return DEFAULT, reason
     if free:
         return "improved", f"{len(motions) - free} of {len(motions)} recordings were measured here"
     return "improved", "all recordings were measured here"

@@ -14,7 +14,7 @@ from hil.results.rounding import clock, percent
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun
+    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun, StrokesRun
     from hil.results.outcome import Outcome
     from hil.runs.recording_file import Measured
 
@@ -56,17 +56,34 @@ def of_friction(run: ReportedRun) -> Header:
     return _header(run, "friction", "", facts, None)
 
 
+def of_strokes(run: StrokesRun) -> Header:
+    """Top of the report of an imported run of axes that move back and forth by themselves."""
+    identified, fit = run.model.identified, run.model.back_and_forth
+    left = percent(0.0 if fit is None else fit.overall_residual, 1.0)
+    which = "All" if identified.all() else f"{identified.sum()} of"
+    lost = "" if identified.all() else " Those not identified are zero in the model."
+    verdict = (
+        f"{which} {len(identified)} base parameters of {run.robot.name} were identified from"
+        f" strokes back and forth, without a law of friction. Of the recorded torques {left} % are"
+        f" left, all axes taken together, away from the reversals.{lost}"
+    )
+    return _header(run, "identified dynamics", verdict, _recorded(run), run.model.outcome)
+
+
+def _recorded(run: ReportedRun) -> Facts:
+    took = sum(float(each.time[-1] - each.time[0]) for _, each in run.recordings)
+    return ("Recordings", str(len(run.recordings))), ("Recorded", duration(took))
+
+
 def of_free_motions(run: FreeRun) -> Header:
     """Top of the report of an imported run."""
-    took = sum(float(each.time[-1] - each.time[0]) for _, each in run.recordings)
-    facts = (("Recordings", str(len(run.recordings))), ("Recorded", duration(took)))
     left = percent(0.0 if run.model.friction is None else run.model.friction.overall_residual, 1.0)
     verdict = (
         f"All {len(run.model.values)} base parameters of {run.robot.name} were identified together"
         f" with friction. Of the recorded torques {left} % are left, all samples and axes taken"
         " together."
     )
-    return _header(run, "identified dynamics", verdict, facts, run.model.outcome)
+    return _header(run, "identified dynamics", verdict, _recorded(run), run.model.outcome)
 
 
 def of_campaign(run: IdentifiedRun) -> Header:

@@ -10,12 +10,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.report import header
 from hil.report.friction_of_run import friction_alone
 from hil.report.header import when
 from hil.report.plots.style import plotting
-from hil.report.reported_run import fitted, identified, read
-from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION
+from hil.report.reported_run import fitted, identified, read, stroked
+from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION, OF_STROKES
+from hil.results.identification import method_for
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
@@ -66,6 +68,9 @@ def _content(run: Run) -> tuple[Header, list[Section]]:
     whole = read(run)
     if friction_alone(run):
         return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION)
+    if run.imported and method_for(run)[0] == BACK_AND_FORTH:
+        strokes = stroked(whole)
+        return header.of_strokes(strokes), _present(each(strokes) for each in OF_STROKES)
     if run.imported:
         free = fitted(whole)
         return header.of_free_motions(free), _present(each(free) for each in OF_FREE_MOTIONS)

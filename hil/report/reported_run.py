@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate, estimates
 from hil.estimation.mistakes.finding import find_mistake
@@ -17,6 +18,7 @@ from hil.results.recorded_torque import in_si, predict_recording
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
+    from hil.estimation.back_and_forth.half_sums import HalfSums
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
@@ -109,6 +111,22 @@ class FreeRun(ReportedRun):
     torque: RecordedTorque
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class StrokesRun(ReportedRun):
+    """A run of axes that move back and forth by themselves, recorded by somebody else.
+
+    Attributes
+    ----------
+    model : Model
+        By the method for them.
+    half_sums : tuple of HalfSums
+        What each recording shows by itself.
+    """
+
+    model: Model
+    half_sums: tuple[HalfSums, ...]
+
+
 def read(source: Run) -> ReportedRun:
     """Read a run and evaluate its friction, if it measured any.
 
@@ -144,6 +162,26 @@ def fitted(run: ReportedRun) -> FreeRun:
         model=model,
         shown=longest.id,
         torque=predict_recording(model, in_si(model, longest, recording)),
+    )
+
+
+def stroked(run: ReportedRun) -> StrokesRun:
+    """Identify an imported run by the method for axes that move back and forth.
+
+    Raises
+    ------
+    NotIdentifiable, NotEnoughData
+        Recordings that do not suffice.
+    """
+    with named(run.source):
+        found = estimate(run.robot, run.recordings, BACK_AND_FORTH)
+    return StrokesRun(
+        source=run.source,
+        campaign=run.campaign,
+        recordings=run.recordings,
+        friction=run.friction,
+        model=model_of(run.source, found),
+        half_sums=found.half_sums,
     )
 
 

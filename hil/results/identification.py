@@ -6,6 +6,8 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
@@ -59,7 +61,7 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
             found = estimate(run.robot, campaign, method or method_for(run, others)[0])
         except (NotIdentifiable, NotEnoughData) as error:
             raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
-    if found.free is None and found.friction_law is None:
+    if found.free is None and found.friction_law is None and _limits_known(run):
         prepared = prepared_for(run.robot, found, campaign)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks))
@@ -70,6 +72,13 @@ def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
     if mistake is None:
         return error
     return type(error)(f"{error}\nlikeliest cause: {mistake}; {mistake.remedy}")
+
+
+def _limits_known(run: Run) -> bool:
+    """Whether limits are known, by which samples for a law of friction are chosen."""
+    robot = run.robot
+    limits = robot.velocity_limit, robot.acceleration_limit, robot.torque_limit
+    return not any(np.isnan(limit).any() for limit in limits)
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
@@ -93,6 +102,7 @@ def model_of(
         local=found.local,
         error_budget=error_budget(found, run.robot),
         friction=found.free,
+        back_and_forth=found.back_and_forth,
         friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
     )
     return replace(model, outcome=outcome(model, mistake))

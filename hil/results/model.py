@@ -22,6 +22,7 @@ from hil.regression.uncertainty import correlation_of
 from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.ripple import ripple_left_out
 from hil.results.samples import samples
+from hil.results.tables import back_and_forth
 from hil.results.tables.campaign_friction import campaign_friction
 from hil.results.tables.free_motion import friction, left_by_free_motions, statements
 from hil.results.tables.parameters import parameters
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
@@ -76,6 +78,9 @@ class Model:
         Causes of error, the largest first; empty where nothing but noise matters.
     friction : FreeMotionFit, optional
         Friction of each axis and what was chosen, where free motions were identified.
+    back_and_forth : BackAndForthFit, optional
+        Friction of each axis as a curve over its speed, and which parameters were not identified,
+        where axes moved back and forth by themselves.
     outcome : Outcome, optional
         What the identification is worth; None of a model that no version of this has judged.
     friction_law : FrictionLaw, optional
@@ -98,6 +103,7 @@ class Model:
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    back_and_forth: BackAndForthFit | None = None
     outcome: Outcome | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
@@ -129,6 +135,7 @@ class Model:
             provenance=kept.provenance,
             error_budget=kept.error_budget,
             friction=kept.friction,
+            back_and_forth=kept.back_and_forth,
             outcome=kept.outcome,
             friction_law=kept.law(),
             validations=kept.validations,
@@ -165,9 +172,15 @@ class Model:
         return self.scatter_covariance + self.drive_covariance
 
     @property
+    def identified(self) -> NDArray[np.bool_]:
+        """Which of `values` were identified, shape (n_base,); the others are zero."""
+        lost = () if self.back_and_forth is None else self.back_and_forth.not_identified
+        return np.array([name not in lost for name in self.names])
+
+    @property
     def standard_errors(self) -> Array:
-        """Standard errors of `values`, shape (n_base,)."""
-        errors: Array = np.sqrt(np.diag(self.covariance))
+        """Standard errors of `values`, shape (n_base,); NaN for those that were not identified."""
+        errors: Array = np.where(self.identified, np.sqrt(np.diag(self.covariance)), np.nan)
         return errors
 
     @property
@@ -178,6 +191,8 @@ class Model:
     def interval(self, level: float = 0.95) -> Array:
         """Confidence intervals of `values`, shape (n_base, 2): lower and upper ends.
 
+        NaN for those that were not identified.
+
         Raises
         ------
         InvalidArray
@@ -185,6 +200,7 @@ class Model:
         """
         scatter, drives = np.diag(self.scatter_covariance), np.diag(self.drive_covariance)
         half = half_width(scatter, drives, self.degrees_of_freedom, _level(level))
+        half = np.where(self.identified, half, np.nan)
         return np.stack([self.values - half, self.values + half], axis=-1)
 
     def torque(
@@ -293,6 +309,9 @@ class Model:
         if self.friction is not None:
             tables = parameters(self), friction(self), left_by_free_motions(self)
             return Summary(tables, (*statements(self.friction), *remarks))
+        if (strokes := self.back_and_forth) is not None:
+            found = back_and_forth.tables(self)
+            return Summary(found, (*back_and_forth.statements(strokes), *remarks))
         if self.method == "improved" and (ripple := ripple_left_out(self.robot)):
             remarks = (*remarks, ripple)
         tables = parameters(self), residuals(self), campaign_friction(self)

@@ -17,9 +17,10 @@ import yaml
 from pydantic import model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
+from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.friction_law import FrictionLaw
-from hil.estimation.intervals import degrees_behind
+from hil.estimation.intervals import MANY, degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.consistent_robot import ConsistentRobot
@@ -42,19 +43,21 @@ _SAME = 1e-6
 
 
 class Parameter(FileModel):
-    """One base parameter."""
+    """One base parameter; without standard error and interval it was not identified and is zero."""
 
     name: str
     expression: str
     group: str
     unit: str
     value: float
-    standard_error: float
-    interval_95: tuple[float, float]
+    standard_error: float | None
+    interval_95: tuple[float, float] | None
 
     @property
     def degrees_of_freedom(self) -> float:
         """Degrees of freedom with which the interval follows from the standard error."""
+        if self.interval_95 is None:
+            return MANY
         half = (self.interval_95[1] - self.interval_95[0]) / 2
         return degrees_behind(half / self.standard_error if self.standard_error else 0.0)
 
@@ -95,6 +98,8 @@ class ModelFile(FileModel):
         The largest first.
     friction : FreeMotionFit, optional
         Friction and settings of an estimate from free motions.
+    back_and_forth : BackAndForthFit, optional
+        Curves of friction and settings of an estimate from axes that moved back and forth.
     outcome : Outcome, optional
         What the identification is worth.
     friction_law : FrictionLaw, optional
@@ -118,6 +123,7 @@ class ModelFile(FileModel):
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    back_and_forth: BackAndForthFit | None = None
     outcome: Outcome | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
@@ -152,6 +158,7 @@ class ModelFile(FileModel):
             condition=model.condition,
             error_budget=model.error_budget,
             friction=model.friction,
+            back_and_forth=model.back_and_forth,
             outcome=model.outcome,
             friction_law=None if model.friction else model.friction_law,
             validations=model.validations,
@@ -198,7 +205,9 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        optional = ("friction", "friction_law", "outcome", "validations", "consistent")
+        optional = (
+            "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
+        )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
@@ -225,6 +234,8 @@ def read_model_file(path: Path) -> ModelFile:
         raise FileError(f"{first}, or {remedy}") from error
     for number, each in enumerate(kept.parameters):
         variance = kept.covariance[number][number]
+        if each.interval_95 is None or each.standard_error is None:
+            continue
         low, high = each.interval_95
         if not (
             isclose((low + high) / 2, each.value, rel_tol=_SAME, abs_tol=_SAME * (high - low))
@@ -247,6 +258,7 @@ def _parameters(model: Model) -> tuple[Parameter, ...]:
     base = base_parameters(model.robot)
     group_of = {index: group for group, members in base.groups.items() for index in members}
     errors, intervals = model.standard_errors.tolist(), model.interval().tolist()
+    identified = model.identified.tolist()
     return tuple(
         Parameter(
             name=base.names[k],
@@ -254,8 +266,8 @@ def _parameters(model: Model) -> tuple[Parameter, ...]:
             group=group_of[k],
             unit=base.units[k],
             value=value,
-            standard_error=errors[k],
-            interval_95=tuple(intervals[k]),
+            standard_error=errors[k] if identified[k] else None,
+            interval_95=tuple(intervals[k]) if identified[k] else None,
         )
         for k, value in enumerate(model.values.tolist())
     )

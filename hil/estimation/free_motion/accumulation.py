@@ -71,8 +71,7 @@ class Division:
     def cells(self, motion: Motion) -> Indices:
         """Cell of each sample that is used, shape (n_used,)."""
         state = np.hstack([motion.q, motion.qd])[:: motion.rates.coarse] / self.scale
-        square = (self.states**2).sum(axis=1)
-        return np.asarray(np.argmin(square - 2.0 * state @ self.states.T, axis=1))
+        return _nearest(self.states, state)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,12 +134,23 @@ def _middles(states: Array) -> Array:
     found: Array = states[np.linspace(0, len(states) - 1, min(CELLS, len(states))).astype(int)]
     some = states[:: max(1, len(states) // 5000)]
     for _ in range(5):
-        nearest = np.argmin((found**2).sum(axis=1) - 2.0 * some @ found.T, axis=1)
+        nearest = _nearest(found, some)
         sums = np.zeros_like(found)
         np.add.at(sums, nearest, some)
         counts = np.bincount(nearest, minlength=len(found))[:, np.newaxis]
         found = np.asarray(np.where(counts > 0, sums / np.maximum(counts, 1), found))
     return found
+
+
+def _nearest(middles: Array, states: Array) -> Indices:
+    """Number of the middle that each state is nearest to."""
+    square = (middles**2).sum(axis=1)
+    return np.asarray(np.argmin(square - 2.0 * states @ middles.T, axis=1))
+
+
+def cells_of(states: Array) -> Indices:
+    """Cell of each of some states, shape (n, k), in units in which they vary alike."""
+    return _nearest(_middles(states), states)
 
 
 def recorded_products(

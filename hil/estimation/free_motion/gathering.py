@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
@@ -48,14 +48,15 @@ class FreeMotions:
         There are none.
     """
 
+    none: ClassVar[str] = (
+        "no free motions among the recordings; import some with hil import, or leave --method out"
+    )
+
     def __init__(self, recorded: Iterable[tuple[RecordedMotion, Recording]]) -> None:
         # what can be read but once is kept; a run is read anew each time
         self._recorded = list(recorded) if isinstance(recorded, Iterator) else recorded
         if not any(True for _ in self):
-            raise NotEnoughData(
-                "no free motions among the recordings; import some with hil import, or leave"
-                " --method out"
-            )
+            raise NotEnoughData(self.none)
 
     def __iter__(self) -> Iterator[tuple[FreeMotion, Recording]]:
         for motion, recording in self._recorded:

@@ -25,6 +25,8 @@ from hil.estimation.free_motion.spectra import floor, spectrum
 from hil.estimation.free_motion.velocity_source import velocity_sources
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from hil.estimation.free_motion.survey import Survey
@@ -59,14 +61,9 @@ class Reasons:
 
 def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     """Settings for all recordings, and why they are what they are."""
-    if found.cut_off is None:
-        cut_off, reason = _chosen(found)
-    else:
-        cut_off, reason = found.cut_off, "stated in the map"
-    # stated or not, a filter needs samples
-    most = 0.25 / found.stretches[0].period
-    if cut_off > most:
-        cut_off, reason = most, f"{reason}, but at most a quarter of the sampling rate"
+    period = found.stretches[0].period
+    each = [bandwidth(part.q[:, axis], period) for part in _long(found) for axis in _moving(found)]
+    cut_off, reason = cut_off_of(each, period, found.cut_off)
     sources = velocity_sources(_long(found), cut_off)
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
@@ -74,11 +71,31 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     return Processing(cut_off, cut_off / EQUATION, found.speed, recorded, sharp), reasons
 
 
-def _chosen(found: Survey) -> tuple[float, str]:
-    period = found.stretches[0].period
-    each = [_bandwidth(part.q[:, axis], period) for part in _long(found) for axis in _moving(found)]
+def cut_off_of(
+    bandwidths: Sequence[float], period: float, stated: float | None
+) -> tuple[float, str]:
+    """Cut-off frequency of the positions [Hz], and why it is that.
+
+    Parameters
+    ----------
+    bandwidths : sequence of float
+        Of positions, by `bandwidth` [Hz].
+    period : float
+        Between samples [s].
+    stated : float or None
+        In the map [Hz].
+    """
+    cut_off, reason = (stated, "stated in the map") if stated else _chosen(bandwidths, period)
+    # stated or not, a filter needs samples
+    most = 0.25 / period
+    if cut_off > most:
+        return most, f"{reason}, but at most a quarter of the sampling rate"
+    return cut_off, reason
+
+
+def _chosen(bandwidths: Sequence[float], period: float) -> tuple[float, str]:
     most = min(SAMPLED / period, HIGHEST)
-    wanted = float(np.median(each)) if each else most
+    wanted = float(np.median(bandwidths)) if bandwidths else most
     if wanted > most:
         return most, "the motion stands out from noise at all frequencies that samples show"
     return max(wanted, LOWEST), (
@@ -95,7 +112,7 @@ def _moving(found: Survey) -> list[int]:
     return [axis for axis in range(len(found.speed)) if axis not in found.still]
 
 
-def _bandwidth(x: Array, period: float) -> float:
+def bandwidth(x: Array, period: float) -> float:
     """Frequency up to which a signal stands out from its noise [Hz]."""
     f, power = spectrum(x, period)
     low = np.flatnonzero(power[2:] < ABOVE * floor(f, power, period))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from hil.report.sections import (
     advice,
+    back_and_forth,
     bodies,
     correlations,
     derivation,
@@ -30,7 +31,7 @@ from hil.report.sections import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun
+    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun, StrokesRun
     from hil.report.section import Section
 
 OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
@@ -64,3 +65,9 @@ OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
     sessions.section,
 )
 """Of a run that was imported."""
+OF_STROKES: tuple[Callable[[StrokesRun], Section | None], ...] = (
+    back_and_forth.section,
+    validation.section,
+    sessions.section,
+)
+"""Of a run of axes that move back and forth by themselves, which was imported."""

@@ -12,10 +12,10 @@ from hil.results.stamp import same_parameters
 from hil.results.tables.validation import verdicts
 
 if TYPE_CHECKING:
-    from hil.report.reported_run import FreeRun, IdentifiedRun
+    from hil.report.reported_run import FreeRun, IdentifiedRun, StrokesRun
 
 
-def section(run: IdentifiedRun | FreeRun) -> Section | None:
+def section(run: IdentifiedRun | FreeRun | StrokesRun) -> Section | None:
     """Verdicts on the model that is kept, as long as it is the one of this report."""
     path = run.source.path / NAME
     if not path.exists():

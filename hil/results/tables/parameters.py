@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 DISAGREEMENT = 3.0
 """Standard errors between two methods from which on their difference is marked."""
 NAME = Column("", symbols=True)
+NOT_IDENTIFIED = "not identified"
 IN_FULL = "95 % interval", "d.o.f."
 EXPLANATION = (
     "Values with standard errors, and intervals of 95 % with their effective degrees of freedom"
@@ -67,6 +68,9 @@ def _group(group: str, condition: dict[str, float]) -> str:
 
 def _parameter(model: Model, k: int, prediction: Prediction | None) -> Row:
     base = base_parameters(model.robot)
+    if not model.identified[k]:
+        empty = [""] * (5 if prediction else 3)
+        return (base.names[k], NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
     value, error = float(model.values[k]), float(model.standard_errors[k])
     low, high = (float(end) for end in model.interval()[k])
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"

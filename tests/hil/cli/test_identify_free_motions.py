@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from free_run import TRUTH, arm, recorded, write_free_run
+from stroke_run import campaign
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,3 +34,13 @@ def test_another_method_is_taken_where_it_is_named(hil: Hil, folder: Path) -> No
     assert status == 0
     assert "robust method" in shown
     assert "free motion method" not in shown
+
+
+def test_strokes_of_one_axis_at_a_time_have_a_method_of_their_own(hil: Hil, tmp_path: Path) -> None:
+    robot = arm()
+    run = write_free_run(tmp_path / "strokes", robot, campaign(robot, TRUTH, pairs=2))
+    status, shown, _ = hil("identify", run.path)
+    assert status == 0
+    assert "back and forth method: in all recordings one axis moves back and forth by" in shown
+    assert "Friction over the speed" in shown
+    assert "friction is any odd function of the velocity" in shown

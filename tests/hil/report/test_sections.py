@@ -79,7 +79,12 @@ def read(mixed: Path) -> Iterator[tuple[list[str], str]]:
 
 def registered() -> set[str]:
     """Modules of the sections that a report can have."""
-    listed = (*sections.OF_CAMPAIGN, *sections.OF_FRICTION, *sections.OF_FREE_MOTIONS)
+    listed = (
+        *sections.OF_CAMPAIGN,
+        *sections.OF_FRICTION,
+        *sections.OF_FREE_MOTIONS,
+        *sections.OF_STROKES,
+    )
     return {section.__module__.rpartition(".")[2] for section in listed}
 
 

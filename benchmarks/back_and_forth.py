@@ -1,0 +1,192 @@
+"""Strokes of one axis at a time, as somebody else might have recorded them, against the truth.
+
+Each seed is a virtual twin whose friction drifts. Its strokes are measured over CAN frames, written
+as CSV files of positions and torques alone, imported with a map each, and identified by the method
+for them and by that for free motions::
+
+    python benchmarks/back_and_forth.py tests/robots/pan-tilt.yaml [--strokes smooth] [--seeds 10]
+
+Strokes are the trapezoids of gravity and inertia measurements that `hil plan` designs, or smooth
+ones whose way back is a fifth faster than the way forth. Errors are of torques on a free motion
+(`hil.study.comparison`), of what was identified and of what was not, over the torque itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+
+from hil.errors import HilError
+from hil.estimation.back_and_forth.recognition import NAME
+from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.identify import estimate
+from hil.imports.importing import import_recordings
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import load_robot
+from hil.planning.design.by_counts import design
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.planning.plan import Plan, PlannedRobot, dump_plan
+from hil.planning.trajectory import Trajectory
+from hil.results.prediction import FreeTorques
+from hil.runs.run import Run
+from hil.study.truth import true_parameters
+from sim_plant.twin.write import write_twin
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+SMOOTH = 8
+"""Configurations of each axis with smooth strokes."""
+FIRST_SEED = 201
+
+
+def strokes(robot: Robot, kind: str) -> Plan:
+    """Plan of strokes of one axis at a time."""
+    if kind == "smooth":
+        measurements = tuple(_smooth(robot))
+        return Plan(
+            robot=PlannedRobot(name=robot.name, digest=robot.digest), measurements=measurements
+        )
+    groups = base_parameters(robot).groups
+    counts = {name: max(8, 2 * len(groups[kind.group])) for name, kind in ELEMENT_KINDS.items()}
+    plan = design(robot, counts)
+    own = tuple(m for m in plan.measurements if m.kind in ("gravity", "inertia"))
+    return plan.model_copy(update={"measurements": own})
+
+
+def _smooth(robot: Robot) -> Iterator[Trajectory]:
+    """Strokes without corners, back faster than forth, of each axis at some configurations."""
+    rng = np.random.default_rng(7)
+    for axis in range(robot.n_joints):
+        for number in range(SMOOTH):
+            share = rng.uniform(0.3, 0.7, robot.n_joints)
+            q = robot.q_min + share * (robot.q_max - robot.q_min)
+            way = 0.18 * min(robot.q_max[axis] - robot.q_min[axis], 4.0)
+            speed, acceleration = robot.velocity_limit[axis], robot.acceleration_limit[axis]
+            # of a cosine of this amplitude with its second harmonic
+            slowest = max(10.0 * way / speed, np.sqrt(210.0 * way / acceleration))
+            period = 0.02 * np.ceil(50.0 * slowest * rng.uniform(1.0, 2.0))
+            sine, cosine = np.zeros((robot.n_joints, 2)), np.zeros((robot.n_joints, 2))
+            cosine[axis] = -way, way / 4
+            sine[axis] = 0.1 * way, -0.05 * way
+            yield Trajectory(
+                id=f"s{axis + 1}-{number + 1}", q=tuple(q.round(4).tolist()), period=float(period),
+                sine=tuple(map(tuple, sine.tolist())), cosine=tuple(map(tuple, cosine.tolist())),
+                cycles=6,
+            )  # fmt: skip
+
+
+def measured(plan: Path, twin: Path, seed: int, folder: Path) -> Run:
+    """Run of the plan on the plant of a seed, unless it was before."""
+    run = folder / f"seed-{seed}"
+    if not run.exists():
+        channel = "--channel", twin / "plant.yaml", "--drives", twin / "drives.yaml"
+        arguments = "run", plan, "-o", run, *channel, "--bus-option", f"seed={seed}"
+        done = subprocess.run(
+            [sys.executable, "-m", "hil", *map(str, arguments)],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode:
+            sys.exit(done.stderr)
+    return Run.open(run)
+
+
+def exported(run: Run, folder: Path) -> Run:
+    """The same recordings as an import of CSV files has them."""
+    if (folder / "run").exists():
+        return Run.open(folder / "run")
+    folder.mkdir(parents=True)
+    (folder / "robot.yaml").write_text(run.robot.text)
+    maps = []
+    for number, (measurement, recording) in enumerate((m.measurement, m.recording) for m in run):
+        axis = int(np.argmax(np.ptp(recording.q, axis=0)))
+        columns = np.column_stack([recording.time, recording.q, recording.tau])
+        names = ["t", *(f"{x}{j + 1}" for x in "qm" for j in range(recording.n_joints))]
+        np.savetxt(folder / f"r{number}.csv", columns, "%.10g", ",", header=",".join(names),
+                   comments="")  # fmt: skip
+        joints = [
+            {
+                "position": {"column": f"q{j + 1}", "unit": "rad" if turns else "m"},
+                "torque": {"column": f"m{j + 1}", "unit": "N m" if turns else "N"},
+            }
+            for j, turns in enumerate(run.robot.revolute)
+        ]
+        content = {
+            "robot": "robot.yaml", "files": [f"r{number}.csv"], "joints": joints,
+            "time": {"column": "t", "unit": "s"}, "kind": {"back_and_forth": axis + 1},
+            "accept": ["still", "friction"],
+        }  # fmt: skip
+        maps.append(folder / f"{measurement.id}.yaml")
+        maps[-1].write_text(yaml.safe_dump(content))
+    return import_recordings(maps, folder / "run")
+
+
+def judged(run: Run, plant: Path, method: str) -> str:
+    """Errors and coverage of one method."""
+    try:
+        found = estimate(run.robot, [(m.measurement, m.recording) for m in run], method)
+    except HilError as error:
+        return str(error)
+    truth = true_parameters(run.robot, plant)
+    shown, kept = identified(found, truth)
+    free = FreeTorques(run.robot)
+    rms = free.rms(truth)
+    wrong, missing = (free.rms(x) / rms for x in (found.p - shown, truth - shown))
+    inside = (np.abs(found.p - shown) <= found.half_width())[kept]
+    half = np.median((found.half_width() / np.abs(found.p - shown).clip(1e-12))[kept])
+    return (
+        f"torques wrong by {100 * np.nanmean(wrong):.3f} %, not identified"
+        f" {100 * np.nanmean(missing):.2f} %; inside {inside.sum()} of {kept.sum()}, half-width"
+        f" over error {half:.2g}"
+    )
+
+
+def identified(found: Estimate, truth: Array) -> tuple[Array, Array]:
+    """What of the truth an estimate stands for, and which parameters it has."""
+    if found.combination is None:
+        return truth, np.ones(len(truth), dtype=bool)
+    return found.combination @ truth, np.diag(found.combination) > 0
+
+
+def main() -> None:
+    """Measure, identify and judge."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("robot", type=Path)
+    parser.add_argument("--strokes", choices=("trapezoids", "smooth"), default="trapezoids")
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first", type=int, default=FIRST_SEED)
+    parser.add_argument("--keep", type=Path, help="folder for runs, which are not made again")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        twin, plan = folder / "twin", folder / "plan.yaml"
+        robot = load_robot(options.robot)
+        if not plan.exists():
+            write_twin(options.robot, twin)
+            (folder / "robot.yaml").write_text(robot.text)
+            chosen = strokes(robot, options.strokes)
+            own = chosen.robot.model_copy(update={"file": "robot.yaml"})
+            plan.write_text(dump_plan(chosen.model_copy(update={"robot": own})))
+        for seed in range(options.first, options.first + options.seeds):
+            run = exported(measured(plan, twin, seed, folder), folder / f"csv-{seed}")
+            for method in (NAME, DEFAULT):
+                print(f"seed {seed}, {method}: {judged(run, twin / 'plant.yaml', method)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""Which base parameters such motions show, and which only together with others.
+
+An axis that moves by itself shows what is on the diagonal of the mass matrix, and gravity; it never
+shows couplings, and from few configurations sums of parameters only. Columns of the regression that
+are combinations of others are found by Cholesky's factorisation with pivoting of the scaled normal
+equations (Gautier, J. Robotic Syst. 8 (1991) 485-506, does the same by the QR decomposition). Of
+such a set some parameters are kept, and each stands for itself and a share of those that are not:
+
+    W_d = W_k B   so   W_k p_k + W_d p_d = W_k (p_k + B p_d).
+
+A column that is nearly such a combination is one too, where noise alone would make its parameter's
+torque, over the recorded motion, uncertain by more than the share `SHARE` of the torque: with rows
+of unit residual variance, of which it leaves the share r of its square length, that torque's sum of
+squares is uncertain by 1 / r.
+
+Those that are not kept are zero in the model: it predicts what such motions show, no more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.regression.least_squares import IDENTIFIABLE, SILENT, solved
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+
+SHARE = 0.01
+"""Of the torque by which a parameter that is kept is uncertain at most."""
+_NOTICEABLE = 1e-3
+"""Share of a parameter in a combination below which it is none of its parts."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Excitation:
+    """What is excited.
+
+    Attributes
+    ----------
+    kept : ndarray of int
+        Parameters that are identified, by themselves or with others.
+    combination : ndarray, shape (n, n)
+        ``combination @ p`` is what is identified of parameters p; rows of those that are not kept
+        are zero.
+    """
+
+    kept: Indices
+    combination: Array
+
+    @property
+    def lost(self) -> Indices:
+        """Parameters that are not kept."""
+        return np.setdiff1d(np.arange(len(self.combination)), self.kept)
+
+    def parts(self, k: int) -> list[tuple[int, float]]:
+        """Other parameters in the combination that parameter `k` stands for, and their shares."""
+        row = self.combination[k]
+        return [(int(j), float(row[j])) for j in np.flatnonzero(row) if j != k]
+
+
+def excitation(N: Array, n: int, square: float) -> Excitation:
+    """Which of the first `n` unknowns the normal equations determine; the others are nuisance.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n + k, n + k)
+        Of rows with residuals of unit variance.
+    square : float
+        Sum of the squares of these rows' torques.
+    """
+    size = np.diag(N)
+    nuisance = n + independent(N[n:, n:], size[n:])
+    within = N[:n, nuisance] @ solved(N[np.ix_(nuisance, nuisance)], N[nuisance, :n])
+    left = N[:n, :n] - within
+    kept = independent(left, size[:n], max(IDENTIFIABLE, 1.0 / (SHARE**2 * square)))
+    lost = np.setdiff1d(np.arange(n), kept)
+    combination = np.zeros((n, n))
+    combination[kept, kept] = 1.0
+    shares = solved(left[np.ix_(kept, kept)], left[np.ix_(kept, lost)])
+    length = np.sqrt(size)
+    # a parameter without any effect on the torque is no part of what the others stand for
+    parts = np.abs(shares) * length[kept, np.newaxis] > _NOTICEABLE * length[lost]
+    parts &= length[lost] > SILENT * length.max(initial=0.0)
+    combination[np.ix_(kept, lost)] = np.where(parts, shares, 0.0)
+    return Excitation(kept, combination)
+
+
+def independent(N: Array, size: Array, least: float = IDENTIFIABLE) -> Indices:
+    """Unknowns whose columns are no combinations of those before, in rising order.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n, n)
+    size : ndarray, shape (n,)
+        Squares of the columns' lengths, with which what is left of them is compared.
+    least : float
+        Share of it that is left at least of an independent one.
+    """
+    heard = size > SILENT**2 * size.max(initial=0.0)
+    scale = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, size, 1.0))
+    left, kept = N * np.outer(scale, scale), []
+    for _ in range(len(N)):
+        pivot = int(np.argmax(np.diag(left)))
+        if left[pivot, pivot] <= least:
+            break
+        kept.append(pivot)
+        column = left[:, pivot] / np.sqrt(left[pivot, pivot])
+        left = left - np.outer(column, column)
+        left[pivot], left[:, pivot] = 0.0, 0.0
+    return np.array(sorted(kept), dtype=np.intp)

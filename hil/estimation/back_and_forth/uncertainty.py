@@ -1,0 +1,60 @@
+"""How uncertain the base parameters are: what scatters over pairs, and what over positions.
+
+Friction that wanders and noise differ from one pair of strokes to the next; the jackknife over
+blocks of pairs shows them. What the model lacks repeats with the strokes, but differs from one part
+of the space of states to the next; Huber's sandwich over cells of it shows that, and noise once
+more. So in each direction of the unknowns the greater of the two counts: with
+
+    V_pairs + V_cells = L L',    L^-1 V_pairs L^-T = U diag(a) U',
+
+it is ``V = L U diag(max(a, 1 - a)) U' L'``. (Of free motions, whose blocks of time are few and
+alike, both are added up: `hil.estimation.free_motion.uncertainty`.) Degrees of freedom are those of
+the blocks, by each one's share of the variance were the noise white (Bell and McCaffrey, Survey
+Methodology 28 (2002) 169-181).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.regression.least_squares import inverse, inverse_root, solved
+from hil.regression.uncertainty import effective_degrees, jackknife, scatter
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.system import Normal
+
+    Array = NDArray[np.float64]
+
+FEWEST = 2.0
+"""Degrees of freedom, at least."""
+
+
+def uncertainty(pairs: Normal, cells: Normal, x: Array) -> tuple[Array, Array]:
+    """Covariance of the solution `x`, shape (n, n), and its degrees of freedom, shape (n,).
+
+    Parameters
+    ----------
+    pairs, cells : Normal
+        The same rows by blocks of pairs and by state.
+    """
+    N, scores = pairs.N.sum(axis=0), pairs.scores(x)
+    changes = np.array([solved(N - S, -own) for S, own in zip(pairs.N, scores, strict=True)])
+    inverted = inverse(N)
+    influence = cells.scores(x) @ inverted
+    white = np.einsum("ij,njk,ki->ni", inverted, pairs.N, inverted)
+    covariance = greater(jackknife(changes), scatter(influence, few=True))
+    return covariance, effective_degrees(white, FEWEST)
+
+
+def greater(first: Array, second: Array) -> Array:
+    """The greater of two covariances in each of their common principal directions."""
+    both = first + second
+    root = inverse_root(both)
+    share, turned = np.linalg.eigh(root.T @ first @ root)
+    directions = both @ root @ turned
+    found: Array = (directions * np.maximum(share, 1.0 - share)) @ directions.T
+    return found

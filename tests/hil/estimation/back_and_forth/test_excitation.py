@@ -1,0 +1,73 @@
+"""Which unknowns normal equations determine, what they stand for, and the greater covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.estimation.back_and_forth.excitation import excitation
+from hil.estimation.back_and_forth.uncertainty import greater
+
+MANY = 1e12
+"""Sum of squares of torques beside which noise is nothing."""
+
+
+def columns(seed: int, n: int = 5) -> np.ndarray:
+    """Columns of different sizes."""
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal((50, n)) * 10.0 ** rng.uniform(-3, 3, n)
+
+
+@given(st.integers(0, 1000))
+def test_independent_columns_are_all_kept_as_they_are(seed: int) -> None:
+    W = columns(seed)
+    found = excitation(W.T @ W, 4, MANY)
+    np.testing.assert_array_equal(found.combination, np.eye(4))
+
+
+@given(st.integers(0, 1000), st.floats(-5.0, 5.0).filter(lambda share: abs(share) > 0.1))
+def test_a_combination_is_kept_out_and_the_kept_stand_for_its_share(
+    seed: int, share: float
+) -> None:
+    W = columns(seed)
+    W[:, 3] = share * W[:, 1] + W[:, 0]
+    found = excitation(W.T @ W, 4, MANY)
+    assert len(found.kept) == 3
+    p = np.array([1.0, -2.0, 3.0, 0.5])
+    torque = W[:, :4] @ p
+    # parts below a thousandth of a column are left out of what it stands for
+    tolerance = 5e-3 * float(abs(W[:, :4] * p).max())
+    np.testing.assert_allclose(W[:, :4] @ (found.combination @ p), torque, atol=tolerance)
+    np.testing.assert_array_equal((found.combination @ p)[found.lost], 0.0)
+
+
+def test_what_nuisance_explains_is_not_kept() -> None:
+    W = columns(1)
+    W[:, 2] = 3.0 * W[:, 4]
+    found = excitation(W.T @ W, 4, MANY)
+    assert list(found.lost) == [2]
+
+
+def test_what_noise_would_decide_is_not_kept() -> None:
+    """A column that differs from another one by less than shows in the torque."""
+    W = columns(2)
+    W[:, 3] = W[:, 1] * (1.0 + 1e-3 * np.linspace(-1.0, 1.0, 50))
+    assert len(excitation(W.T @ W, 4, MANY).kept) == 4
+    assert len(excitation(W.T @ W, 4, 1e8).kept) == 3
+
+
+@given(st.integers(0, 1000))
+def test_the_greater_covariance_is_at_least_either(seed: int) -> None:
+    A, B = (W.T @ W for W in (columns(seed, 4), columns(seed + 1, 4)))
+    found = greater(A, B)
+    size = np.sqrt(np.diag(A + B))
+    for each in (A, B):
+        left = (found - each) / np.outer(size, size)
+        assert np.linalg.eigvalsh(left).min() > -1e-9
+
+
+def test_of_two_equal_covariances_it_is_either() -> None:
+    W = columns(3, 4)
+    A = W.T @ W
+    np.testing.assert_allclose(greater(A, A), A, rtol=1e-9)

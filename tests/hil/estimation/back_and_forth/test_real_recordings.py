@@ -1,0 +1,45 @@
+"""The recording of a real carriage that goes back and forth, where it is at hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.estimation.back_and_forth.recognition import NAME
+from hil.imports.importing import import_recordings
+from hil.results.identification import identify, method_for
+
+DATA = Path(__file__).parents[4] / "../shared/data"
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the public recordings are not at hand; docs say where they are from"
+)
+MAP = """
+robot: emps
+files: [{data}/emps/estimation.csv.gz]
+time: {{column: t, unit: s}}
+joints:
+  - position: {{column: q, unit: m}}
+    torque: {{column: u, unit: V, gain: 35.15065188}}
+kind: {{back_and_forth: 1}}
+"""
+
+
+def test_mass_and_friction_are_the_published_ones(tmp_path: Path) -> None:
+    (tmp_path / "map.yaml").write_text(MAP.format(data=DATA.resolve()))
+    run = import_recordings([tmp_path / "map.yaml"], tmp_path / "run")
+    assert method_for(run)[0] == NAME
+    model = identify(run)
+    fit = model.back_and_forth
+    assert fit is not None
+    assert model.values[0] == pytest.approx(95.11, rel=0.01)
+    low, high = model.interval()[0]
+    assert low < 95.11 < high
+    (curve,) = fit.curves
+    assert curve.plain["Coulomb"].value == pytest.approx(20.39, rel=0.03)
+    assert curve.plain["viscous"].value == pytest.approx(203.5, rel=0.03)
+    # the curve itself departs from that straight line
+    for point in curve.points:
+        assert point.friction == pytest.approx(20.39 + 203.5 * point.speed, rel=0.06)
+    assert fit.overall_residual < 0.037
+    assert not fit.not_identified

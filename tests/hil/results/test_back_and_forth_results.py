@@ -1,0 +1,80 @@
+"""A model from axes that move back and forth: kept, loaded, validated, reported."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded, write_free_run
+from stroke_run import campaign, strokes
+
+from hil.estimation.back_and_forth.recognition import NAME
+from hil.report.page import report
+from hil.results.identification import identify
+from hil.results.model import Model
+from hil.results.predicted_torques import predicted_torques
+from hil.results.validation import validate
+from hil.runs.pooling import recorded as of_run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.runs.run import Run
+
+ROBOT = arm()
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return write_free_run(tmp_path_factory.mktemp("strokes") / "run", ROBOT, campaign(ROBOT, TRUTH))
+
+
+@pytest.fixture(scope="module")
+def partial(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Of one axis at one configuration."""
+    data = [
+        strokes(ROBOT, TRUTH, 0, (0.3, 0.5), way=0.8, period=period, name=name)
+        for name, period in (("fast", 1.6), ("slow", 4.0))
+    ]
+    return write_free_run(tmp_path_factory.mktemp("partial") / "run", ROBOT, data)
+
+
+def test_it_states_the_same_after_it_was_kept(run: Run, tmp_path: Path) -> None:
+    model = identify(run)
+    model.save(tmp_path / "model.yaml")
+    loaded = Model.load(tmp_path / "model.yaml")
+    assert loaded.method == NAME
+    assert loaded.back_and_forth == model.back_and_forth
+    assert str(loaded.summary()) == str(model.summary())
+    assert loaded.friction is None
+
+
+def test_what_was_not_identified_has_no_error_and_no_interval(partial: Run, tmp_path: Path) -> None:
+    model = identify(partial)
+    lost = ~model.identified
+    assert lost.any()
+    assert np.isnan(model.standard_errors[lost]).all()
+    assert np.isnan(model.interval()[lost]).all()
+    assert np.isfinite(model.interval()[~lost]).all()
+    rigid = {"parts": ("rigid bodies",)}
+    assert np.isfinite(model.torque_interval([0.3, 0.5], [0.1, 0.0], [1.0, 0.0], **rigid)).all()
+    text = str(model.summary())
+    assert "not identified" in text
+    model.save(tmp_path / "model.yaml")
+    np.testing.assert_array_equal(Model.load(tmp_path / "model.yaml").identified, ~lost)
+
+
+def test_it_is_validated_with_the_friction_of_the_recording(run: Run, tmp_path: Path) -> None:
+    other = write_free_run(tmp_path / "other", ROBOT, recorded(ROBOT, TRUTH, n=1, seed=9))
+    verdict = validate(identify(run), predicted_torques(identify(run), of_run(other)))
+    assert verdict.verdict == "PASS", verdict.reason
+    assert all(each.relative < 0.05 for each in verdict.axes)
+
+
+def test_a_whole_and_a_partial_estimate_are_reported(run: Run, partial: Run) -> None:
+    whole, part = (report(each).read_text() for each in (run, partial))
+    assert "All 6 base parameters of arm were identified from strokes back and forth" in whole
+    assert "Friction over the speed" in whole
+    assert whole.count("data:image/svg+xml") == 2
+    assert "Those not identified are zero in the model." in part
