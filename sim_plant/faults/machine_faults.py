@@ -57,6 +57,14 @@ class FaultyAxis:
         """Go on towards what the encoder shows as `target`."""
         self._axis.follow(target - self.jump, period)
 
+    def feed_forward(self, velocity: float, torque: float) -> None:
+        """Add to the commands of velocity and torque."""
+        self._axis.feed_forward(velocity, torque)
+
+    def withhold(self, share: float) -> None:
+        """Feed forward less of the demand's velocity."""
+        self._axis.withhold(share)
+
     def stop(self, deceleration: float) -> None:
         """Come to rest."""
         self._axis.stop(deceleration)

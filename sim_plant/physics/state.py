@@ -82,4 +82,8 @@ END = SEGMENTS + 2 * N_SEGMENTS
 """Instant at which the profile ends [s]."""
 TARGET = END + 1
 DEMAND, DEMAND_V = TARGET + 1, TARGET + 2
-N_PROFILE = TARGET + 3
+WITHHELD = TARGET + 3
+"""Share of the demand's velocity that the position loop does not feed forward by itself."""
+VELOCITY_OFFSET, TORQUE_OFFSET = TARGET + 4, TARGET + 5
+"""What the master feeds forward: added to the commands of velocity [rad/s] and torque [N m]."""
+N_PROFILE = TARGET + 6
