@@ -40,7 +40,9 @@ def command(const: Array, state: Array, profile: Array, i: int, h: float) -> flo
     if state[i, st.ENABLED] == 0.0:
         state[i, st.INTEGRAL] = 0.0
         return 0.0
-    lead = (1.0 - profile[i, st.WITHHELD]) * profile[i, st.DEMAND_V] + profile[i, st.VELOCITY_OFFSET]
+    lead = (1.0 - profile[i, st.WITHHELD]) * profile[i, st.DEMAND_V] + profile[
+        i, st.VELOCITY_OFFSET
+    ]
     v = lead + const[i, st.KP] * (profile[i, st.DEMAND] - state[i, st.Q])
     error = v - state[i, st.QD]
     u = const[i, st.KV] * error + state[i, st.INTEGRAL] + profile[i, st.TORQUE_OFFSET]
