@@ -38,7 +38,7 @@ def main(folder: str) -> None:
     columns = _columns(run, q, qd, qdd)
     x, *_ = np.linalg.lstsq(columns.reshape(-1, columns.shape[-1]), tau.ravel(), rcond=None)
     _show(f"least squares, {len(x)} unknowns", tau - columns @ x, tau)
-    _show(f"hil identify, {model.method} method", tau - model.torque_with_friction(q, qd, qdd), tau)
+    _show(f"hil identify, {model.method} method", tau - model.torque(q, qd, qdd), tau)
 
 
 def _columns(run: Run, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:

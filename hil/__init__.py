@@ -11,12 +11,15 @@ identified. The functions beside them calculate with any base parameters p. All 
 family `hil.errors.HilError`.
 
 Everything is imported when it is first used, so that ``import hil`` is quick and the program `hil`
-has its signals in hand before anything heavy is loaded.
+has its signals in hand before anything heavy is loaded. The packages beside it have names that
+folders of a laboratory may have too, so whether they are ours is looked at first.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -60,6 +63,22 @@ _LATER = {
     "motor_torque": "hil.model.motors",
     "regressor": "hil.model.dynamics",
 }
+
+
+def _refuse_strangers() -> None:
+    """Refuse packages of the same names that stand before ours on the path."""
+    ours = Path(__file__).parent.parent
+    for name in ("checked_files", "drivers"):
+        spec = find_spec(name)
+        place = next(iter((spec and spec.submodule_search_locations) or ()), name)
+        if Path(place) != ours / name:
+            raise ImportError(
+                f"{place} hides the package {name} that hil comes with; rename it, or start"
+                " Python where it is not on the path (sys.path)"
+            )
+
+
+_refuse_strangers()
 
 
 def __getattr__(name: str) -> object:

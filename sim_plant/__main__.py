@@ -27,7 +27,7 @@ class _ServesByDefault(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Return the arguments, the command first."""
-        if args and args[0] != "--help" and args[0] not in self.commands:
+        if args and args[0] not in {"-h", "--help"} and args[0] not in self.commands:
             args = [SERVE, *args]
         return super().parse_args(ctx, args)
 
@@ -38,6 +38,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     no_args_is_help=True,
     help="Virtual machines behind true CANopen drives.",
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
@@ -53,7 +54,7 @@ def main(
     ] = None,
     personality: Annotated[str | None, typer.Option(help="Of all drives, by name or path.")] = None,
     cycle: Annotated[
-        float, typer.Option(min=1e-4, max=10, help="SYNC period of drives without 1006h [s].")
+        float, typer.Option(min=1e-4, max=10, help="SYNC period of drives without 1006h \\[s].")
     ] = CYCLE_DEFAULT,
     faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
 ) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 from typer.core import TyperGroup
@@ -60,6 +60,7 @@ PANELS = {
             "results",
             "Find a load from two runs, without and with it; writes payload.yaml into the second.",
         ),
+        "export": _Command("exporting", "Write an identified model as files of other tools."),
     },
     "Drives and commissioning": {
         "scan": _Command(
@@ -114,15 +115,34 @@ def imported(name: str) -> Any:
     return typer.main.get_group(module.commands).commands[name]
 
 
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"hil {version('canopen-robot-identification')}")
+        raise typer.Exit
+
+
 app = typer.Typer(
     cls=_ImportedLate,
     help="Identify a robot's dynamics on the machine itself, over CANopen.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _panel, _commands in PANELS.items():
     for _name, _stated in _commands.items():
         app.command(_name, help=_stated.help, rich_help_panel=_panel)(lambda: None)
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="State the version."),
+    ] = False,
+) -> None:
+    """Take the options that stand before a command."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

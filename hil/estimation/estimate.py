@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
 
     Array = NDArray[np.float64]
@@ -83,6 +84,8 @@ class Estimate:
         What the covariance would be if the residuals were white noise.
     free : FreeMotionFit, optional
         Friction and settings, where free motions were identified.
+    friction_law : FrictionLaw, optional
+        Friction over the whole campaign, where the improved method found it.
     """
 
     method: str
@@ -101,6 +104,7 @@ class Estimate:
     causes: tuple[Cause, ...] = ()
     noise_covariance: Array | None = None
     free: FreeMotionFit | None = None
+    friction_law: FrictionLaw | None = None
 
     @property
     def standard_error(self) -> Array:

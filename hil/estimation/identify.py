@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
+from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
 from hil.estimation.drive_train_search import find_drive_train
@@ -146,6 +147,7 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
             robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
         ),
         noise_covariance=solver.noise_covariance[: len(p), : len(p)],
+        friction_law=campaign_friction(robot, p, (axes for _, axes in solver.stacked)),
     )
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from hil.estimation.identify import default_method, estimate
+from hil.estimation.campaign_friction import campaign_friction
+from hil.estimation.condensed import stack
+from hil.estimation.friction_law import FrictionLaw
+from hil.estimation.identify import default_method, estimate, prepared_for
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.error_budget import error_budget
 from hil.results.model import Model
@@ -44,8 +48,13 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
     NotIdentifiable, NotEnoughData
         Measurements that do not suffice.
     """
+    campaign = Pooled([run, *others])
     with named(run):
-        found = estimate(run.robot, Pooled([run, *others]), method or method_for(run, others)[0])
+        found = estimate(run.robot, campaign, method or method_for(run, others)[0])
+    if found.free is None and found.friction_law is None:
+        prepared = prepared_for(run.robot, found, campaign)
+        stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
+        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks))
     return model_of(run, found, others)
 
 
@@ -68,6 +77,7 @@ def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
         local=found.local,
         error_budget=error_budget(found, run.robot),
         friction=found.free,
+        friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
     )
 
 

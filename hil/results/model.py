@@ -1,10 +1,8 @@
 """A model of a robot as it was identified: base parameters to calculate with, and to be judged.
 
 Every method gives the same kind of model. It is found from a run (`identify`), kept as
-`model.yaml` (`Model.save`) and read back (`Model.load`). Its torques are those of the rigid bodies,
-A(q, qd, qdd) p of eq. (6): `hil.motor_torque` has those of the motors' own inertia, which the robot
-file states. Friction is no part of it, but methods for free motions find that too:
-`Model.torque_with_friction` is what the drives have to give.
+`model.yaml` (`Model.save`) and read back (`Model.load`). Its torques are those that the drives have
+to give: of rigid bodies, motors and friction, together or by parts.
 """
 
 from __future__ import annotations
@@ -16,12 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError, load_yaml
-from hil.errors import InvalidArray, NotEnoughData
-from hil.estimation.free_motion.friction_torque import friction_torque
-from hil.estimation.intervals import combined_degrees, half_width
+from hil.errors import InvalidArray
+from hil.estimation.intervals import half_width
 from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
-from hil.model.motors import motor_torque
 from hil.regression.uncertainty import correlation_of
 from hil.results.model_file import ModelFile, file_of
 from hil.results.ripple import ripple_left_out
@@ -30,12 +26,16 @@ from hil.results.tables.free_motion import friction, left_by_free_motions, state
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
 from hil.results.tables.torques import residuals
+from hil.results.torque_parts import PARTS, interval_of, torque_of
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from numpy.typing import ArrayLike, NDArray
 
     from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.results.error_budget import ErrorTerm
@@ -73,6 +73,9 @@ class Model:
         Causes of error, the largest first; empty where nothing but noise matters.
     friction : FreeMotionFit, optional
         Friction of each axis and what was chosen, where free motions were identified.
+    friction_law : FrictionLaw, optional
+        Friction that the drives have to overcome, whatever the method; None where the model was
+        read from a file of a version that found none.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings.
     """
@@ -88,6 +91,7 @@ class Model:
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
 
     @classmethod
@@ -115,6 +119,7 @@ class Model:
             provenance=kept.provenance,
             error_budget=kept.error_budget,
             friction=kept.friction,
+            friction_law=kept.law(),
             validations=kept.validations,
         )
 
@@ -170,13 +175,31 @@ class Model:
         half = half_width(scatter, drives, self.degrees_of_freedom, _level(level))
         return np.stack([self.values - half, self.values + half], axis=-1)
 
-    def torque(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
-        """Torques of the rigid bodies at positions, velocities and accelerations.
+    def torque(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        parts: Collection[str] = PARTS,
+    ) -> Array:
+        """Torques that the drives have to give at positions, velocities and accelerations.
 
         Parameters
         ----------
         q, qd, qdd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
             [rad, rad/s, rad/s^2]; m for prismatic joints.
+        parts : collection of str
+            What is added up, all of `hil.results.torque_parts.PARTS` by default:
+
+            rigid bodies
+                A(q, qd, qdd) p of eq. (6): inertia, Coriolis and centrifugal forces, gravity, with
+                all that was identified as a base parameter: springs, and rotors whose inertia the
+                robot file leaves unknown.
+            motors
+                Reflected inertia of the rotors that the robot file states, eq. (7).
+            friction
+                The law of friction (`friction_law`); at rest its offset alone, since what holds a
+                resting axis is no function of velocity.
 
         Returns
         -------
@@ -187,31 +210,13 @@ class Model:
         ------
         InvalidArray
             Another shape, or NaN.
-        """
-        q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        return dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
-
-    def torque_with_friction(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
-        """Torques that the drives give: rigid bodies, rotors of known inertia and friction.
-
-        Parameters, shapes and units as of `torque`.
-
-        Raises
-        ------
-        InvalidArray
-            Another shape, or NaN.
+        UnknownName
+            There is no such part.
         NotEnoughData
-            The method found no friction.
+            Friction, of which the model knows nothing.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        if self.friction is None:
-            raise NotEnoughData(
-                f"the {self.method} method finds no law of friction; identify imported recordings,"
-                " or take torque, which is that of the rigid bodies"
-            )
-        rigid = dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
-        rotors = motor_torque(self.robot, q, qd, qdd)
-        return rigid + rotors + friction_torque(self.robot, self.friction, q, qd, rigid)
+        return torque_of(self, parts, q, qd, qdd)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques g(q); shapes, units and errors as of `torque`."""
@@ -227,9 +232,29 @@ class Model:
         return dynamics.mass_matrix(self.robot, self.values, q)
 
     def torque_interval(
-        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, level: float = 0.95
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        level: float = 0.95,
+        *,
+        parts: Collection[str] = PARTS,
+        of_samples: bool = False,
     ) -> Array:
-        """Confidence intervals of `torque` from the uncertainty of the parameters.
+        """Intervals of `torque`.
+
+        They hold what is uncertain of the base parameters and of the law of friction, with its
+        wandering over the campaign. Base parameters and friction count as independent.
+
+        Parameters
+        ----------
+        q, qd, qdd, parts
+            As of `torque`.
+        level : float
+            Share of the intervals that hold the torque.
+        of_samples : bool
+            Of torques as a drive measures them, sample by sample, rather than of their mean: what
+            the method's models left of the recordings (`residual`) counts too.
 
         Returns
         -------
@@ -240,17 +265,12 @@ class Model:
         ------
         InvalidArray
             Another shape, NaN, or a level that is not between 0 and 1.
+        UnknownName, NotEnoughData
+            As of `torque`.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        A = dynamics.regressor(self.robot, q, qd, qdd)
-        scatter, drives = (
-            np.einsum("...k,kl,...l->...", A, V, A, optimize=True).clip(0.0)
-            for V in (self.scatter_covariance, self.drive_covariance)
-        )
-        variances = np.diag(self.scatter_covariance)
-        degrees = combined_degrees(A, variances, self.degrees_of_freedom)
-        half = half_width(scatter, drives, degrees, _level(level))
-        tau = A @ self.values
+        tau = torque_of(self, parts, q, qd, qdd)
+        half = interval_of(self, parts, q, qd, qdd, _level(level), of_samples=of_samples)
         return np.stack([tau - half, tau + half], axis=-1)
 
     def summary(self) -> Summary:

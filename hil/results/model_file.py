@@ -17,6 +17,7 @@ from pydantic import model_validator
 
 from checked_files.yaml_file import FileError, FileModel
 from hil.estimation.free_motion.result import FreeMotionFit
+from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
@@ -90,6 +91,9 @@ class ModelFile(FileModel):
         The largest first.
     friction : FreeMotionFit, optional
         Friction and settings of an estimate from free motions.
+    friction_law : FrictionLaw, optional
+        Friction over the campaign, of methods for strokes and trajectories; that of free motions
+        stands in `friction`.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings, as `hil validate` found.
     robot_file : str, optional
@@ -106,6 +110,7 @@ class ModelFile(FileModel):
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
     robot_file: str | None = None
 
@@ -137,6 +142,7 @@ class ModelFile(FileModel):
             condition=model.condition,
             error_budget=model.error_budget,
             friction=model.friction,
+            friction_law=None if model.friction else model.friction_law,
             validations=model.validations,
             robot_file=model.robot.text,
         )
@@ -172,9 +178,16 @@ class ModelFile(FileModel):
         kept = self.degrees_of_freedom
         return np.array([p.degrees_of_freedom for p in self.parameters] if kept is None else kept)
 
+    def law(self) -> FrictionLaw | None:
+        """Law of friction, whatever the method; None in files of versions that found none."""
+        if self.friction is not None:
+            return FrictionLaw.of_free_motions(self.friction)
+        return self.friction_law
+
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        absent = {name for name in ("friction", "validations") if not getattr(self, name)}
+        optional = ("friction", "friction_law", "validations")
+        absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
             Dumper=_Dumper,

@@ -14,8 +14,8 @@ import numpy as np
 from scipy import special
 
 from hil.errors import NotEnoughData
-from hil.estimation.free_motion.friction_torque import friction_torque
 from hil.estimation.free_motion.motion import Processing, filtered_motion
+from hil.estimation.friction_law import friction_torque
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
@@ -127,9 +127,9 @@ def _processing(model: Model) -> Processing:
 
 
 def _torque(model: Model, motion: Motion, rigid: Array) -> Array:
-    assert model.friction is not None  # noqa: S101 - refused before
+    assert model.friction_law is not None  # noqa: S101 - refused before
     qd = np.where(motion.direction == 0, 0.0, motion.qd)
-    friction = friction_torque(model.robot, model.friction, motion.q, qd, rigid)
+    friction = friction_torque(model.robot, model.friction_law, motion.q, qd, rigid)
     return rigid + friction + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
 
 

@@ -86,3 +86,16 @@ class TestRecording:
         table = run.to_dataframe()
         assert tuple(table.index.unique("measurement")) == run.ids
         assert np.array_equal(table.loc["i03"]["q2"], run["i03"].recording.q[:, 1])
+
+
+@pytest.mark.parametrize("files", [("__init__.py",), ("notes.txt",)])
+def test_a_folder_that_hides_a_package_of_ours_is_named(tmp_path, files):
+    (tmp_path / "drivers").mkdir()
+    for name in files:
+        (tmp_path / "drivers" / name).touch()
+    program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import hil; hil.Run"
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    hidden = f"ImportError: {tmp_path / 'drivers'} hides the package drivers"
+    assert hidden in done.stderr or (files != ("__init__.py",) and not done.stderr)

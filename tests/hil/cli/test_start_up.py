@@ -7,11 +7,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+from rich.text import Text
 
 from hil.cli import COMMANDS, PANELS, imported
 
@@ -139,3 +141,20 @@ def test_each_option_is_explained_in_one_sentence(name: str) -> None:
         text = parameter.help
         assert re.fullmatch(r"[A-Z][^.]*(?:\.\w[^.]*)*\.", text), f"{parameter.name}: {text}"
         assert not re.match(r"(Of|Its|Their|How|bit/s)\b", text), f"{parameter.name}: {text}"
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_units_in_brackets_are_shown(name: str) -> None:
+    for parameter in EVERY[name].params:
+        stated = parameter.help.replace("\\[", "[")
+        assert Text.from_markup(parameter.help).plain == stated, parameter.name
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    printed, loaded = program("--version")
+    assert printed.split() == ["hil", version("canopen-robot-identification")]
+    assert not loaded & HEAVY
+
+
+def test_h_is_help() -> None:
+    assert "--method" in program("identify", "-h")[0]

@@ -42,11 +42,11 @@ def test_a_model_comes_back_from_its_file_with_its_friction(model: Model, tmp_pa
     again = Model.load(tmp_path / "model.yaml")
     assert again.friction == model.friction
     q, qd, qdd = np.random.default_rng(0).standard_normal((3, 10, 2))
-    ours, theirs = (each.torque_with_friction(q, qd, qdd) for each in (model, again))
+    ours, theirs = (each.torque(q, qd, qdd) for each in (model, again))
     assert theirs == pytest.approx(ours, rel=1e-12)
 
 
-def test_torque_with_friction_is_what_the_drives_gave(model: Model) -> None:
+def test_the_torque_is_what_the_drives_gave(model: Model) -> None:
     (_, recording), *_ = recorded(arm(), TRUTH, noise=0.0, seed=50)
     found = predict_recording(model, recording)
     assert found.overall < 0.01
@@ -76,9 +76,9 @@ def test_validation_takes_the_law_of_friction_instead_of_fitting_one(model: Mode
 
 
 def test_a_model_without_friction_says_so(model: Model) -> None:
-    bare = replace(model, friction=None)
+    bare = replace(model, friction=None, friction_law=None)
     with pytest.raises(NotEnoughData, match="no law of friction"):
-        bare.torque_with_friction(0.0, 0.0, 0.0)
+        bare.torque(0.0, 0.0, 0.0)
     with pytest.raises(NotEnoughData, match="no law of friction"):
         predict_recording(bare, recorded(arm(), TRUTH, n=1)[0][1])
 

@@ -10,14 +10,17 @@ from small_run import write_run
 from synthetic import TABLE_3_A
 from trajectory_run import write_trajectory_run
 
+import hil
 from hil import cli
-from hil.errors import FileError, InvalidArray, NotIdentifiable, UnknownName
+from hil.errors import FileError, InvalidArray, NotEnoughData, NotIdentifiable, UnknownName
+from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import combined_degrees, degrees_behind, half_width
 from hil.model import dynamics
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.tables.html import symbols
+from hil.results.torque_parts import PARTS
 
 
 @pytest.fixture(scope="module")
@@ -43,13 +46,13 @@ def motion():
 
 
 class TestTorques:
-    def test_they_are_those_of_the_rigid_bodies(self, model, manutec, motion):
+    def test_the_rigid_bodies_part_is_that_of_the_base_parameters(self, model, manutec, motion):
         q, qd, qdd = motion
         expected = dynamics.inverse_dynamics(manutec, model.values, q, qd, qdd)
-        assert np.array_equal(model.torque(q, qd, qdd), expected)
+        assert np.array_equal(model.torque(q, qd, qdd, parts=["rigid bodies"]), expected)
         M = model.mass_matrix(q)
         assert M.shape == (20, 6, 6)
-        difference = model.torque(q, 0.0, qdd) - model.gravity(q)
+        difference = model.torque(q, 0.0, qdd, parts=["rigid bodies"]) - model.gravity(q)
         assert np.einsum("nij,nj->ni", M, qdd) == pytest.approx(difference, abs=1e-9)
 
     def test_numbers_and_single_configurations_broadcast(self, model, motion):
@@ -58,6 +61,31 @@ class TestTorques:
         assert np.array_equal(each[3], model.torque(q[3], qd[0], np.full(6, 0.5)))
         assert model.torque(q[3], qd, 0.5).shape == (20, 6)
         assert model.torque(0.0, 0.0, 0.0).shape == (6,)
+
+    def test_they_are_all_parts_together_unless_some_are_named(self, model, manutec, motion):
+        parts = {part: model.torque(*motion, parts=[part]) for part in PARTS}
+        assert np.array_equal(parts["motors"], hil.motor_torque(manutec, *motion))
+        assert model.torque(*motion) == pytest.approx(sum(parts.values()), rel=1e-12)
+        assert (np.abs(parts["friction"]).mean(axis=0) > 0).all()
+
+    def test_an_unknown_part_is_refused_and_all_are_named(self, model):
+        with pytest.raises(UnknownName, match=r"'gear': .* rigid bodies, motors, friction"):
+            model.torque(0.0, 0.0, 0.0, parts=["gear"])
+
+    def test_a_model_without_friction_gives_the_other_parts_and_states_the_remedy(
+        self, model, motion
+    ):
+        bare = replace(model, friction_law=None)
+        with pytest.raises(NotEnoughData, match=r"no law of friction: take parts=.* hil identify"):
+            bare.torque(*motion)
+        rest = PARTS[:2]
+        assert np.array_equal(bare.torque(*motion, parts=rest), model.torque(*motion, parts=rest))
+
+    def test_an_axis_whose_friction_nothing_showed_is_named(self, model):
+        axes = (*model.friction_law.axes[:5], None)
+        blind = replace(model, friction_law=FrictionLaw(axes=axes))
+        with pytest.raises(NotEnoughData, match="of axis 6, which moved in too few"):
+            blind.torque(0.0, 0.0, 0.0)
 
     @pytest.mark.parametrize(
         ("q", "message"),
@@ -99,13 +127,24 @@ class TestIntervals:
         assert degrees == pytest.approx(uncertain.degrees_of_freedom[k])
 
     def test_that_of_a_torque_holds_it_and_has_its_variance(self, uncertain, manutec, motion):
-        tau, interval = uncertain.torque(*motion), uncertain.torque_interval(*motion, level=0.9)
+        parts = ["rigid bodies"]
+        tau = uncertain.torque(*motion, parts=parts)
+        interval = uncertain.torque_interval(*motion, level=0.9, parts=parts)
         assert interval.mean(axis=-1) == pytest.approx(tau)
         A = dynamics.regressor(manutec, *motion)
         error = np.sqrt(np.einsum("...k,kl,...l->...", A, uncertain.covariance, A))
         half = np.diff(interval)[..., 0] / 2
         assert (half >= stats.norm.ppf(0.95) * error * (1 - 1e-9)).all()
         assert (half <= stats.t.ppf(0.95, uncertain.degrees_of_freedom.min()) * error + 1e-9).all()
+
+    def test_friction_and_the_scatter_of_samples_widen_them(self, uncertain, motion):
+        def width(**what):
+            return np.diff(uncertain.torque_interval(*motion, **what))[..., 0]
+
+        assert (width(parts=PARTS[:2]) < width()).all()
+        assert (width() < width(of_samples=True)).all()
+        samples = width(of_samples=True) / 2 / stats.norm.ppf(0.975)
+        assert (samples > uncertain.residual).all()
 
     def test_degrees_of_freedom_are_found_from_an_interval(self):
         wide = half_width(np.array(4.0), np.array(0.0), np.array(3.7), 0.95)
@@ -119,8 +158,10 @@ class TestFile:
         kept = yaml.safe_load((tmp_path / NAME).read_text())
         for key in ("robot_file", "degrees_of_freedom", "drive_covariance"):
             del kept[key]
+        del kept["friction_law"]
         (run.path / NAME).write_text(yaml.safe_dump(kept))
         old = Model.load(run.path)
+        assert old.friction_law is None
         assert np.array_equal(old.values, model.values)
         assert old.interval() == pytest.approx(model.interval(), rel=1e-9)
         assert old.interval(0.8) == pytest.approx(model.interval(0.8), rel=1e-6)

@@ -1,0 +1,168 @@
+"""Friction of each axis over a whole campaign, once the base parameters are found.
+
+The methods for strokes and trajectories fit friction anew in every measurement, so that its drift
+does no harm to the base parameters. What a drive has to overcome is found afterwards: of every
+usable sample the torque less those of motors and rigid bodies,
+
+    Q_i - Qm_i - A_i(q, qd, qdd) p = F_i a_i + e,
+
+with one law F_i a_i for all measurements of an axis. The law is the simplest (`LAWS`, less ripple)
+that no other one beats by more than chance on measurements held out. A measurement's error counts
+as one draw, since friction's level stays much the same in it and differs in the next: covariances
+are Huber's sandwich over measurements. How much the level wanders from measurement to measurement
+is the root mean square of the factors by which the law's level fits each of them, less one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS, TERMS
+from hil.estimation.free_motion.result import TermValue
+from hil.estimation.friction_law import DIRECTED, AxisLaw, FrictionLaw
+from hil.regression.least_squares import inverse, solved
+from hil.regression.terms import ASYMMETRIC, LOAD
+from hil.regression.uncertainty import sandwich, scatter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.condensed import Stacked
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+SPEED_TERMS = TERMS[: TERMS.index("load") + 1]
+"""Terms of velocity and load, in the order of the columns here."""
+_LAWS = {name: terms for name, terms in LAWS.items() if set(terms) <= set(SPEED_TERMS)}
+FOLDS = 5
+"""Parts of the measurements that are held out in turn."""
+FEWEST = 3
+"""Measurements of an axis below which no law is chosen for it."""
+SURE = 2.0
+"""Standard errors by which a law must be worse than the best for not to be taken."""
+
+
+def campaign_friction(robot: Robot, p: Array, stacks: Iterable[Sequence[Stacked]]) -> FrictionLaw:
+    """Find the law of friction of each axis.
+
+    Parameters
+    ----------
+    robot : Robot
+    p : ndarray, shape (n_base,)
+        Base parameters that the same measurements gave.
+    stacks : iterable of sequence of Stacked
+        Of each measurement, or period of a trajectory, the axes that move.
+    """
+    products: list[list[Array]] = [[] for _ in range(robot.n_joints)]
+    speeds: list[list[float]] = [[] for _ in range(robot.n_joints)]
+    for each in (each for axes in stacks for each in axes):
+        products[each.axis].append(_products(each, p))
+        v = np.abs(each.friction[:, 1]) * robot.velocity_limit[each.axis]
+        speeds[each.axis] += [float(v.min()), float(v.max())]
+    axes_found = (
+        _law(np.array(own), float(limit), (min(v, default=0.0), max(v, default=0.0)))
+        for own, v, limit in zip(products, speeds, robot.velocity_limit, strict=True)
+    )
+    return FrictionLaw(axes=tuple(axes_found))
+
+
+def _products(each: Stacked, p: Array) -> Array:
+    """Mean products of what is left for friction and its terms, shape (1 + n_terms, 1 + n_terms).
+
+    A measurement counts by its duration, so they are multiplied by its number of samples.
+    """
+    n, constant = each.n_base, [each.n_base + k for k in ASYMMETRIC]
+    loaded = each.loaded(each.load(p)).X[:, n + LOAD]
+    left = each.torques[:, 0] - each.X[:, :n] @ p
+    offset, asymmetric = each.X[:, constant].T
+    direction, v, root, bend, square = each.friction[:, :5].T
+    columns = np.column_stack([left, offset, direction, v, asymmetric, root, bend, square, loaded])
+    return np.asarray(each.each * (columns.T @ columns))
+
+
+def _law(products: Array, limit: float, speeds: tuple[float, float]) -> AxisLaw | None:
+    """Law of one axis from the products of its measurements, shape (n, 1 + n_terms, ...)."""
+    if len(products) < FEWEST:
+        return None
+    name, held_out = _choice(products)
+    values, covariance = _solution(products, _LAWS[name])
+    plain, of_plain = _solution(products, CLASSICAL)
+    return AxisLaw(
+        law=name,
+        speed=limit,
+        terms=_terms(_LAWS[name], values, covariance),
+        plain=_terms(CLASSICAL, plain, of_plain),
+        held_out=held_out,
+        covariance=tuple(tuple(row) for row in covariance.tolist()),
+        wander=_wander(products, _LAWS[name], values),
+        speeds=speeds,
+    )
+
+
+def _choice(products: Array) -> tuple[str, dict[str, float]]:
+    """Name of the law, and root mean square errors on held-out measurements over its own."""
+    errors = {name: _held_out(products, terms) for name, terms in _LAWS.items()}
+    best = min(errors, key=lambda name: float(errors[name].sum()))
+    chosen = next(name for name, own in errors.items() if not _worse(own, errors[best]))
+    least = float(errors[chosen].sum()) or 1.0
+    return chosen, {name: float(np.sqrt(own.sum() / least)) for name, own in errors.items()}
+
+
+def _worse(errors: Array, best: Array) -> bool:
+    """Whether one law's errors, measurement by measurement, are greater by more than chance."""
+    excess = errors - best
+    chance = float(np.std(excess)) * np.sqrt(len(excess))
+    return bool(excess.sum() > SURE * chance)
+
+
+def _held_out(products: Array, terms: Sequence[str]) -> Array:
+    """Squared error of each measurement by the law of the other folds, shape (n,)."""
+    at = _places(terms)
+    fold = np.arange(len(products)) % FOLDS
+    errors = np.zeros(len(products))
+    for k in range(FOLDS):
+        values, _ = _solution(products[fold != k], terms)
+        weights = np.concatenate([[1.0], -values])
+        own = products[fold == k][:, [0, *at]][:, :, [0, *at]]
+        errors[fold == k] = np.einsum("k,nkl,l->n", weights, own, weights)
+    return errors
+
+
+def _solution(products: Array, terms: Sequence[str]) -> tuple[Array, Array]:
+    """Coefficients, shape (n_terms,), and their covariance by the measurements' scores."""
+    at = _places(terms)
+    N, v = products[:, at][:, :, at], products[:, at, 0]
+    values = solved(N.sum(axis=0), v.sum(axis=0))
+    scores = v - N @ values
+    return values, sandwich(inverse(N.sum(axis=0)), scatter(scores, few=True))
+
+
+def _wander(products: Array, terms: Sequence[str], values: Array) -> float:
+    """Standard deviation of the level of friction over measurements, as a share of it."""
+    at = np.array(_places(terms))
+    directed = np.isin(terms, DIRECTED)
+    own, other = at[directed], at[~directed]
+    level = np.einsum("k,nkl,l->n", values[directed], products[:, own][:, :, own], values[directed])
+    common = (
+        products[:, own, 0]
+        - products[:, own][:, :, own] @ values[directed]
+        - products[:, own][:, :, other] @ values[~directed]
+    ) @ values[directed]
+    shown = level > 0
+    return float(np.sqrt(np.mean((common[shown] / level[shown]) ** 2))) if shown.any() else 0.0
+
+
+def _places(terms: Sequence[str]) -> list[int]:
+    """Where terms stand among the columns, behind what is to be explained."""
+    return [1 + SPEED_TERMS.index(term) for term in terms]
+
+
+def _terms(names: Sequence[str], values: Array, covariance: Array) -> dict[str, TermValue]:
+    errors = np.sqrt(np.diag(covariance).clip(0.0))
+    rows = zip(names, values.tolist(), errors.tolist(), strict=True)
+    return {name: TermValue(value=value, standard_error=error) for name, value, error in rows}

@@ -1,0 +1,135 @@
+"""The law of friction of a model: what friction each axis's drive has to overcome, and how surely.
+
+A sum of terms of velocity and load (`hil.estimation.free_motion.friction_terms`) for each axis,
+whatever was identified. Two things are uncertain of it. The terms are, from the recordings they
+were found in; and friction itself changes with temperature and lubricant, which no term knows:
+while strokes were measured it had another level in each of them. How much it wandered there, as a
+share of the level, is kept and counts in every interval.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileModel
+from hil.estimation.free_motion.columns import coupled_friction, motor_angle
+from hil.estimation.free_motion.friction_terms import TERMS, friction_columns
+from hil.estimation.free_motion.result import AxisFriction, CoupledFriction
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+DIRECTED = ("Coulomb", "viscous", "cube root", "arc tangent", "quadratic", "load")
+"""Terms that change their sign with the direction: the level of friction."""
+
+
+class AxisLaw(AxisFriction):
+    """Friction of one axis, with its uncertainty.
+
+    Attributes
+    ----------
+    covariance : tuple of tuple of float
+        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty where only their
+        standard errors are known, which then count as independent.
+    wander : float
+        Standard deviation of the level from one measurement to the next, as a share of it.
+    speeds : tuple of two floats, optional
+        Slowest and fastest samples that the law was found from [rad/s or m/s].
+    """
+
+    covariance: tuple[tuple[float, ...], ...] = ()
+    wander: float = 0.0
+    speeds: tuple[float, float] | None = None
+
+    @property
+    def values(self) -> Array:
+        """Coefficients, shape (n_terms,)."""
+        return np.array([each.value for each in self.terms.values()])
+
+    @property
+    def uncertainty(self) -> Array:
+        """Covariance of the coefficients, shape (n_terms, n_terms)."""
+        if self.covariance:
+            return np.array(self.covariance)
+        return np.diag([each.standard_error**2 for each in self.terms.values()])
+
+
+class FrictionLaw(FileModel):
+    """Friction of all axes.
+
+    Attributes
+    ----------
+    axes : tuple of AxisLaw or None
+        None where nothing recorded showed an axis's friction.
+    coupled : tuple of CoupledFriction
+    """
+
+    axes: tuple[AxisLaw | None, ...]
+    coupled: tuple[CoupledFriction, ...] = ()
+
+    @classmethod
+    def of_free_motions(cls, fit: FreeMotionFit) -> FrictionLaw:
+        """Law that was found together with the base parameters."""
+        axes = (AxisLaw.model_validate(law.model_dump()) for law in fit.axes)
+        return cls(axes=tuple(axes), coupled=fit.coupled)
+
+    @property
+    def unknown(self) -> tuple[int, ...]:
+        """Axes, from 1, whose friction nothing showed."""
+        return tuple(axis for axis, law in enumerate(self.axes, start=1) if law is None)
+
+
+def friction_torque(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load: Array) -> Array:
+    """Torque of friction and ripple of all axes, shape of `q` [N m or N].
+
+    Zero for an axis whose friction is unknown.
+
+    Parameters
+    ----------
+    q, qd : ndarray, shape (n, n_joints) or (n_joints,)
+        [rad or m, and per s].
+    load : ndarray, shape of `q`
+        Torque of the rigid bodies [N m or N].
+    """
+    q_rows, qd_rows, loads = (np.reshape(x, (-1, robot.n_joints)) for x in (q, qd, load))
+    found = np.zeros(q_rows.shape)
+    for axis, each in enumerate(law.axes):
+        if each is not None:
+            found[:, axis] = _columns(robot, each, q_rows, qd_rows, loads, axis) @ each.values
+    shared = [part for each in law.coupled for part in (each.viscous.value, each.coulomb.value)]
+    for axis in range(robot.n_joints if shared else 0):
+        found[:, axis] += coupled_friction(robot, qd_rows, axis) @ np.array(shared)
+    return found.reshape(np.shape(q))
+
+
+def friction_variance(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load: Array) -> Array:
+    """Variance of `friction_torque`, shape of `q` [(N m)^2 or N^2]; parameters as there."""
+    q_rows, qd_rows, loads = (np.reshape(x, (-1, robot.n_joints)) for x in (q, qd, load))
+    found = np.zeros(q_rows.shape)
+    for axis, each in enumerate(law.axes):
+        if each is not None:
+            columns = _columns(robot, each, q_rows, qd_rows, loads, axis)
+            directed = np.isin(list(each.terms), DIRECTED)
+            level = columns[:, directed] @ each.values[directed]
+            found[:, axis] = np.einsum("nk,kl,nl->n", columns, each.uncertainty, columns)
+            found[:, axis] += (each.wander * level) ** 2
+    shared = [part for each in law.coupled for part in (each.viscous, each.coulomb)]
+    for axis in range(robot.n_joints if shared else 0):
+        errors = coupled_friction(robot, qd_rows, axis) * [part.standard_error for part in shared]
+        found[:, axis] += np.sum(errors**2, axis=1)
+    return found.clip(0.0).reshape(np.shape(q))
+
+
+def _columns(robot: Robot, law: AxisLaw, q: Array, qd: Array, load: Array, axis: int) -> Array:
+    """Columns of the terms of an axis's law, shape (n, n_terms)."""
+    u = qd[:, axis] / law.speed
+    angle = motor_angle(robot, q, axis)
+    columns = friction_columns(u, np.sign(u), load[:, axis], angle, np.zeros(len(u)))
+    return np.asarray(columns[:, [TERMS.index(term) for term in law.terms]])

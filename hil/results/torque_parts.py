@@ -1,0 +1,110 @@
+"""The torque of a drive by its parts, and how certain their sum is.
+
+    Q = A(q, qd, qdd) p + H qdd + F(q, qd, A p)
+
+Rigid bodies, motors, eq. (6) and (7), and friction. Each part is computed here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotEnoughData, UnknownName
+from hil.estimation.friction_law import friction_torque, friction_variance
+from hil.estimation.intervals import combined_degrees, half_width
+from hil.model import dynamics
+from hil.model.motors import motor_torque
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.friction_law import FrictionLaw
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+PARTS = ("rigid bodies", "motors", "friction")
+"""Of the torque that a drive gives; gravity alone is `hil.results.model.Model.gravity`."""
+
+
+def torque_of(model: Model, parts: Collection[str], q: Array, qd: Array, qdd: Array) -> Array:
+    """Sum of the `parts` of the torque, shape of `q` [N m or N].
+
+    Raises
+    ------
+    UnknownName
+        There is no such part.
+    NotEnoughData
+        Friction, of which the model knows nothing.
+    """
+    _refuse_unknown(parts)
+    law = known_friction(model) if "friction" in parts else None
+    rigid = dynamics.inverse_dynamics(model.robot, model.values, q, qd, qdd)
+    total = rigid if "rigid bodies" in parts else np.zeros_like(rigid)
+    if "motors" in parts:
+        total = total + motor_torque(model.robot, q, qd, qdd)
+    return total if law is None else total + friction_torque(model.robot, law, q, qd, rigid)
+
+
+def interval_of(
+    model: Model,
+    parts: Collection[str],
+    q: Array,
+    qd: Array,
+    qdd: Array,
+    level: float,
+    *,
+    of_samples: bool,
+) -> Array:
+    """Half-widths of intervals of `torque_of`, shape of `q` [N m or N].
+
+    Motors add nothing: what is wrong with a stated rotor inertia the base parameters make up for,
+    and their covariance holds it.
+    """
+    A = dynamics.regressor(model.robot, q, qd, qdd)
+    rows = A if "rigid bodies" in parts else np.zeros_like(A)
+    scatter, stated = (
+        np.einsum("...k,kl,...l->...", rows, V, rows, optimize=True).clip(0.0)
+        for V in (model.scatter_covariance, model.drive_covariance)
+    )
+    variances = np.diag(model.scatter_covariance)
+    degrees = combined_degrees(rows, variances, model.degrees_of_freedom)
+    if "friction" in parts:
+        load = A @ model.values
+        stated = stated + friction_variance(model.robot, known_friction(model), q, qd, load)
+    if of_samples:
+        stated = stated + np.nan_to_num(model.residual) ** 2
+    return half_width(scatter, stated, degrees, level)
+
+
+def known_friction(model: Model) -> FrictionLaw:
+    """Law of friction of a model.
+
+    Raises
+    ------
+    NotEnoughData
+        It has none, or none of some axes.
+    """
+    without = f"take parts={PARTS[:2]}, or identify"
+    if model.friction_law is None:
+        raise NotEnoughData(
+            f"the model of {model.robot.name} has no law of friction: {without} the run anew"
+            " with: hil identify"
+        )
+    if model.friction_law.unknown:
+        axes = ", ".join(map(str, model.friction_law.unknown))
+        raise NotEnoughData(
+            f"the model of {model.robot.name} has no law of friction of axis {axes}, which moved in"
+            f" too few measurements: {without} a run that moves it"
+        )
+    return model.friction_law
+
+
+def _refuse_unknown(parts: Collection[str]) -> None:
+    unknown = [part for part in parts if part not in PARTS]
+    if unknown:
+        raise UnknownName(f"{unknown[0]!r}: parts of the torque are {', '.join(PARTS)}")

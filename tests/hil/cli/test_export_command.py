@@ -1,0 +1,97 @@
+"""`hil export`: which files it writes, what they state of their origin, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from small_run import write_run
+
+from hil.results.identification import identify
+from hil.results.model import Model
+from hil.results.model_file import NAME
+from hil.results.verdict import KeptVerdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from command_line import Hil
+
+    from hil.model.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an identified run."""
+    folder = write_run(tmp_path_factory.mktemp("export") / "run", manutec)
+    identify(folder).save(folder.path / NAME)
+    return folder.path
+
+
+def judged(model: Model, word: str) -> Model:
+    verdict = KeptVerdict(
+        run="../other", validated="2026-01-02T03:04:05Z", verdict=word, reason="why", relative=0.01
+    )
+    return replace(model, validations=(verdict,))
+
+
+def test_the_json_file_holds_the_model_s_numbers(hil: Hil, run: Path, tmp_path: Path) -> None:
+    status, out, _ = hil("export", run, "--to", "json", "-o", tmp_path / "out")
+    assert status == 0
+    assert "model.json" in out
+    model, content = Model.load(run), json.loads((tmp_path / "out" / "model.json").read_text())
+    stated = content["base_parameters"]
+    assert [each["value"] for each in stated] == model.values.tolist()
+    assert [each["name"] for each in stated] == list(model.names)
+    assert np.array_equal(content["covariance"], model.covariance)
+    inertias = [joint["reflected_inertia"] for joint in content["joints"]]
+    assert inertias == model.robot.reflected_inertia.tolist()
+
+
+def test_file_and_terminal_say_that_no_validation_passed(
+    hil: Hil, run: Path, tmp_path: Path
+) -> None:
+    _, out, _ = hil("export", run, "--to", "json", "-o", tmp_path)
+    assert "no validation passed" in out
+    origin = json.loads((tmp_path / "model.json").read_text())["origin"]
+    assert any("no validation passed" in line for line in origin)
+
+
+@pytest.mark.parametrize(("word", "confirmed"), [("PASS", True), ("WARN", False)])
+def test_a_verdict_is_stated_with_its_reason(
+    hil: Hil, run: Path, tmp_path: Path, word: str, confirmed: bool
+) -> None:
+    judged(Model.load(run), word).save(tmp_path / NAME)
+    _, out, _ = hil("export", tmp_path / NAME, "--to", "json", "-o", tmp_path)
+    assert f"validation on ../other (2026-01-02T03:04:05Z): {word}: why" in out
+    assert ("no validation passed" in out) is not confirmed
+    origin = "\n".join(json.loads((tmp_path / "model.json").read_text())["origin"])
+    assert f"{word}: why" in origin
+    assert "robot manutec-r15" in origin
+    assert "improved method" in origin
+
+
+def test_an_unknown_format_is_refused_and_all_are_named(
+    hil: Hil, run: Path, tmp_path: Path
+) -> None:
+    status, _, err = hil("export", run, "--to", "simulink", "-o", tmp_path / "out")
+    assert status == 1
+    assert "simulink: unknown format; available: json" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_is_there_is_not_replaced(hil: Hil, run: Path, tmp_path: Path) -> None:
+    (tmp_path / "model.json").write_text("mine")
+    status, _, err = hil("export", run, "--to", "json", "-o", tmp_path)
+    assert status == 1
+    assert "is there already" in err
+    assert (tmp_path / "model.json").read_text() == "mine"
+
+
+def test_a_run_that_was_not_identified_is_refused_with_the_remedy(hil: Hil, tmp_path: Path) -> None:
+    status, _, err = hil("export", tmp_path, "--to", "json", "-o", tmp_path / "out")
+    assert status == 1
+    assert "hil identify" in err
