@@ -18,15 +18,21 @@ WRONG_DELAY = 0.25
 
 def tracking(found: Tracking) -> Table:
     """Following errors of all axes."""
-    heads = [head for name in PASSES for head in (f"{name}, rms", "peak")]
+    by_size = {
+        "rms": {axis.axis: axis.rms for axis in found.axes},
+        "peak": {axis.axis: axis.peak for axis in found.axes},
+    }
     return Table(
         title="Following errors, by what is fed forward",
-        columns=(Column("axis"), *figures(*heads, "factor"), Column("unit")),
-        parts=(Part(tuple(_row(axis) for axis in found.axes)),),
+        columns=(Column("axis"), *figures(*PASSES, "factor"), Column("unit")),
+        parts=tuple(
+            Part(tuple(_row(axis, errors[axis.axis]) for axis in found.axes), name)
+            for name, errors in by_size.items()
+        ),
         explanation=(
             "What was planned less what was measured while the trajectory was in motion, with"
-            " neither, with velocity, and with velocity and torque fed forward; factor by which"
-            " torque makes the rms error of velocity alone smaller."
+            " neither velocity nor torque fed forward, with velocity, and with both; factor by"
+            " which torque makes the error of velocity alone smaller."
         ),
         notes=notes(found),
     )
@@ -52,8 +58,7 @@ def notes(found: Tracking) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _row(axis: AxisErrors) -> Row:
-    errors = (each for name in PASSES for each in (axis.rms[name], axis.peak[name]))
-    cells = (significant(1e3 * error, 3) for error in errors)
-    factor = axis.rms["velocity"] / axis.rms["both"]
+def _row(axis: AxisErrors, errors: dict[str, float]) -> Row:
+    cells = (significant(1e3 * errors[name], 3) for name in PASSES)
+    factor = errors["velocity"] / errors["both"]
     return (str(axis.axis), *cells, f"{factor:.1f}", f"m{axis.unit}")
