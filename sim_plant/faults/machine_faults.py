@@ -166,6 +166,10 @@ class FaultyMachine:
         angle = increments / self.plant.const[axis, st.COUNTS_PER_RAD]
         self.plant.profile[axis, [st.P0, st.TARGET, st.DEMAND]] -= angle
 
+    def push(self, axis: int, torque: float) -> None:
+        """Push an axis from outside with a torque [N m or N]; 0 lets it go."""
+        self.plant.state[axis, st.PUSH] = torque
+
     def press_brake(self, axis: int, times: int) -> None:
         """Add the brake's friction to that of an axis so many times; -1 takes it away."""
         const = self.plant.const

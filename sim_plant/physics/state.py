@@ -70,6 +70,8 @@ ENABLED = next(_c)
 WINDOW, WINDOW_TIME, OUTSIDE = next(_c), next(_c), next(_c)
 """Following error window [rad], the time that it may last, the time that it has lasted [s]."""
 EVENTS = next(_c)
+PUSH = next(_c)
+"""Torque from outside on the joint [N m or N]."""
 N_STATE = next(_c)
 
 _c = count()
