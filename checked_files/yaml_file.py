@@ -123,7 +123,7 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        lines = [_describe(problem, root, source) for problem in error.errors()]
+        lines = [_describe(at, message, root, source) for at, message in _wrong(error)]
         raise FileError("\n".join(lines)) from error
 
 
@@ -158,13 +158,18 @@ def _shown(value: object) -> str:
 
 
 def problems(error: ValidationError) -> list[str]:
-    """State what is wrong with values that come from no file, one line a problem.
+    """State what is wrong with values that come from no file, one line a problem."""
+    return [f"{place(at)}: {message}" for at, message in _wrong(error)]
+
+
+def _wrong(error: ValidationError) -> list[tuple[tuple[str | int, ...], str]]:
+    """Places and messages of all problems.
 
     That a sequence is too short, since one of its items was refused, is no problem of its own.
     """
     wrong = [(_location(each), _message(each)) for each in error.errors()]
     return [
-        f"{place(at)}: {message}"
+        (at, message)
         for at, message in wrong
         if not any(other[: len(at)] == at != other for other, _ in wrong)
     ]
@@ -175,10 +180,11 @@ def place(location: tuple[str | int, ...]) -> str:
     return ".".join(str(part) for part in location)
 
 
-def _describe(problem: object, root: yaml.Node | None, source: str) -> str:
-    location = _location(problem)
+def _describe(
+    location: tuple[str | int, ...], message: str, root: yaml.Node | None, source: str
+) -> str:
     at = f"{place(location)}: " if location else ""
-    return f"{source}:{_line(root, location)}: {at}{_message(problem)}"
+    return f"{source}:{_line(root, location)}: {at}{message}"
 
 
 def _location(problem: object) -> tuple[str | int, ...]:

@@ -19,6 +19,7 @@ __all__ = [
     "NoLoad",
     "NotEnoughData",
     "NotIdentifiable",
+    "NotRealisable",
     "UnknownName",
 ]
 
@@ -45,6 +46,10 @@ class NotEnoughData(HilError):
 
 class NotIdentifiable(HilError):
     """Measurements that do not determine the parameters asked for."""
+
+
+class NotRealisable(HilError):
+    """Bounds that no bodies meet."""
 
 
 class NoLoad(HilError):

@@ -20,6 +20,14 @@ PLANT = "manutec-r15"
 """Channel of the virtual plant where neither a robot nor drives name one."""
 
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
+Masses = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mass",
+        metavar="LINK:LEAST:MOST",
+        help="Bounds of a link's mass \\[kg], for bodies; may be repeated.",
+    ),
+]
 RobotName = Annotated[
     str, typer.Argument(help="Name of a robot that comes along, or path of a robot file.")
 ]

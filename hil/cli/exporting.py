@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hil.cli.arguments import Masses
 from hil.terminal.console import say
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hil.export.exported import Exported
+    from hil.planning.measurement import RecordedMotion
+    from hil.results.model import Model
+    from hil.runs.recording import Recording
 
 commands = typer.Typer()
 
@@ -20,15 +29,30 @@ def export(
     ],
     to: Annotated[str, typer.Option(help="Name of the format; an unknown one lists all.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write into.")],
+    urdf: Annotated[
+        Path | None,
+        typer.Option(help="URDF of the robot, whose shapes and names urdf and mjcf keep."),
+    ] = None,
+    masses: Masses = None,
 ) -> None:
     """Write an identified model as files of other tools."""
     from hil.export.exported import write_exported
     from hil.export.formats import export
     from hil.export.origin import origin, passed, validations
+    from hil.export.simulators import SIMULATORS
     from hil.results.model import Model
 
     model = Model.load(source)
-    exported = export(model, to, origin(model, source))
+    if to in SIMULATORS:
+        exported = _bodies(model, source, to, urdf, masses)
+    elif urdf or masses:
+        raise typer.BadParameter(
+            f"--urdf and --mass are about bodies, which {to} has not; they go with"
+            f" {' and '.join(SIMULATORS)}",
+            param_hint="--to",
+        )
+    else:
+        exported = export(model, to, origin(model, source))
     paths = write_exported(exported, output)
     for line in validations(model, source):
         say(line, style=None if passed(model) else "yellow")
@@ -36,3 +60,38 @@ def export(
         say(remark)
     for path in paths:
         say(f"written: {path}")
+
+
+def _bodies(
+    model: Model, source: Path, to: str, urdf: Path | None, masses: list[str] | None
+) -> Exported:
+    """The model with bodies, found now unless the model has them as they are asked for."""
+    from hil.cli.consistent_view import body_bounds, render
+    from hil.export.given_urdf import bodies_of, given_urdf
+    from hil.export.origin import origin
+    from hil.export.simulators import export_to_simulator
+    from hil.results.consistency import SHAPES, with_consistent_robot
+
+    given = None if urdf is None else given_urdf(urdf, model.robot)
+    likely = None if given is None else bodies_of(given, model.robot)
+    if model.consistent is None or masses or likely is not None:
+        model = with_consistent_robot(
+            model,
+            _recordings(source),
+            body_bounds(masses),
+            likely,
+            SHAPES if likely is None else f"the inertials of {urdf}",
+        )
+    exported = export_to_simulator(model, to, origin(model, source), given)
+    render(model)
+    return exported
+
+
+def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:
+    """Recordings of the run in whose folder the model lies; none where that is no run."""
+    from hil.results.model_file import file_of
+    from hil.runs.pooling import pooled
+    from hil.runs.run import Run
+
+    folder = file_of(source).parent
+    return pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import RunPath
+from hil.cli.arguments import Masses, RunPath
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -36,23 +36,36 @@ def identify(
             "--with", help="Further run that is identified together with it; may be repeated."
         ),
     ] = None,
+    consistent: Annotated[
+        bool,
+        typer.Option(
+            "--consistent", help="Find the nearest robot that consists of bodies as well."
+        ),
+    ] = False,
+    masses: Masses = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
+    from hil.cli.consistent_view import body_bounds, render
     from hil.estimation.friction.symmetry import of_local_values
     from hil.results import identification, model_file
     from hil.results.tables.error_budget import error_budget
     from hil.results.tables.friction import symmetry
     from hil.results.tables.terminal import show, show_sentence
-    from hil.runs.pooling import open_runs
+    from hil.runs.pooling import open_runs, pooled
 
     begun = perf_counter()
     _refuse_unknown(method)
+    bounds = body_bounds(masses)
     run, *more = open_runs([folder, *(others or ())])
     if method is None:
         method, reason = identification.method_for(run, more)
         if run.imported:
             out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
     found = identification.identify(run, method, more)
+    if consistent or masses:
+        from hil.results.consistency import with_consistent_robot
+
+        found = with_consistent_robot(found, pooled([run, *more]), bounds)
     path = run.path / model_file.NAME
     found.save(path)
     out.print(found.summary())
@@ -60,6 +73,7 @@ def identify(
     show(error_budget(found.error_budget), out)
     for term in found.error_budget:
         show_sentence(f"{term.cause}: {term.found}", out)
+    render(found)
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
@@ -111,17 +125,27 @@ def payload(
         float | None,
         typer.Option(
             min=1e-3,
-            help="Mass of the load, which is held and corrects the torque constants \\[kg].",
+            help="Mass of the load, which is held; it corrects the torque constants of runs"
+            " measured by strokes \\[kg].",
         ),
     ] = None,
+    gains: Annotated[
+        bool,
+        typer.Option(
+            "--gains",
+            help="Find the gains of all axes of imported runs by the mass, too; takes --mass.",
+        ),
+    ] = False,
 ) -> None:
     """Find a load from two runs, without and with it; writes payload.yaml into the second."""
     from hil.cli import payload_view
     from hil.results import payload, payload_file
     from hil.runs.run import Run
 
+    if gains and mass is None:
+        raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     runs = Run.open(without), Run.open(loaded)
-    found = payload.find_payload(*runs, mass)
+    found = payload.find_payload(*runs, mass, gains=gains)
     payload_view.render(payload_file.write_payload(*runs, found), out)
     _show_place("load", loaded / payload_file.NAME)
 

@@ -71,9 +71,10 @@ def drift(
 ) -> None:
     """Set the two-step method against conventional ones, friction drifting or not."""
     from checked_files.yaml_file import FileError
+    from hil import execution
     from hil.cli import study_view
     from hil.study import drift as campaigns
-    from hil.study import execution, summary
+    from hil.study import summary
     from hil.study.campaigns import KINDS
     from hil.study.scenarios import SCENARIOS
 

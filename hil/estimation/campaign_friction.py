@@ -9,8 +9,8 @@ usable sample the torque less those of motors and rigid bodies,
 with one law F_i a_i for all measurements of an axis. The law is the simplest (`LAWS`, less ripple)
 that no other one beats by more than chance on measurements held out. A measurement's error counts
 as one draw, since friction's level stays much the same in it and differs in the next: covariances
-are Huber's sandwich over measurements. How much the level wanders from measurement to measurement
-is the root mean square of the factors by which the law's level fits each of them, less one.
+are Huber's sandwich over measurements. How far the level wanders is
+the greatest of the differences from one of the factors by which the law's level fits each of them.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def _solution(products: Array, terms: Sequence[str]) -> tuple[Array, Array]:
 
 
 def _wander(products: Array, terms: Sequence[str], values: Array) -> float:
-    """Standard deviation of the level of friction over measurements, as a share of it."""
+    """Greatest difference of the level in a measurement from the law, as a share of it."""
     at = np.array(_places(terms))
     directed = np.isin(terms, DIRECTED)
     own, other = at[directed], at[~directed]
@@ -154,7 +154,7 @@ def _wander(products: Array, terms: Sequence[str], values: Array) -> float:
         - products[:, own][:, :, other] @ values[~directed]
     ) @ values[directed]
     shown = level > 0
-    return float(np.sqrt(np.mean((common[shown] / level[shown]) ** 2))) if shown.any() else 0.0
+    return float(np.abs(common[shown] / level[shown]).max(initial=0.0))
 
 
 def _places(terms: Sequence[str]) -> list[int]:

@@ -3,8 +3,9 @@
 A sum of terms of velocity and load (`hil.estimation.free_motion.friction_terms`) for each axis,
 whatever was identified. Two things are uncertain of it. The terms are, from the recordings they
 were found in; and friction itself changes with temperature and lubricant, which no term knows:
-while strokes were measured it had another level in each of them. How much it wandered there, as a
-share of the level, is kept and counts in every interval.
+while strokes were measured it had another level in each of them. How far it wandered there, as a
+share of the level, is kept and counts in every interval: an axis that has rested is at one end of
+what the campaign has seen, not at its mean.
 """
 
 from __future__ import annotations
@@ -35,16 +36,13 @@ class AxisLaw(AxisFriction):
 
     Attributes
     ----------
-    covariance : tuple of tuple of float
-        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty where only their
-        standard errors are known, which then count as independent.
     wander : float
-        Standard deviation of the level from one measurement to the next, as a share of it.
+        Greatest difference of the level in one measurement from the law, as a share of it. It
+        counts as one standard deviation: in a measurement the level is a mean already.
     speeds : tuple of two floats, optional
         Slowest and fastest samples that the law was found from [rad/s or m/s].
     """
 
-    covariance: tuple[tuple[float, ...], ...] = ()
     wander: float = 0.0
     speeds: tuple[float, float] | None = None
 

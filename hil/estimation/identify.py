@@ -217,11 +217,21 @@ def prepare(
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
             continue
+        _refuse_unknown_gains(measurement)
         try:
             found.append((measurement, signals(recording)))
         except NotEnoughData as error:
             left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
+
+
+def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
+    if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
+        axes = ", ".join(map(str, measurement.unknown_gains))
+        raise NotIdentifiable(
+            f"{measurement.id}: the gain of axis {axes} is unknown, which only methods for free"
+            f" motions find; take --method '{DEFAULT}', or state the gain in the map"
+        )
 
 
 def prepared_for(

@@ -26,9 +26,10 @@ import numpy as np
 from scipy import special
 
 from hil.errors import NoLoad
+from hil.estimation.intervals import MANY, combined_degrees, half_width
 from hil.model.base_parameters import base_parameters
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.regression.least_squares import inverse_root, orthonormal
+from hil.regression.least_squares import inverse, inverse_root, orthonormal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+ABSENT = 0.01
+"""Chance of a load's figures without a load, above which there is none."""
 MASS, _FIRST = 9, (6, 7, 8)
 """Where mass and first moments stand in eq. (4)."""
 _SHOWN = 1e-9
@@ -48,11 +51,12 @@ _DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One figure with its standard error."""
+    """One figure with its standard error and the half-width of its interval of 95 %."""
 
     name: str
     value: float
     standard_error: float
+    half_width: float
     unit: str
 
 
@@ -78,6 +82,12 @@ class Payload:
     chi_squared : float
         Squares of what phi leaves of dp, by its covariance.
     degrees_of_freedom : int
+    unidentifiable : tuple of str
+        Of the load's ten those that the recordings do not determine.
+    degrees : ndarray, shape (10,), optional
+        Effective degrees of freedom of `phi_covariance`; many where there are none.
+    chance : float, optional
+        `p_value`, where the covariance behind `chi_squared` is itself uncertain.
     """
 
     before: Array
@@ -92,30 +102,40 @@ class Payload:
     unseen: tuple[str, ...]
     chi_squared: float
     degrees_of_freedom: int
+    unidentifiable: tuple[str, ...] = ()
+    degrees: Array | None = None
+    chance: float | None = None
 
     @property
     def p_value(self) -> float:
         """Chance of a misfit at least so large, were the load rigid and nothing else changed."""
+        if self.chance is not None:
+            return self.chance
         return float(special.chdtrc(self.degrees_of_freedom, self.chi_squared))
 
     @property
     def mass(self) -> Quantity:
         """Mass [kg]; a stated one has no standard error."""
-        error = float(np.sqrt(self.phi_covariance[MASS, MASS]))
-        return Quantity("mass", float(self.phi[MASS]), error, "kg")
+        return self._quantity("mass", _unit(MASS, 10), "kg")
 
     def quantities(self) -> list[Quantity]:
         """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
         present = [k for k in range(10) if self.phi_covariance[k, k] > 0]
         found = [self.mass] if MASS in present or self.stated_mass is not None else []
-        heavy = self.phi[MASS] > 0
+        heavy = bool(found) and self.phi[MASS] > 0
         first = [(k, axis) for k, axis in zip(_FIRST, "xyz", strict=True) if k in present]
         found += [self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m") for k, _ in first]
         found += [self._centre(k, axis) for k, axis in first if heavy]
         for k in (k for k in range(6) if k in present):
             found.append(self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m2"))
-            found += [self._central(k, LINK_PARAMETERS[k])] if heavy else []
+            found += [self._central(k, LINK_PARAMETERS[k])] if heavy and self._central_at(k) else []
         return found
+
+    def _central_at(self, k: int) -> bool:
+        """Whether all first moments that shift an inertia to the centre are determined."""
+        name = LINK_PARAMETERS[k]
+        moments = (LINK_PARAMETERS[j] for j in _STEINER.get(name, _DEVIATION.get(name, ())))
+        return not any(moment in self.unidentifiable for moment in moments)
 
     def _centre(self, k: int, axis: str) -> Quantity:
         m = self.phi[MASS]
@@ -142,7 +162,10 @@ class Payload:
 
     def _at(self, name: str, value: float, gradient: Array, unit: str) -> Quantity:
         error = float(np.sqrt(gradient @ self.phi_covariance @ gradient))
-        return Quantity(name, value, error, unit)
+        degrees = np.full(10, MANY) if self.degrees is None else self.degrees
+        freedom = combined_degrees(gradient, np.diag(self.phi_covariance), degrees)
+        half = half_width(np.array(error**2), np.zeros(()), freedom, 0.95)
+        return Quantity(name, value, error, float(half), unit)
 
 
 def estimate_payload(
@@ -171,12 +194,11 @@ def estimate_payload(
         )
     known = np.zeros(10)
     if mass is not None:
-        known[MASS], free = mass, _but_mass(free)
+        known[MASS], free = mass, without_mass(free)
     white = inverse_root(covariance).T
     Q, root = orthonormal(white @ K @ free)
     phi = known + free @ (root @ Q.T @ (white @ (change - K @ known)))
     left = white @ (change - K @ phi)
-    last = [name[: -len(str(robot.n_joints))] for name in robot.present if _of_last(robot, name)]
     return Payload(
         before=without.p,
         after=loaded.p,
@@ -187,7 +209,7 @@ def estimate_payload(
         phi=phi,
         phi_covariance=free @ root @ root.T @ free.T,
         stated_mass=mass,
-        unseen=tuple(name for name in LINK_PARAMETERS if name not in last),
+        unseen=payload_names(robot)[0],
         chi_squared=float(left @ left),
         degrees_of_freedom=len(white) - Q.shape[1],
     )
@@ -207,7 +229,45 @@ def load_columns(robot: Robot) -> tuple[Array, Array]:
     return K, free[:, shown]
 
 
-def _but_mass(free: Array) -> Array:
+def payload_names(robot: Robot) -> tuple[tuple[str, ...], tuple[tuple[int, str], ...]]:
+    """Of the load's ten parameters those that the robot file takes as zero, and the others.
+
+    Returns
+    -------
+    absent : tuple of str
+    present : tuple of (int, str)
+        With their places in eq. (4).
+    """
+    last = {name[: -len(str(robot.n_joints))] for name in robot.present if _of_last(robot, name)}
+    absent = tuple(name for name in LINK_PARAMETERS if name not in last)
+    return absent, tuple((k, name) for k, name in enumerate(LINK_PARAMETERS) if name in last)
+
+
+def require_load(found: Payload) -> None:
+    """Refuse a load that does not stand out of its error.
+
+    Raises
+    ------
+    NoLoad
+    """
+    shown = np.diag(found.phi_covariance) > 0
+    x, V = found.phi[shown], found.phi_covariance[np.ix_(shown, shown)]
+    chance = float(special.chdtrc(int(shown.sum()), float(x @ inverse(V) @ x)))
+    if chance > ABSENT:
+        raise no_load(found.phi[MASS], float(np.sqrt(found.phi_covariance[MASS, MASS])), chance)
+
+
+def no_load(mass: float, error: float, chance: float) -> NoLoad:
+    """The error that a load does not stand out of its own error."""
+    figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"
+    return NoLoad(
+        f"no load stands out of its error: {figure} (p = {chance:.2g}); check that this run carries"
+        " it, or record longer with a heavier one"
+    )
+
+
+def without_mass(free: Array) -> Array:
+    """Columns of the free parameters but that of the mass."""
     return free[:, free[MASS] == 0]
 
 

@@ -5,14 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.errors import UnknownName
+from hil.export.c_code import write_c
+from hil.export.friction_file import write_friction
 from hil.export.json_file import write_json
+from hil.export.python_code import write_python
+from hil.export.ros2_file import write_ros2
+from hil.export.simulators import SIMULATORS
 
 if TYPE_CHECKING:
     from hil.export.exported import Exported, Writer
     from hil.results.model import Model
 
 FORMATS: dict[str, Writer] = {
+    "c": write_c,
+    "python": write_python,
     "json": write_json,
+    "friction": write_friction,
+    "ros2": write_ros2,
 }
 
 
@@ -25,5 +34,6 @@ def export(model: Model, name: str, origin: tuple[str, ...]) -> Exported:
         There is no such format.
     """
     if name not in FORMATS:
-        raise UnknownName(f"{name}: unknown format; available: {', '.join(FORMATS)}")
+        available = ", ".join((*FORMATS, *SIMULATORS))
+        raise UnknownName(f"{name}: unknown format; available: {available}")
     return FORMATS[name](model, origin)

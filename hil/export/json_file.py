@@ -1,7 +1,8 @@
 """A model as one JSON file: all that a program needs to calculate with it, in SI units.
 
 Everything is on the joint side. The symbols are those of the documentation: torques are
-A(q, qd, qdd) p, with the base parameters p listed here, plus those of the motors' own inertia.
+A(q, qd, qdd) p, with the base parameters p listed here, plus those of the motors' own inertia and
+of friction. Friction by itself, with its curves, is `hil.export.friction_file`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as `model.json`."""
+    law = model.friction_law
     content = {
         "origin": list(origin),
         "robot": model.robot.name,
@@ -27,6 +29,7 @@ def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
         "joints": [_joint(model, axis) for axis in range(model.robot.n_joints)],
         "base_parameters": _parameters(model),
         "covariance": model.covariance.tolist(),
+        "friction": None if law is None else law.model_dump(mode="json"),
     }
     return Exported({"model.json": json.dumps(content, indent=2, allow_nan=False) + "\n"})
 

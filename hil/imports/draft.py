@@ -9,29 +9,20 @@ from __future__ import annotations
 
 import json
 import re
-from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
+from hil.imports.seen_columns import SeenColumn, described, look, plain, words_of
 from hil.imports.units import SECONDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from hil.imports.tables import Table
 
-    Array = NDArray[np.float64]
-
-ROWS = 100_000
-"""Rows that are looked at, about."""
 _UNIT_IN_NAME = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I)
 _WORDS = {
     "position": {"position", "positions", "pos", "q", "theta", "angle", "x"},
@@ -50,6 +41,8 @@ _OF_UNIT = {
 """What a column holds by its unit, where no word says more."""
 _JOINTS = {"joint", "axis", "motor", "j"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds"}
+_SECONDS = {"sec", "secs", "second", "seconds", "s"}
+_NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
 _FILLERS = {"actual", "measured", "meas", "act"}
 _UNITS = {
@@ -57,23 +50,6 @@ _UNITS = {
     "velocity": "rad/s, deg/s, rpm, m/s, mm/s or counts/s",
     "torque": "N m, N, A, V or per mille",
 }
-
-
-@dataclass(frozen=True)
-class SeenColumn:
-    """A column as it looks: its number from 1, name, and the extremes of its values."""
-
-    number: int
-    name: str
-    low: float
-    high: float
-    rises: bool
-    step: float
-
-    @property
-    def key(self) -> str:
-        """Name or number as a map states it."""
-        return json.dumps(self.name) if self.name else str(self.number)
 
 
 def draft_map(path: Path, name: str) -> str:
@@ -92,22 +68,22 @@ def draft_map(path: Path, name: str) -> str:
         The file cannot be read, or holds no columns of numbers.
     """
     table = open_table(path, Format())
-    columns, looked_at = _look(table)
+    columns, looked_at = look(table)
     if not columns:
         raise FileError(f"{path}: holds no columns of numbers")
     time = _time_of(table, columns)
-    joints = _joints([column for column in columns if column is not time])
+    joints = _joints([column for column in columns if column not in time])
     return "\n".join(
         [
-            f"# Map of {_plain(name)}, drafted from its first {looked_at} rows.",
+            f"# Map of {plain(name)}, drafted from its first {looked_at} rows.",
             f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
             "# Columns and what they hold:",
-            *(f"#   {_described(column)}" for column in columns),
+            *(f"#   {described(column)}" for column in columns),
             f"robot: {UNSTATED} a robot file, a URDF, or the name of a robot",
             f"files: [{json.dumps(name)}]",
-            *_time_lines(time, from_format=table.time is not None),
+            *_time_lines(time, from_format=bool(table.time)),
             "joints: # in the robot's order, as many as it has",
-            *(line for joint in joints for line in _joint(joint, from_ros=table.time is not None)),
+            *(line for joint in joints for line in _joint(joint, from_ros=bool(table.time))),
             "torque_side: joint # or motor",
             "position_side: joint # or motor",
             "kind: free # or {back_and_forth: JOINT}",
@@ -116,73 +92,53 @@ def draft_map(path: Path, name: str) -> str:
     )
 
 
-def _look(table: Table) -> tuple[list[SeenColumn], int]:
-    """Columns of numbers, and how many rows of them were read."""
-    every = list(range(len(table.names)))
-    try:
-        values = _first_rows(table, every)
-        columns = dict(zip(every, values.T, strict=True))
-    except FileError:  # text in a column, or lengths that differ: column by column
-        columns = {}
-        for index in every:
-            with suppress(FileError):
-                columns[index] = _first_rows(table, [index])[:, 0]
-    seen = [_seen(index, table.names[index], values) for index, values in columns.items()]
-    return [s for s in seen if s is not None], max(map(len, columns.values()), default=0)
-
-
-def _first_rows(table: Table, columns: Sequence[int]) -> Array:
-    blocks, n = [np.empty((0, len(columns)))], 0
-    for block in table.blocks(columns):
-        blocks.append(block)
-        n += len(block)
-        if n >= ROWS:
-            break
-    return np.concatenate(blocks)
-
-
-def _seen(index: int, name: str, values: Array) -> SeenColumn | None:
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return None
-    steps = np.diff(values)
-    rises = bool(len(steps) and np.all(steps >= 0) and values[-1] > values[0])
-    step = (values[-1] - values[0]) / max(1, len(steps))
-    extremes = float(values.min()), float(values.max())
-    return SeenColumn(index + 1, name, *extremes, rises, float(step))
-
-
-def _described(column: SeenColumn) -> str:
-    name = f" {_plain(column.name)}" if column.name else ""
-    rising = ", rising" if column.rises else ""
-    return f"{column.number}{name}: {column.low:.6g} to {column.high:.6g}{rising}"
-
-
-def _plain(text: str) -> str:
-    """Text as it may stand in a comment or a mark, whatever a file calls its columns."""
-    return " ".join(re.sub(r"[^\x21-\x39\x3b-\x7e\xa1-\uffff]|#", " ", text).split())
-
-
-def _time_of(table: Table, columns: Sequence[SeenColumn]) -> SeenColumn | None:
-    if table.time is not None:
-        return next(column for column in columns if column.number == table.time + 1)
+def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
+    """The column of time, or two whose sum it is; none where none is seen."""
+    if table.time:
+        return tuple(column for column in columns if column.number - 1 in table.time)
+    if pair := _stamp_in_two(columns):
+        return pair
     rising = [column for column in columns if column.rises]
-    named = [column for column in rising if _TIMES.intersection(_words(column.name))]
+    named = [column for column in rising if _TIMES.intersection(words_of(column.name))]
     unnamed = [column for column in rising if not column.name]
-    return next(iter([*named, *unnamed]), None)
+    return tuple([*named, *unnamed][:1])
 
 
-def _time_lines(time: SeenColumn | None, *, from_format: bool) -> Iterator[str]:
-    if time is None:
+def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
+    """Columns of seconds and nanoseconds whose names differ in nothing else."""
+    seconds = {}
+    for column in columns:
+        words = words_of(column.name)
+        if _SECONDS.intersection(words):
+            seconds[tuple(word for word in words if word not in _SECONDS)] = column
+    for column in columns:
+        words = words_of(column.name)
+        rest = tuple(word for word in words if word not in _NANOSECONDS)
+        is_part = 0 <= column.low <= column.high < 1e9
+        if len(rest) < len(words) and is_part and rest in seconds:
+            return seconds[rest], column
+    return ()
+
+
+def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[str]:
+    if not time:
         yield "time:"
         yield f"  rate: {UNSTATED} samples per second [Hz]"
     elif from_format:
-        yield "time: {column: time, unit: ns}"
+        yield "time: {column: sec, unit: s, plus: {column: nanosec, unit: ns}}"
+    elif len(time) > 1:
+        yield "time:"
+        yield f"  column: {time[0].key}"
+        yield f"  unit: {UNSTATED} s"
+        yield "  plus:"
+        yield f"    column: {time[1].key}"
+        yield f"    unit: {UNSTATED} ns"
     else:
-        rates = {unit: 1 / (time.step * s) for unit, s in SECONDS.items() if time.step > 0}
+        step = time[0].step
+        rates = {unit: 1 / (step * s) for unit, s in SECONDS.items() if step > 0}
         likely = [f"{unit} if {rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5]
         yield "time:"
-        yield f"  column: {time.key}"
+        yield f"  column: {time[0].key}"
         yield f"  unit: {UNSTATED} {', '.join(likely) or ', '.join(SECONDS)}"
 
 
@@ -190,7 +146,7 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     """Columns of each joint, as far as their names say; one joint without any otherwise."""
     found: dict[tuple[str, ...], dict[str, SeenColumn]] = {}
     for column in columns:
-        words = _words(_UNIT_IN_NAME.sub("", column.name))
+        words = words_of(_UNIT_IN_NAME.sub("", column.name))
         if _SET_POINTS.intersection(words):
             continue
         key, name = _kind(column, words)
@@ -211,10 +167,6 @@ def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
         return next((key for key, units in _OF_UNIT.items() if stated in units), ""), ""
     alone = bool(words) and all(word.isdigit() or word in _JOINTS for word in words)
     return ("position" if alone and not column.rises else ""), ""
-
-
-def _words(name: str) -> list[str]:
-    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", name)]
 
 
 def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
@@ -245,7 +197,7 @@ def _guess(key: str, column: SeenColumn | None) -> str:
         return ""
     most = max(abs(column.low), abs(column.high))
     if match := _UNIT_IN_NAME.search(column.name):
-        return f"; up to {most:.4g}, and its name says {_plain(match[1] or match[2])}"
+        return f"; up to {most:.4g}, and its name says {plain(match[1] or match[2])}"
     if key != "position":
         return f"; up to {most:.4g}"
     likely = "rad or m" if most < 7 else "deg" if most <= 400 else "counts or mm"

@@ -6,37 +6,29 @@ import hashlib
 import re
 import secrets
 import shutil
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from hil.imports.excerpt import excerpts_of
 from hil.imports.map_file import load_map
-from hil.imports.motions import measured_motions, numbered_pieces
-from hil.imports.plausibility import suspicions
+from hil.imports.one_map import OneMap, import_one
 from hil.imports.robot_of_map import robot_of
-from hil.imports.samples import read_samples
-from hil.imports.segments import chosen_rows
-from hil.imports.stamps import WrongStamps, timing_of
-from hil.imports.statement import Statement
-from hil.imports.velocities import choose
-from hil.planning.free_motion import FreeMotion
 from hil.planning.plan import PlannedRobot
 from hil.planning.recorded_motions import RecordedMotions
 from hil.runs.atomic_file import PART, file_errors, write_file
 from hil.runs.journal import Journal, Session, now, write_journal
-from hil.runs.recording_file import write_measured
 from hil.runs.run import MOTIONS, Run
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from hil.execution import Execute
     from hil.imports.map_file import MapFile
-    from hil.imports.samples import Samples
-    from hil.imports.stamps import Timing
+    from hil.imports.statement import Statement
     from hil.model.robot import Robot
-    from hil.runs.recording_file import Measured
 
 MAPS = "maps"
 """Folder of a run folder, with the maps verbatim."""
@@ -47,8 +39,9 @@ def import_recordings(
     output: Path | str,
     state: Callable[[Statement], None] = lambda _: None,
     progress: Callable[[Path, int], None] = lambda _, __: None,
+    execute: Execute[OneMap, Statement] | None = None,
 ) -> Run:
-    """Make a run folder of recordings.
+    """Make a run folder of recordings, the same whether maps are imported at once or in turn.
 
     Parameters
     ----------
@@ -59,12 +52,16 @@ def import_recordings(
     state : callable
         Takes what was found of each map's recording.
     progress : callable
-        Takes the file that is read, and how many rows of it were.
+        Takes the file that is read, and how many rows of it were; not called by `execute`.
+    execute : callable, optional
+        Imports several maps at once, on this machine or elsewhere (`hil.execution`). By default
+        one is imported after the other, here.
 
     Raises
     ------
     FileError
-        A map or a recording cannot be used, or contradicts itself; nothing is written then.
+        A map or a recording cannot be used, or contradicts itself; nothing is written then. At
+        once, it states what is wrong with each of the maps.
     """
     output = Path(output)
     if output.exists() or output.is_symlink():
@@ -72,17 +69,68 @@ def import_recordings(
     loaded = [load_map(path) for path in maps]
     robots = [robot_of(the_map) for the_map in loaded]
     _refuse_differing(loaded, robots)
+    stems = _stems(loaded)
     with _made_whole(output) as folder:
         started = now()
-        motions: list[FreeMotion] = []
-        statements = []
-        for number, the_map in enumerate(loaded):
-            statement = _import_one(the_map, robots[0], folder, _stem(loaded, number), progress)
-            state(statement)
-            motions += statement.motions
-            statements.append(statement)
-        _write_about(folder, loaded, robots[0], motions, started, statements)
+        jobs = [
+            OneMap(number, the_map, robots[0], folder, stem)
+            for number, (the_map, stem) in enumerate(zip(loaded, stems, strict=True))
+        ]
+        if execute is None:
+            statements = list(_in_turn(jobs, state, progress))
+        else:
+            statements = _at_once(jobs, state, execute)
+        _write_about(folder, jobs, statements, started)
     return Run.open(output)
+
+
+def _in_turn(
+    jobs: Sequence[OneMap],
+    state: Callable[[Statement], None],
+    progress: Callable[[Path, int], None],
+) -> Iterator[Statement]:
+    for job in jobs:
+        try:
+            statement = import_one(job, progress)
+        except FileError as error:
+            raise _named(job, error) if len(jobs) > 1 else error from error
+        state(statement)
+        yield statement
+
+
+def _at_once(
+    jobs: Sequence[OneMap],
+    state: Callable[[Statement], None],
+    execute: Execute[OneMap, Statement],
+) -> list[Statement]:
+    """Statements in the order of the jobs, whichever is done first.
+
+    All jobs are waited for, so that none writes any more once this fails.
+    """
+    done: dict[int, Statement] = {}
+    failed: dict[int, FileError] = {}
+    for job, result in execute(import_one, [job.anywhere() for job in jobs]):
+        if isinstance(result, FileError):
+            failed[job.number] = _named(job, result)
+        elif isinstance(result, BrokenExecutor):
+            failed[job.number] = FileError(
+                f"{job.the_map.path}: a process ended before its maps were imported; is there"
+                " enough memory? Give fewer --workers"
+            )
+        elif isinstance(result, Exception):
+            raise result
+        else:
+            done[job.number] = replace(result, the_map=jobs[job.number].the_map)
+            state(done[job.number])
+    if failed:
+        raise FileError("\n".join(str(error) for _, error in sorted(failed.items())))
+    return [done[number] for number in range(len(jobs))]
+
+
+def _named(job: OneMap, error: FileError) -> FileError:
+    """The same error, which names the map."""
+    path = str(job.the_map.path)
+    return error if str(error).startswith(path) else FileError(f"{path}: {error}")
 
 
 @contextmanager
@@ -108,65 +156,19 @@ def _made_whole(output: Path) -> Iterator[Path]:
         raise
 
 
-def _import_one(
-    the_map: MapFile,
-    robot: Robot,
-    folder: Path,
-    stem: str,
-    progress: Callable[[Path, int], None],
-) -> Statement:
-    scratch = folder / "samples.part"
-    samples = read_samples(the_map, robot, scratch, progress)
-    scratch.unlink()  # what is mapped stays until it is no longer used
-    timing = _timing(the_map, samples)
-    numbered = numbered_pieces(the_map, samples, timing)
-    excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
-    alone = the_map.content.kind
-    found = suspicions(excerpts, robot, None if alone is None else alone - 1)
-    refusing = [s for s in found if s.certain and s.check not in the_map.content.accept]
-    if refusing:
-        remedy = "; if it is right as it is, write accept: [{}]"
-        lines = (the_map.wrong(s.location, s.message + remedy.format(s.check)) for s in refusing)
-        raise FileError("\n".join(map(str, lines)))
-    choices = tuple(choose(excerpts, joint) for joint in range(robot.n_joints))
-    measured = measured_motions(the_map, samples, numbered, choices, stem)
-    motions = tuple(_written(each, folder) for each in measured)
-    return Statement(the_map, timing, samples.wraps, choices, motions, tuple(found))
-
-
-def _timing(the_map: MapFile, samples: Samples) -> Timing:
-    stated = the_map.content.time
-    trusted = stated is not None and stated.rate is not None
-    try:
-        return timing_of(samples, chosen_rows(the_map, samples), trusted=trusted)
-    except WrongStamps as error:
-        raise the_map.wrong(("time",) if stated else (), str(error)) from error
-
-
-def _written(measured: Measured, folder: Path) -> FreeMotion:
-    motion = measured.measurement
-    assert isinstance(motion, FreeMotion)  # noqa: S101 - made as such
-    write_measured(folder / "recordings" / f"{motion.id}.h5", measured)
-    return motion
-
-
 def _write_about(
-    folder: Path,
-    maps: Sequence[MapFile],
-    robot: Robot,
-    motions: Sequence[FreeMotion],
-    started: str,
-    statements: Sequence[Statement],
+    folder: Path, jobs: Sequence[OneMap], statements: Sequence[Statement], started: str
 ) -> None:
     """Write all but the recordings; `run.json` comes last, as in every run."""
+    maps, robot = [job.the_map for job in jobs], jobs[0].robot
     digest = hashlib.sha256("".join(the_map.text for the_map in maps).encode()).hexdigest()
     content = RecordedMotions(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         map_digest=digest,
-        measurements=tuple(motions),
+        measurements=tuple(motion for statement in statements for motion in statement.motions),
     )
-    for number, the_map in enumerate(maps):
-        write_file(folder / MAPS / f"{_stem(maps, number)}.yaml", the_map.text.encode())
+    for job in jobs:
+        write_file(folder / MAPS / f"{job.stem}.yaml", job.the_map.text.encode())
     write_file(folder / "robot.yaml", robot.text.encode())
     write_file(folder / MOTIONS, content.text().encode())
     session = Session(
@@ -189,10 +191,21 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
                 f"{robot.name} differs from the robot of {maps[0].path}, or their gains'"
                 " uncertainties do; a run is of one robot: import them into two",
             )
+        if the_map.unknown_gains != maps[0].unknown_gains:
+            raise the_map.wrong(
+                ("joints",),
+                f"gains are unknown of other joints than in {maps[0].path}; an axis has one gain:"
+                " state it in both, or leave it unknown in both",
+            )
 
 
-def _stem(maps: Sequence[MapFile], number: int) -> str:
-    """Begin of the ids of a map's motions: its file's name, and its number where that is shared."""
-    stems = [re.sub(r"[^A-Za-z0-9_.-]+", "-", m.path.stem).strip("-._")[:40] for m in maps]
-    stem = stems[number] or "map"
-    return stem if stems.count(stems[number]) == 1 else f"{stem}-{number + 1}"
+def _stems(maps: Sequence[MapFile]) -> list[str]:
+    """Begins of the ids of each map's motions: its file's name, and its number where shared."""
+    plain = [re.sub(r"[^A-Za-z0-9_.-]+", "-", m.path.stem).strip("-._")[:40] for m in maps]
+    stems: list[str] = []
+    for number, name in enumerate(plain, start=1):
+        stem = name or "map"
+        while stem in stems or (plain.count(name) > 1 and stem == (name or "map")):
+            stem = f"{stem}-{number}"
+        stems.append(stem)
+    return stems

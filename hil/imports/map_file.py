@@ -12,7 +12,8 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
-from hil.imports.units import NEEDS_GAIN, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
+from hil.imports.units import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
+from hil.model.drive_train_file import UNKNOWN, Unknown
 
 Check = Literal["range", "velocity", "friction", "shape", "still"]
 """Checks of plausibility whose refusal a map may overrule."""
@@ -72,42 +73,60 @@ class Velocity(FileModel):
 
 
 def _gain(value: object) -> object:
-    if value == "unknown":
-        raise ValueError(
-            "unknown gains cannot be used yet: torques of unknown scale determine parameters up to"
-            " that scale alone; state the gain, with its gain_uncertainty if it is doubtful"
-        )
+    if value == UNKNOWN:
+        return value
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{value!r} must be a number: torque or force for one unit")  # noqa: TRY004 - pydantic expects ValueError
+        raise ValueError(f"{value!r} must be a number, torque or force for one unit, or unknown")  # noqa: TRY004 - pydantic expects ValueError
     if not value > 0:
         raise ValueError(f"{value:g} must be positive; what is turned round has sign: -1")
     return value
 
 
 class Torque(FileModel):
-    """Torques or forces of a joint: ``sign`` times ``gain`` times the column [N m or N]."""
+    """Torques or forces of a joint: ``sign`` times ``gain`` times the column [N m or N].
+
+    An unknown gain is identified with the parameters; until then its torques are in the column's
+    unit.
+    """
 
     column: Column
     unit: TorqueUnit
     sign: Literal[1, -1] = 1
-    gain: Annotated[float | None, BeforeValidator(_gain)] = None
+    gain: Annotated[float | Unknown | None, BeforeValidator(_gain)] = None
     gain_uncertainty: float = Field(default=0.0, ge=0)
 
     @model_validator(mode="after")
     def _has_a_gain(self) -> Torque:
         if self.unit in NEEDS_GAIN and self.gain is None:
-            raise ValueError(f"{self.unit} need a gain: N m (or N) for one unit; add gain")
-        if not self.gain_uncertainty < 0.5 * (self.gain or 1.0):
+            raise ValueError(
+                f"{self.unit} need a gain: N m (or N) for one unit; add gain, or gain: unknown"
+            )
+        if self.unknown and self.gain_uncertainty:
+            raise ValueError(
+                f"gain_uncertainty {self.gain_uncertainty:g} belongs to a gain that is stated;"
+                " remove it where the gain is unknown"
+            )
+        if not self.gain_uncertainty < 0.5 * self.worth:
             raise ValueError(
                 f"gain_uncertainty {self.gain_uncertainty:g} must be below half the gain of"
-                f" {self.gain or 1.0:g}; it is one standard deviation, in the gain's unit"
+                f" {self.worth:g}; it is one standard deviation, in the gain's unit"
             )
         return self
 
     @property
+    def unknown(self) -> bool:
+        """Whether the gain is to be identified."""
+        return self.gain == UNKNOWN
+
+    @property
+    def worth(self) -> float:
+        """The gain; 1 where it is unknown, or not needed."""
+        return self.gain if isinstance(self.gain, float) else 1.0
+
+    @property
     def factor(self) -> float:
         """SI units for one unit of the column [N m or N]."""
-        return self.sign * (self.gain or 1.0)
+        return self.sign * self.worth
 
 
 class MappedJoint(FileModel):
@@ -141,17 +160,32 @@ class Format(FileModel):
     topic: str | None = None
 
 
+class TimeColumn(FileModel):
+    """A column of time stamps, or of one part of them."""
+
+    column: Column
+    unit: TimeUnit = "s"
+
+
 class Time(FileModel):
-    """Time stamps as a column, or an even rate [Hz] where there are none."""
+    """Time stamps as a column, or as the sum of two, or an even rate [Hz] where there are none."""
 
     column: Column | None = None
     unit: TimeUnit = "s"
+    plus: TimeColumn | None = None
     rate: Annotated[float, Field(gt=0, le=1e6)] | None = None
 
     @model_validator(mode="after")
     def _either(self) -> Time:
         if (self.column is None) == (self.rate is None):
             raise ValueError("needs a column, or a rate in Hz: one of the two")
+        if self.plus is not None and self.column is None:
+            raise ValueError("plus is added to a column, and a rate has none; remove it")
+        if self.plus is not None and SECONDS[self.plus.unit] >= SECONDS[self.unit]:
+            raise ValueError(
+                f"plus in {self.plus.unit} must be in a smaller unit than {self.unit}: it is the"
+                " part of a stamp below one of these; exchange the two columns"
+            )
         return self
 
 
@@ -254,6 +288,12 @@ class MapFile:
     def beside(self, name: str) -> Path:
         """Path of a file that the map names."""
         return self.path.parent / name
+
+    @property
+    def unknown_gains(self) -> tuple[int, ...]:
+        """Joints, from 0, whose gain is to be identified."""
+        joints = enumerate(self.content.joints)
+        return tuple(number for number, joint in joints if joint.torque.unknown)
 
 
 def load_map(path: Path | str) -> MapFile:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from hil.imports.back_and_forth import pieces_by_pairs
 from hil.imports.excerpt import even_samples
 from hil.imports.segments import SHORTEST, block_counts, blocks, pieces_of
-from hil.imports.velocities import derivative
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 from hil.runs.recording_file import Measured
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
     from hil.imports.samples import Samples
     from hil.imports.segments import Piece
     from hil.imports.stamps import Timing
-    from hil.imports.velocities import VelocityChoice
 
     Numbered = tuple[Piece, NDArray[np.int16]]
 
@@ -79,14 +76,13 @@ def measured_motions(
     the_map: MapFile,
     samples: Samples,
     numbered: Sequence[Numbered],
-    velocities: Sequence[VelocityChoice],
     stem: str,
 ) -> Iterator[Measured]:
     """Motions with their recordings, one at a time; ids are `stem` and a number."""
     begin = numbered[0][0].grid[0]
     digits = max(2, len(str(len(numbered))))
     for number, (piece, stroke) in enumerate(numbered, start=1):
-        recording = _recording(samples, piece, stroke, velocities, begin)
+        recording = _recording(samples, piece, stroke, begin)
         motion = FreeMotion(
             id=f"{stem}-{number:0{digits}}",
             q=tuple(recording.q.mean(axis=0).tolist()),
@@ -94,31 +90,25 @@ def measured_motions(
             cycles=_cycles(stroke, the_map.content.kind),
             alone=the_map.content.kind,
             cut_off=the_map.content.cut_off,
+            unknown_gains=tuple(joint + 1 for joint in the_map.unknown_gains) or None,
             source=_source(the_map, samples, piece),
         )
         yield Measured(motion, recording)
 
 
 def _recording(
-    samples: Samples,
-    piece: Piece,
-    stroke: NDArray[np.int16],
-    velocities: Sequence[VelocityChoice],
-    begin: float,
+    samples: Samples, piece: Piece, stroke: NDArray[np.int16], begin: float
 ) -> Recording:
     q, tau, qd = even_samples(samples, piece)
-    recording = Recording(
+    return Recording(
         time=piece.grid - begin,
         q=np.ascontiguousarray(q),
         tau=np.ascontiguousarray(tau),
         flags=np.zeros(q.shape, dtype=np.uint8),
         stroke=stroke,
         partner_stroke=np.full(len(q), IDLE, dtype=np.int16),
+        qd=np.ascontiguousarray(qd) if np.isfinite(qd).any() else None,
     )
-    used = np.array([choice.recorded for choice in velocities])
-    if not used.any():
-        return recording
-    return replace(recording, qd=np.where(used, qd, derivative(q, piece.stretch.period)))
 
 
 def _cycles(stroke: NDArray[np.int16], alone: int | None) -> int:

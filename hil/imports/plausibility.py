@@ -62,7 +62,10 @@ class Evidence:
 
 
 def suspicions(
-    excerpts: Sequence[Excerpt], robot: Robot, alone: int | None = None
+    excerpts: Sequence[Excerpt],
+    robot: Robot,
+    alone: int | None = None,
+    unknown_gains: Sequence[int] = (),
 ) -> list[Suspicion]:
     """All that is found, what is certain first.
 
@@ -72,11 +75,14 @@ def suspicions(
     robot : Robot
     alone : int, optional
         The joint, from 0, that is stated to move while all others stand still.
+    unknown_gains : sequence of int
+        Joints, from 0, of whose torques the size says nothing: then limits of torque and the shape
+        of the model, which compares the torques of joints, are no checks.
     """
     evidence = Evidence.of(excerpts)
-    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot)]
+    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot, unknown_gains)]
     found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
-    if alone is None and not any(suspicion.certain for suspicion in found):
+    if alone is None and not unknown_gains and not any(suspicion.certain for suspicion in found):
         found += shape_suspicions(evidence, robot)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
@@ -108,7 +114,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
             )
 
 
-def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+def _ranges(evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]) -> Iterator[Suspicion]:
     for joint in range(robot.n_joints):
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
@@ -129,7 +135,7 @@ def _ranges(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             ("torque", evidence.tau, robot.torque_limit, "N m" if unit == "rad" else "N"),
         ):
             most, bound = float(np.abs(values[:, joint]).max()), float(limit[joint])
-            if most > 1.2 * bound:
+            if most > 1.2 * bound and not (key == "torque" and joint in unknown_gains):
                 yield Suspicion(
                     "range",
                     ("joints", joint, key),

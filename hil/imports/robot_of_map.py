@@ -49,7 +49,7 @@ def _with_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
 
     Both scale all torques of the joint, and estimates know the latter.
     """
-    relative = [j.torque.gain_uncertainty / (j.torque.gain or 1.0) for j in the_map.content.joints]
+    relative = [j.torque.gain_uncertainty / j.torque.worth for j in the_map.content.joints]
     if not any(relative) or len(relative) != robot.n_joints:
         return robot
     content = robot.file.model_dump(mode="json", exclude_none=True)

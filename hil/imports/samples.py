@@ -14,6 +14,7 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.readers import open_table
 from hil.imports.tables import NoColumn, column_of
+from hil.imports.time_columns import EPOCH
 from hil.imports.to_si import Conversion
 
 if TYPE_CHECKING:
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Rows = NDArray[np.int64]
     Location = tuple[str | int, ...]
-
-EPOCH = 1e8
-"""Stamps beyond count from a date, not from the recording's begin [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +111,7 @@ def read_samples(
                 raise FileError(f"{the_map.beside(name)}: has no rows; name a file with some")
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r", shape=(n, 3 * robot.n_joints))
-    from_date = bool(np.nanmax(np.abs(time), initial=0.0) > EPOCH)
+    from_date = bool(np.nanmax(np.abs(conversion.origin + time), initial=0.0) > EPOCH)
     if from_date:
         time -= np.nanmin(time)
     return Samples(time, values, np.concatenate(complete), tuple(begins), from_date, wraps)
@@ -133,20 +131,25 @@ def _file_blocks(the_map: MapFile, number: int, name: str) -> Iterator[Array]:
         if source not in tables:
             tables[source] = (_opened(the_map, source, number, column, location), [], [])
         table, columns, positions = tables[source]
-        columns.append(_index(the_map, table, column, location))
-        positions.append(position)
+        found = _indices(the_map, table, column, location)
+        columns.extend(found)
+        positions.extend([position] * len(found))
     streams = [table.blocks(columns) for table, columns, _ in tables.values()]
-    order = np.argsort([p for _, _, positions in tables.values() for p in positions])
+    every = [p for _, _, positions in tables.values() for p in positions]
+    order = np.argsort(every, kind="stable")
     for parts in _side_by_side(streams, [the_map.beside(source) for source in tables]):
         yield np.concatenate(parts, axis=1)[:, order]
 
 
 def _columns(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:
-    """Every column: time (None: the format's own), positions, torques, then velocities."""
+    """Every column: times (None: the format's own), positions, torques, then velocities."""
     content = the_map.content
-    if content.time is None or content.time.column is not None:
-        stated = content.time is not None
-        yield ("time", "column") if stated else (), content.time.column if content.time else None
+    if content.time is None:
+        yield (), None
+    elif content.time.column is not None:
+        yield ("time", "column"), content.time.column
+        if content.time.plus is not None:
+            yield ("time", "plus", "column"), content.time.plus.column
     for key in ("position", "torque", "velocity"):
         for joint, mapped in enumerate(content.joints):
             if (part := getattr(mapped, key)) is not None:
@@ -168,9 +171,12 @@ def _opened(
         raise the_map.wrong(at, str(error)) from error
 
 
-def _index(the_map: MapFile, table: Table, column: ColumnName | None, at: Location) -> int:
+def _indices(
+    the_map: MapFile, table: Table, column: ColumnName | None, at: Location
+) -> tuple[int, ...]:
+    """Where a column is in a table, from 0; the two of its own stamps where none is named."""
     if column is None:
-        if table.time is None:
+        if not table.time:
             raise the_map.wrong(
                 (),
                 f"time: missing, and {table.path} has no stamps of its own; add time: {{column:"
@@ -178,7 +184,7 @@ def _index(the_map: MapFile, table: Table, column: ColumnName | None, at: Locati
             )
         return table.time
     try:
-        return column_of(table, column.column)
+        return (column_of(table, column.column),)
     except NoColumn as error:
         raise the_map.wrong(at, str(error)) from error
 

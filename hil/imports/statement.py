@@ -11,9 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.imports.map_file import MapFile
-    from hil.imports.stamps import Timing
+    from hil.imports.stamps import TimingSummary
     from hil.imports.suspicion import Suspicion
-    from hil.imports.velocities import VelocityChoice
     from hil.planning.free_motion import FreeMotion
 
 _INSTANTS = {
@@ -30,20 +29,20 @@ class Statement:
     Attributes
     ----------
     the_map : MapFile
-    timing : Timing
+    timing : TimingSummary
     wraps : int
         Steps of positions by more than half a turn.
-    velocities : tuple of VelocityChoice
-        Of each joint.
+    recorded : tuple of bool
+        Of each joint, whether its velocity was recorded.
     motions : tuple of FreeMotion
     suspicions : tuple of Suspicion
         That the map accepts, or that are not certain.
     """
 
     the_map: MapFile
-    timing: Timing
+    timing: TimingSummary
     wraps: int
-    velocities: tuple[VelocityChoice, ...]
+    recorded: tuple[bool, ...]
     motions: tuple[FreeMotion, ...]
     suspicions: tuple[Suspicion, ...]
 
@@ -53,6 +52,7 @@ class Statement:
             *self._samples(),
             *self._left_out(),
             *self._velocities(),
+            *self._gains(),
             self._motions(),
             *(f"{place(s.location)}: {s.message}" for s in self.suspicions),
         ]
@@ -81,12 +81,19 @@ class Statement:
                 yield f"{number} {one if number == 1 else many}"
 
     def _velocities(self) -> Iterator[str]:
-        by_reason: dict[tuple[bool, str], list[int]] = {}
-        for joint, choice in enumerate(self.velocities, start=1):
-            by_reason.setdefault((choice.recorded, choice.reason), []).append(joint)
-        for (recorded, reason), joints in by_reason.items():
-            which = "as recorded" if recorded else "derived from the position"
-            yield f"velocity of {_joints(joints, len(self.velocities))} {which}: {reason}"
+        joints = [joint for joint, recorded in enumerate(self.recorded, start=1) if recorded]
+        if joints:
+            which = _joints(joints, len(self.recorded))
+            yield f"velocity of {which} was recorded; identification states whether it is used"
+
+    def _gains(self) -> Iterator[str]:
+        joints = [joint + 1 for joint in self.the_map.unknown_gains]
+        if joints:
+            units = {self.the_map.content.joints[joint - 1].torque.unit for joint in joints}
+            yield (
+                f"gain of {_joints(joints, len(self.recorded))} unknown: torques stay in"
+                f" {', '.join(sorted(units))}, and hil identify finds the gain with the parameters"
+            )
 
     def _motions(self) -> str:
         seconds = sum(motion.duration for motion in self.motions)

@@ -18,10 +18,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.imports.units import TimeUnit
+
     Array = NDArray[np.float64]
 
 ROWS = 1 << 16
 """Rows of a block, about."""
+STAMP_UNITS: tuple[TimeUnit, TimeUnit] = ("s", "ns")
+"""Of the two columns of stamps that a format itself has."""
 _SHOWN = 12
 
 
@@ -37,13 +41,13 @@ class Table(Protocol):
     path : Path
     names : tuple of str
         Of all columns; empty where a column has none.
-    time : int or None
-        The column of time stamps, where the format itself has one; `time_unit` is its unit.
+    time : tuple of int
+        Columns whose sum is the time stamp, in `STAMP_UNITS`, where the format itself has stamps.
     """
 
     path: Path
     names: tuple[str, ...]
-    time: int | None
+    time: tuple[int, ...]
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read these columns (from 0), block by block: arrays (n, len(columns)); NaN is missing.
@@ -98,7 +102,7 @@ class ArrayTable:
         Of each column its number of rows, and what reads a slice of them.
     """
 
-    time: int | None = None
+    time: tuple[int, ...] = ()
 
     def __init__(
         self, path: Path, columns: Mapping[str, tuple[int, Callable[[slice], object]]]

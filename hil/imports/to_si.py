@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.units import JOINT_TYPES, SECONDS, position_factor
+from hil.imports.time_columns import TimeColumns
+from hil.imports.units import JOINT_TYPES, position_factor
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class Conversion:
         joints = content.joints
         _refuse_unfit(the_map, robot)
         self._n = len(joints)
-        self._time = content.time
+        self._times = TimeColumns(the_map)
         self._moving = np.array([joint.velocity is not None for joint in joints])
         positions, torques = [j.position for j in joints], [j.torque for j in joints]
         velocities = [joint.velocity for joint in joints if joint.velocity]
@@ -51,6 +52,8 @@ class Conversion:
         )
         to_joints = np.diag(q).T
         speeds, efforts = np.diag(qd), np.diag([torque.factor for torque in torques])
+        if content.torque_side == "motor":
+            _refuse_mixed(the_map, robot)
         if "motor" in {content.position_side, content.torque_side}:
             matrix = _motor_matrix(the_map, robot)
             if content.position_side == "motor":
@@ -63,7 +66,7 @@ class Conversion:
         self._offset = np.array([position.offset for position in positions])
 
     def of(self, block: Array, row: int) -> tuple[Array, Array]:
-        """Times [s] (n,), and positions, torques and velocities (n, 3 n_joints) of raw rows.
+        """Times from `origin` on [s] (n,), and positions, torques and velocities (n, 3 n_joints).
 
         Parameters
         ----------
@@ -73,11 +76,7 @@ class Conversion:
             Number of the first row within its file, from 0.
         """
         n = self._n
-        if self._time is not None and self._time.rate is not None:
-            time, rest = (row + np.arange(len(block))) / self._time.rate, block
-        else:
-            unit = SECONDS[self._time.unit] if self._time else SECONDS["ns"]
-            time, rest = block[:, 0] * unit, block[:, 1:]
+        time, rest = self._times.of(block[:, : self._times.n], row), block[:, self._times.n :]
         rest = np.where(np.isfinite(rest), rest, np.nan)
         to_joints, efforts, speeds = self._matrices
         values = np.full((len(block), 3 * n), np.nan)
@@ -85,6 +84,11 @@ class Conversion:
         values[:, n : 2 * n] = rest[:, n : 2 * n] @ efforts
         values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ speeds
         return time, values
+
+    @property
+    def origin(self) -> float:
+        """Stamp that times count from, once rows were converted [s]; 0 but for those of a date."""
+        return self._times.origin
 
     def complete(self, values: Array) -> NDArray[np.bool_]:
         """Rows of converted values in which nothing that was recorded is missing."""
@@ -102,6 +106,18 @@ def _motor_matrix(the_map: MapFile, robot: Robot) -> Array:
             " unknown; state it there",
         )
     return robot.motor_matrix
+
+
+def _refuse_mixed(the_map: MapFile, robot: Robot) -> None:
+    """Refuse unknown gains of motors whose torques two joints share: each would have both."""
+    for motor, joint, _ in robot.couplings:
+        for number in (motor, joint):
+            if number in the_map.unknown_gains:
+                raise the_map.wrong(
+                    ("joints", number, "torque", "gain"),
+                    f"motor {motor + 1} acts on joints {joint + 1} and {motor + 1} of {robot.name},"
+                    " so torques of unknown gain cannot be brought to the joints; state the gain",
+                )
 
 
 def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:

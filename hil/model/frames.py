@@ -46,7 +46,7 @@ def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
     `pose` is that of the frame, shape (4, 4), of floats or polynomials. The pseudo-inertia
     [[tr(I)/2 - I, s], [s', m]] transforms by congruence.
     """
-    columns = [_parameters(pose @ body @ pose.T) for body in _UNIT_PSEUDO_INERTIAS]
+    columns = [body_parameters(pose @ body @ pose.T) for body in UNIT_PSEUDO_INERTIAS]
     return np.array(columns, dtype=pose.dtype).T
 
 
@@ -121,18 +121,24 @@ def adjoint_rate(generator: Array) -> Array:
 
 def parameter_rate(generator: Array) -> Array:
     """Derivative of `parameter_map` along a motion that `generator` generates, at the identity."""
-    bodies = [generator @ body + body @ generator.T for body in _UNIT_PSEUDO_INERTIAS]
-    return np.array([_parameters(body) for body in bodies]).T
+    bodies = [generator @ body + body @ generator.T for body in UNIT_PSEUDO_INERTIAS]
+    return np.array([body_parameters(body) for body in bodies]).T
 
 
-def _parameters(body: NDArray[Any]) -> list[Any]:
+def body_parameters(body: NDArray[Any]) -> list[Any]:
     """Return the ten parameters of a pseudo-inertia."""
     xx, yy, zz = body[0, 0], body[1, 1], body[2, 2]
     inertia = [yy + zz, -body[0, 1], -body[0, 2], xx + zz, -body[1, 2], xx + yy]
     return [*inertia, body[0, 3], body[1, 3], body[2, 3], body[3, 3]]
 
 
-def _pseudo_inertia(parameters: Array) -> Array:
+def pseudo_inertia(parameters: Array) -> Array:
+    """Return [[tr(I)/2 - I, s], [s', m]] of a body's ten parameters, shape (4, 4).
+
+    It is the second moment of the mass in homogeneous coordinates, so that it is positive definite
+    exactly for bodies that some density in space has (Wensing, Kim and Slotine, IEEE Robotics and
+    Automation Letters 3 (2018) 60-67).
+    """
     xx, xy, xz, yy, yz, zz, sx, sy, sz, m = parameters
     half = (xx + yy + zz) / 2
     return np.array(
@@ -155,5 +161,5 @@ def _spatial_inertia(parameters: Array) -> Array:
     return inertia
 
 
-_UNIT_PSEUDO_INERTIAS = [_pseudo_inertia(unit) for unit in np.eye(10)]
+UNIT_PSEUDO_INERTIAS = [pseudo_inertia(unit) for unit in np.eye(10)]
 UNIT_INERTIAS = np.array([_spatial_inertia(unit) for unit in np.eye(10)])

@@ -1,7 +1,8 @@
-"""A first robot file from a URDF: its frames and limits, and marks where only you know more.
+"""A first robot file from a URDF or a table: frames, limits, and marks where only you know more.
 
-A URDF says nothing of gears, rotors, torque constants and accelerations, so these lines are marked
-as in a first drives file. Link parameters are all ten of each link: what is zero by symmetry is
+A URDF says nothing of gears, rotors, torque constants and accelerations, and a table of
+Denavit-Hartenberg parameters as a rule nothing but frames, so these lines are marked as in a first
+drives file. Link parameters are all ten of each link: what is zero by symmetry is
 yours to leave out. To identify what somebody else recorded no more need be known: `robot_of` leaves
 open what the URDF does, rotor inertias among it, which are identified then.
 """
@@ -17,6 +18,7 @@ import numpy as np
 from checked_files.yaml_file import UNSTATED
 from hil.model.axes_to_frames import PARALLEL, frames_of
 from hil.model.drive_train_file import UNKNOWN
+from hil.model.limited_joint import LimitedJoint
 from hil.model.robot import parse_robot
 from hil.model.urdf import QUARTER
 
@@ -26,13 +28,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.axes_to_frames import Frames
+    from hil.model.dh_table import DhRobot
     from hil.model.robot import Robot
     from hil.model.urdf import UrdfChain, UrdfJoint
 
     Array = NDArray[np.float64]
-    _Rest = Callable[[UrdfJoint], Iterator[str]]
+    _Rest = Callable[[LimitedJoint], Iterator[str]]
 
 _UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}
+_ABOUT_MARKS = (
+    f"# What it does not say is marked {UNSTATED}: replace each mark and its text by a",
+    "# value. Leave out link parameters that symmetry makes zero: parameters: [Izz, m].",
+    "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
+)
 FARTHEST = 12.566
 """Either side of zero, where a URDF states no range [rad or m]."""
 
@@ -48,11 +56,28 @@ def draft_robot(chain: UrdfChain, gravity: Sequence[float]) -> str:
     """
     title = [
         f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, drafted from a URDF.",
-        f"# What it does not say is marked {UNSTATED}: replace each mark and its text by a",
-        "# value. Leave out link parameters that symmetry makes zero: parameters: [Izz, m].",
-        "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
+        *_ABOUT_MARKS,
     ]
-    return _text(chain, gravity, title, _to_be_stated)
+    return _of_chain(chain, gravity, title, _to_be_stated)
+
+
+def draft_robot_of_table(table: DhRobot, gravity: Sequence[float]) -> str:
+    """Text of a robot file.
+
+    Parameters
+    ----------
+    table : DhRobot
+    gravity : sequence of three floats
+        In the table's frame 0 [m/s^2].
+    """
+    title = [
+        f"# Robot {_comment(table.name)}, drafted from a table of {table.notation}"
+        " Denavit-Hartenberg",
+        "# parameters. Here d and r are what the table calls a and d.",
+        *_ABOUT_MARKS,
+    ]
+    in_frame_0 = np.asarray(gravity, dtype=float)
+    return _text(table.name, in_frame_0, title, table.joints, table.frames, _to_be_stated)
 
 
 def robot_of(chain: UrdfChain, gravity: Sequence[float], source: str) -> Robot:
@@ -75,26 +100,46 @@ def robot_of(chain: UrdfChain, gravity: Sequence[float], source: str) -> Robot:
         f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, as its URDF says.",
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
-    return parse_robot(_text(chain, gravity, title, _left_open), source)
+    return parse_robot(_of_chain(chain, gravity, title, _left_open), source)
 
 
-def _text(chain: UrdfChain, gravity: Sequence[float], title: Sequence[str], rest: _Rest) -> str:
+def _of_chain(chain: UrdfChain, gravity: Sequence[float], title: Sequence[str], rest: _Rest) -> str:
     frames = frames_of(chain)
     in_frame_0 = frames.base[:3, :3].T @ np.asarray(gravity, dtype=float)
+    return _text(chain.robot, in_frame_0, title, [_limited(j) for j in chain.joints], frames, rest)
+
+
+def _limited(joint: UrdfJoint) -> LimitedJoint:
+    """What a URDF knows of a joint, in which 0 is no limit of speeds and efforts."""
+    velocity = joint.velocity if joint.velocity > 0 else math.nan
+    effort = joint.effort if joint.effort > 0 else math.nan
+    return LimitedJoint(
+        joint.name, joint.type, joint.lower, joint.upper, velocity, math.nan, effort
+    )
+
+
+def _text(
+    name: str,
+    in_frame_0: Array,
+    title: Sequence[str],
+    joints: Sequence[LimitedJoint],
+    frames: Frames,
+    rest: _Rest,
+) -> str:
     lengths = _Lengths()
-    joints = [
+    lines = [
         line
-        for number, joint in enumerate(chain.joints)
+        for number, joint in enumerate(joints)
         for line in (*_joint(joint, _frame(frames, number, lengths)), *rest(joint))
     ]
     return "\n".join(
         [
             *title,
-            f"name: {_name(chain.robot)}",
+            f"name: {_name(name)}",
             f"gravity: [{', '.join(_number(round(g, 9)) for g in in_frame_0)}] # m/s2, in frame 0",
             f"lengths: {{{lengths}}} # m",
             "joints:",
-            *joints,
+            *lines,
             "",
         ]
     )
@@ -130,13 +175,13 @@ def _frame(frames: Frames, number: int, lengths: _Lengths) -> str:
     return ", ".join(keys)
 
 
-def _joint(joint: UrdfJoint, frame: str) -> Iterator[str]:
+def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
     yield f"  - frame: {{{frame}}} # {_comment(joint.name)}"
     if joint.type != "revolute":
         yield f"    type: {joint.type}"
 
 
-def _to_be_stated(joint: UrdfJoint) -> Iterator[str]:
+def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
     """Limits and drive train of a robot that is to be moved."""
     for key, value, what in _limits(joint):
         yield f"    {key}: {f'{UNSTATED} {what}' if math.isnan(value) else _number(value)}"
@@ -147,7 +192,7 @@ def _to_be_stated(joint: UrdfJoint) -> Iterator[str]:
     yield f"      torque_constant: {UNSTATED} of the motor [N m/A]"
 
 
-def _left_open(joint: UrdfJoint) -> Iterator[str]:
+def _left_open(joint: LimitedJoint) -> Iterator[str]:
     """Limits as far as they are known; a joint that turns for ever has two turns."""
     endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
     for key, value, _ in _limits(joint):
@@ -155,23 +200,22 @@ def _left_open(joint: UrdfJoint) -> Iterator[str]:
         yield f"    {key}: {UNKNOWN if math.isnan(stated) else _number(stated)}"
 
 
-def _limits(joint: UrdfJoint) -> Iterator[tuple[str, float, str]]:
+def _limits(joint: LimitedJoint) -> Iterator[tuple[str, float, str]]:
     """Key, value or NaN, and what it is."""
     unit, effort = _UNITS[joint.type]
-    velocity = joint.velocity if joint.velocity > 0 else math.nan
-    torque = joint.effort if joint.effort > 0 else math.nan
     yield "q_min", joint.lower, f"least position [{unit}]"
     yield "q_max", joint.upper, f"greatest position [{unit}]"
-    yield "velocity_limit", velocity, f"greatest speed [{unit}/s]"
-    yield "acceleration_limit", math.nan, f"greatest acceleration [{unit}/s2]"
-    yield "torque_limit", torque, f"greatest torque [{effort}]"
+    yield "velocity_limit", joint.velocity, f"greatest speed [{unit}/s]"
+    yield "acceleration_limit", joint.acceleration, f"greatest acceleration [{unit}/s2]"
+    yield "torque_limit", joint.effort, f"greatest torque [{effort}]"
 
 
 def _angle(angle: float) -> str:
     quarters = round(angle / QUARTER)
     if angle != quarters * QUARTER:
         return _number(angle)
-    return {0: "0", 1: "pi/2", -1: "-pi/2", 2: "pi", -2: "-pi"}[quarters]
+    known = {0: "0", 1: "pi/2", -1: "-pi/2", 2: "pi", -2: "-pi"}
+    return known.get(quarters) or f"{quarters}*pi/2"
 
 
 def _number(value: float) -> str:

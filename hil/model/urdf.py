@@ -32,7 +32,7 @@ ROUNDED = 1e-3
 """How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
 MOST_JOINTS = 30
 """Of a chain: more is no robot, and takes forever."""
-_MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +42,8 @@ class UrdfJoint:
     Attributes
     ----------
     name : str
+    link : str
+        Name of the link that it carries.
     type : {"revolute", "prismatic"}
     before : ndarray, shape (4, 4)
         Its frame in that of the joint before (the first one's: in the base link) at q = 0.
@@ -52,6 +54,7 @@ class UrdfJoint:
     """
 
     name: str
+    link: str
     type: Literal["revolute", "prismatic"]
     before: Array
     axis: Array
@@ -102,7 +105,7 @@ class UrdfChain:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Edge:
+class UrdfEdge:
     """A joint between two links, as it stands in the file."""
 
     element: Element
@@ -124,45 +127,47 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
     FileError
         No URDF, no such link, or a chain with a joint that cannot be driven by itself.
     """
-    return _Reader(Path(path)).chain(base, tip)
+    return UrdfReader(Path(path)).chain(base, tip)
 
 
-class _Reader:
+class UrdfReader:
+    """A URDF: `links`, and joints `below` and `above` each, as elements of its `file`."""
+
     def __init__(self, path: Path) -> None:
-        self._file = XmlFile(path)
+        self.file = XmlFile(path)
         self._path = path
         self._rounded = 0.0
-        root = self._file.root
+        root = self.file.root
         if root.tag != "robot":
-            raise self._file.wrong(root, f"<{root.tag}> must be <robot>: this is no URDF")
-        self._links = self._file.named("link")
-        self._edges = {name: self._edge(each) for name, each in self._file.named("joint").items()}
-        self._below: dict[str, list[_Edge]] = {}
-        self._above: dict[str, _Edge] = {}
+            raise self.file.wrong(root, f"<{root.tag}> must be <robot>: this is no URDF")
+        self.links = self.file.named("link")
+        self._edges = {name: self._edge(each) for name, each in self.file.named("joint").items()}
+        self.below: dict[str, list[UrdfEdge]] = {}
+        self.above: dict[str, UrdfEdge] = {}
         for edge in self._edges.values():
-            if edge.child in self._above:
-                other = self._above[edge.child].element.get("name")
-                raise self._file.wrong(
+            if edge.child in self.above:
+                other = self.above[edge.child].element.get("name")
+                raise self.file.wrong(
                     edge.element, f"link {edge.child!r} is the child of joint {other!r} already"
                 )
-            self._above[edge.child] = edge
-            self._below.setdefault(edge.parent, []).append(edge)
+            self.above[edge.child] = edge
+            self.below.setdefault(edge.parent, []).append(edge)
 
     def chain(self, base: str | None, tip: str | None) -> UrdfChain:
         """Read the chain between two links."""
         for name in filter(None, (base, tip)):
-            if name not in self._links:
+            if name not in self.links:
                 raise FileError(
-                    f"{self._path}: no link {name!r}; links are {', '.join(self._links)}"
+                    f"{self._path}: no link {name!r}; links are {', '.join(self.links)}"
                 )
         edges = self._between(base, tip) if tip else self._longest(base)
         joints: list[UrdfJoint] = []
         before = np.eye(4)
         for edge in edges:
-            before = before @ self._origin(edge.element)
+            before = before @ self.origin(edge.element)
             if edge.element.get("type") == "fixed":
                 continue
-            joints.append(self._joint(edge.element, before))
+            joints.append(self._joint(edge, before))
             before = np.eye(4)
         if not 1 <= len(joints) <= MOST_JOINTS:
             raise FileError(
@@ -171,7 +176,7 @@ class _Reader:
                 " --from and --to"
             )
         return UrdfChain(
-            robot=self._file.root.get("name") or self._path.stem,
+            robot=self.file.root.get("name") or self._path.stem,
             base=edges[0].parent,
             tip=edges[-1].child,
             joints=tuple(joints),
@@ -179,13 +184,13 @@ class _Reader:
             rounded=self._rounded,
         )
 
-    def _between(self, base: str | None, tip: str) -> list[_Edge]:
-        edges: list[_Edge] = []
+    def _between(self, base: str | None, tip: str) -> list[UrdfEdge]:
+        edges: list[UrdfEdge] = []
         here = tip
-        while here != base and here in self._above:
-            edges.insert(0, self._above[here])
+        while here != base and here in self.above:
+            edges.insert(0, self.above[here])
             here = edges[0].parent
-            if len(edges) > len(self._links):
+            if len(edges) > len(self.links):
                 raise FileError(f"{self._path}: link {here!r} is above itself; joints must not")
         if base is not None and here != base:
             raise FileError(
@@ -196,18 +201,18 @@ class _Reader:
             raise FileError(f"{self._path}: there is no joint between {base!r} and {tip!r}")
         return edges
 
-    def _longest(self, base: str | None) -> list[_Edge]:
+    def _longest(self, base: str | None) -> list[UrdfEdge]:
         """Edges of the chain with most moving joints; it ends at the last of them."""
         chains = {}
-        for tip in self._links:
-            above = self._above.get(tip)
-            if above is None or above.element.get("type") not in _MOVING:
+        for tip in self.links:
+            above = self.above.get(tip)
+            if above is None or above.element.get("type") not in MOVING:
                 continue
             edges = self._between(None, tip)
             if base is not None:
                 starts = [k for k, edge in enumerate(edges) if edge.parent == base]
                 edges = edges[starts[0] :] if starts else []
-            own = [e for e in edges if e.element.get("type") in _MOVING]
+            own = [e for e in edges if e.element.get("type") in MOVING]
             if own and not any(e.element.find("mimic") is not None for e in own):
                 chains[tip] = (len(own), edges)
         if not chains:
@@ -221,14 +226,15 @@ class _Reader:
             )
         return chains[best[0]][1]
 
-    def _joint(self, element: Element, before: Array) -> UrdfJoint:
+    def _joint(self, edge: UrdfEdge, before: Array) -> UrdfJoint:
+        element = edge.element
         name, stated = element.get("name", ""), element.get("type", "")
         if element.find("mimic") is not None:
-            raise self._file.wrong(
+            raise self.file.wrong(
                 element, f"joint {name!r} mimics another one; end the chain before it with --to"
             )
-        if stated not in _MOVING:
-            raise self._file.wrong(
+        if stated not in MOVING:
+            raise self.file.wrong(
                 element,
                 f"joint {name!r}: type {stated!r} must be revolute, continuous, prismatic or"
                 " fixed; choose another chain with --from and --to",
@@ -236,14 +242,15 @@ class _Reader:
         stands = element.find("axis")
         axis = np.array([1.0, 0.0, 0.0])
         if stands is not None:
-            axis = np.array(self._file.numbers(stands, "xyz", 3) or axis)
+            axis = np.array(self.file.numbers(stands, "xyz", 3) or axis)
         length = float(np.linalg.norm(axis))
         if not length > 0:
-            raise self._file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
+            raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         return UrdfJoint(
             name=name,
+            link=edge.child,
             type="prismatic" if stated == "prismatic" else "revolute",
             before=before,
             axis=axis / length,
@@ -253,13 +260,13 @@ class _Reader:
             effort=self._number(limit, "effort"),
         )
 
-    def _origin(self, element: Element) -> Array:
+    def origin(self, element: Element) -> Array:
         """Transform that a joint's <origin> states."""
         found, origin = np.eye(4), element.find("origin")
         if origin is None:
             return found
         roll, pitch, yaw = (
-            self._angle(angle) for angle in self._file.numbers(origin, "rpy", 3) or (0.0, 0.0, 0.0)
+            self._angle(angle) for angle in self.file.numbers(origin, "rpy", 3) or (0.0, 0.0, 0.0)
         )
         about = np.eye(3)
         found[:3, :3] = (
@@ -267,7 +274,7 @@ class _Reader:
             @ _turned_about(about[1], pitch)
             @ _turned_about(about[0], roll)
         )
-        found[:3, 3] = self._file.numbers(origin, "xyz", 3) or np.zeros(3)
+        found[:3, 3] = self.file.numbers(origin, "xyz", 3) or np.zeros(3)
         return found
 
     def _angle(self, stated: float) -> float:
@@ -278,18 +285,18 @@ class _Reader:
         self._rounded = max(self._rounded, abs(stated - exact))
         return exact
 
-    def _edge(self, element: Element) -> _Edge:
+    def _edge(self, element: Element) -> UrdfEdge:
         ends = []
         for tag in ("parent", "child"):
             found = element.find(tag)
             name = None if found is None else found.get("link")
-            if name not in self._links:
-                raise self._file.wrong(element, f"{tag} {name!r} is no link of this file")
+            if name not in self.links:
+                raise self.file.wrong(element, f"{tag} {name!r} is no link of this file")
             ends.append(name)
-        return _Edge(element, *ends)
+        return UrdfEdge(element, *ends)
 
     def _number(self, element: Element | None, key: str) -> float:
-        found = None if element is None else self._file.numbers(element, key, 1)
+        found = None if element is None else self.file.numbers(element, key, 1)
         return math.nan if found is None else found[0]
 
 

@@ -31,6 +31,8 @@ class FreeMotion(FileModel):
         pairs of these.
     cut_off : float, optional
         Of the low-pass that its samples are to pass [Hz]; by default it is chosen from them.
+    unknown_gains : tuple of int, optional
+        Axes, from 1, whose torques are in units of unknown worth, the same in all motions of a run.
     source : str
         File and rows that it comes from.
     """
@@ -45,6 +47,7 @@ class FreeMotion(FileModel):
     cycles: int = Field(default=1, ge=1)
     alone: int | None = Field(default=None, ge=1)
     cut_off: Positive | None = None
+    unknown_gains: tuple[int, ...] | None = None
     source: str = ""
 
     @model_validator(mode="after")

@@ -14,21 +14,25 @@ from hil.errors import FileError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.estimation.estimate import Estimate
-    from hil.report.reported_run import IdentifiedRun
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hil.report.reported_run import FreeRun, IdentifiedRun
     from hil.runs.run import Run
+
+    Array = NDArray[np.float64]
 
 
 class _Kept(Protocol):
-    def stale(self, folder: Run, estimate: Estimate) -> str:
-        """Why it is stale; empty if it is not."""
+    def stale(self, folder: Run, p: Array) -> str:
+        """Why it is stale beside base parameters p; empty if it is not."""
 
 
 K = TypeVar("K", bound=_Kept)
 
 
 def current(
-    read: Callable[[Run], K | None], run: IdentifiedRun, name: str, command: str
+    read: Callable[[Run], K | None], run: IdentifiedRun | FreeRun, name: str, command: str
 ) -> tuple[K | None, str]:
     """Read a result of the run, or why it is not shown.
 
@@ -49,7 +53,7 @@ def current(
     """
     try:
         kept = read(run.source)
-        stale = kept.stale(run.source, run.estimate) if kept else ""
+        stale = kept.stale(run.source, run.model.values) if kept else ""
     except FileError as error:
         return None, f"{name} cannot be used: {error}. Make it anew with: {command}"
     if stale:

@@ -12,7 +12,7 @@ from hil.results.advice import advice
 from hil.results.identification import model_of
 from hil.results.naming import named
 from hil.results.prediction import predict
-from hil.results.recorded_torque import predict_recording
+from hil.results.recorded_torque import in_si, predict_recording
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def fitted(run: ReportedRun) -> FreeRun:
         friction=run.friction,
         model=model,
         shown=longest.id,
-        torque=predict_recording(model, recording),
+        torque=predict_recording(model, in_si(model, longest, recording)),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.errors import Mismatch
 from hil.estimation.absent_parameters import examine
 from hil.estimation.gravity_phase import Phase, shifted_most
 from hil.estimation.identify import estimate, prepared_for
@@ -61,7 +62,16 @@ def diagnose(run: Run) -> Diagnosis:
     ------
     NotIdentifiable
         Measurements that do not suffice.
+    Mismatch
+        A run that was imported.
     """
+    if run.imported:
+        raise Mismatch(
+            f"{run.path}: was imported, and a diagnosis compares measurements of one element at a"
+            " time, which only hil run makes; to test a link parameter by imported recordings, add"
+            " it to the parameters in the robot file, import and identify again, and see whether"
+            " its interval holds zero"
+        )
     recordings = list(recorded(run))
     robot = run.robot
     with named(run):

@@ -20,10 +20,13 @@ from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from hil.estimation.absent_parameters import Candidate
-    from hil.estimation.estimate import Estimate
     from hil.results.diagnosis import Diagnosis
     from hil.runs.run import Run
+
+    Array = NDArray[np.float64]
 
 NAME = "diagnosis.yaml"
 NEEDLESS = 0.05
@@ -111,9 +114,9 @@ class DiagnosisFile(FileModel):
     unmeasured: tuple[str, ...]
     phase: PhaseRecord | None
 
-    def stale(self, folder: Run, estimate: Estimate) -> str:
+    def stale(self, folder: Run, p: Array) -> str:
         """Why it does not belong to this run as it is now; empty if it does."""
-        return self.of.change(folder) or same_parameters(self.p, estimate.p)
+        return self.of.change(folder) or same_parameters(self.p, p)
 
 
 def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:

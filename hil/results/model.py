@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
+    from hil.results.consistent_robot import ConsistentRobot
     from hil.results.error_budget import ErrorTerm
     from hil.results.model_file import Provenance
     from hil.results.verdict import KeptVerdict
@@ -78,6 +79,8 @@ class Model:
         read from a file of a version that found none.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings.
+    consistent : ConsistentRobot, optional
+        The nearest robot that consists of bodies, and what it costs, where it was asked for.
     """
 
     robot: Robot
@@ -93,6 +96,7 @@ class Model:
     friction: FreeMotionFit | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
+    consistent: ConsistentRobot | None = None
 
     @classmethod
     def load(cls, path: Path | str) -> Model:
@@ -121,6 +125,7 @@ class Model:
             friction=kept.friction,
             friction_law=kept.law(),
             validations=kept.validations,
+            consistent=kept.consistent,
         )
 
     def save(self, path: Path | str) -> None:

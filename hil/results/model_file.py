@@ -21,6 +21,7 @@ from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
+from hil.results.consistent_robot import ConsistentRobot
 from hil.results.error_budget import ErrorTerm
 from hil.results.verdict import KeptVerdict
 
@@ -96,6 +97,8 @@ class ModelFile(FileModel):
         stands in `friction`.
     validations : tuple of KeptVerdict
         What the model was worth on other recordings, as `hil validate` found.
+    consistent : ConsistentRobot, optional
+        The nearest robot that consists of bodies, as `hil identify --consistent` found.
     robot_file : str, optional
         The robot file, verbatim.
     """
@@ -112,6 +115,7 @@ class ModelFile(FileModel):
     friction: FreeMotionFit | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
+    consistent: ConsistentRobot | None = None
     robot_file: str | None = None
 
     @model_validator(mode="after")
@@ -144,6 +148,7 @@ class ModelFile(FileModel):
             friction=model.friction,
             friction_law=None if model.friction else model.friction_law,
             validations=model.validations,
+            consistent=model.consistent,
             robot_file=model.robot.text,
         )
 
@@ -186,7 +191,7 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        optional = ("friction", "friction_law", "validations")
+        optional = ("friction", "friction_law", "validations", "consistent")
         absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),

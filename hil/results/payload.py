@@ -5,20 +5,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.errors import Mismatch
+import numpy as np
+
+from hil.errors import InvalidValue, Mismatch
 from hil.estimation.identify import estimate, prepared_for
-from hil.estimation.payload import estimate_payload
+from hil.estimation.payload import estimate_payload, require_load
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
 from hil.results.naming import named
+from hil.results.payload_of_free_motions import LoadOfFreeMotions
+from hil.results.stamp import same_recordings
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from hil.estimation.estimate import Estimate
     from hil.estimation.payload import Payload
     from hil.estimation.torque_constants import Gains
     from hil.model.robot import Robot
     from hil.runs.run import Run
+
+    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +41,11 @@ class FoundPayload:
     payload : Payload
     gains : Gains or None
         Where the mass was stated.
+    assumed : ndarray, shape (n_joints,)
+        What the gains are compared with: torque constants [N m/A], or for imported runs 1, NaN
+        where the map leaves the gain unknown.
+    own : Estimate or None
+        Of the loaded run alone, as reports find it; None where it has none.
     """
 
     robot: Robot
@@ -40,37 +53,77 @@ class FoundPayload:
     after: Estimate
     payload: Payload
     gains: Gains | None
+    assumed: Array
+    own: Estimate | None
 
 
-def find_payload(without: Run, loaded: Run, mass: float | None = None) -> FoundPayload:
-    """Estimate both runs anew and take the load from their difference.
+def find_payload(
+    without: Run, loaded: Run, mass: float | None = None, *, gains: bool = False
+) -> FoundPayload:
+    """Estimate both runs anew and find the load that makes the difference.
 
     Parameters
     ----------
     mass : float, optional
-        Of the load, if it is known [kg]: it is held, and the torque constants are checked by it.
+        Of the load, if it is known [kg]: it is held. Of runs measured by strokes the torque
+        constants are found by it too.
+    gains : bool
+        Whether the gains of imported runs are found by the mass too.
 
     Raises
     ------
     FileError
         A damaged recording.
     Mismatch
-        Runs of different robots.
+        Runs of different robots or kinds, the same run twice, or a mass that contradicts them.
+    InvalidValue
+        Gains without a mass.
     NotIdentifiable, NoLoad
-        Measurements that do not suffice, or a robot file without anything that a load changes.
+        Measurements that do not suffice, no load that stands out of its error, or a robot file
+        without anything that a load changes.
     """
+    if gains and mass is None:
+        raise InvalidValue("gains are found by the load's mass; state it too")
+    _refuse_unfit(without, loaded)
+    if without.imported:
+        return _of_free_motions(without, loaded, mass, gains=gains)
     robot = without.robot
-    if robot != loaded.robot:
+    before, after = _estimate(without), _estimate(loaded)
+    with named(loaded):
+        require_load(estimate_payload(robot, before, after))
+        found = estimate_payload(robot, before, after, mass)
+    by_mass = None
+    if mass is not None:
+        by_mass = drive_gains(robot, _joint(without, before), _joint(loaded, after), mass)
+    return FoundPayload(robot, before, after, found, by_mass, robot.torque_constant, after)
+
+
+def _of_free_motions(without: Run, loaded: Run, mass: float | None, *, gains: bool) -> FoundPayload:
+    found = LoadOfFreeMotions(without, loaded, mass, gains=gains)
+    assumed = np.ones(without.robot.n_joints)
+    if found.gains is not None:
+        assumed[np.isnan(found.gains.error)] = np.nan
+    return FoundPayload(
+        without.robot, *found.estimates, found.payload, found.gains, assumed, found.own
+    )
+
+
+def _refuse_unfit(without: Run, loaded: Run) -> None:
+    if without.robot != loaded.robot:
         raise Mismatch(
             f"{loaded.path}: measured with another robot file than {without.path}; use the same"
         )
-    before, after = _estimate(without), _estimate(loaded)
-    with named(loaded):
-        found = estimate_payload(robot, before, after, mass)
-    gains = None
-    if mass is not None:
-        gains = drive_gains(robot, _joint(without, before), _joint(loaded, after), mass)
-    return FoundPayload(robot, before, after, found, gains)
+    if same_recordings(without, loaded):
+        raise Mismatch(
+            f"{loaded.path}: has the same recordings as {without.path}; name the run without the"
+            " load, then the one with it"
+        )
+    if without.imported != loaded.imported:
+        kinds = ["measured", "imported"]
+        raise Mismatch(
+            f"{loaded.path}: was {kinds[loaded.imported]} and {without.path} was"
+            f" {kinds[without.imported]}; a load takes two runs of one kind"
+        )
 
 
 def _estimate(run: Run) -> Estimate:

@@ -21,11 +21,15 @@ from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from hil.estimation.estimate import Estimate
     from hil.estimation.payload import Quantity
     from hil.estimation.torque_constants import Gains
     from hil.results.payload import FoundPayload
     from hil.runs.run import Run
+
+    Array = NDArray[np.float64]
 
 NAME = "payload.yaml"
 DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
@@ -58,19 +62,25 @@ class QuantityRecord(FileModel):
     name: str
     value: float
     standard_error: float
+    half_width: float | None = None
+    """Of the interval of 95 %."""
     unit: str
 
 
 class GainRecord(FileModel):
-    """Torque constant of one axis by the known mass [N m/A]; `error` is relative."""
+    """Gain of one axis by the known mass; `error` is relative.
+
+    A torque constant [N m/A]; or of imported runs a factor of the map's gain, or where the map
+    leaves that unknown N m or N for one unit of the signal, and nothing is assumed.
+    """
 
     axis: int
-    assumed: float
+    assumed: float | None
     told: bool
-    corrected: float
-    standard_error: float
-    error: float
-    error_standard_error: float
+    corrected: float | None
+    standard_error: float | None
+    error: float | None
+    error_standard_error: float | None
 
 
 class ElementRecord(FileModel):
@@ -96,6 +106,13 @@ class PayloadFile(FileModel):
         Of what a rigid load leaves of the changes.
     unseen : tuple of str
         Parameters of the load that the robot file takes as zero.
+    unidentifiable : tuple of str
+        Parameters of the load that the recordings do not determine.
+    imported : bool
+        Whether the runs were imported.
+    own : tuple of float
+        Base parameters of the loaded run alone, with the gains that its map states; empty where
+        these are the changes' or where there are none.
     elements_without, elements_loaded : tuple of ElementRecord
         What Figs. 5 and 6 are drawn from, in the plans' order; axes count from 1.
     """
@@ -112,16 +129,25 @@ class PayloadFile(FileModel):
     degrees_of_freedom: int
     p_value: float
     unseen: tuple[str, ...]
+    unidentifiable: tuple[str, ...] = ()
+    imported: bool = False
+    own: tuple[float, ...] = ()
     gains: tuple[GainRecord, ...]
     elements_without: tuple[ElementRecord, ...]
     elements_loaded: tuple[ElementRecord, ...]
 
-    def stale(self, folder: Run, estimate: Estimate) -> str:
-        """Why it does not belong to these runs as they are now; empty if it does."""
+    def stale(self, folder: Run, p: Array) -> str:
+        """Why it does not belong to these runs as they are now; empty if it does.
+
+        Parameters
+        ----------
+        p : ndarray, shape (n_base,)
+            Base parameters that the loaded run has now.
+        """
         return (
             self.loaded.change(folder)
             or self.without.change_beside(folder)
-            or same_parameters([each.loaded for each in self.changes], estimate.p)
+            or same_parameters(self.own or [each.loaded for each in self.changes], p)
         )
 
 
@@ -159,6 +185,9 @@ def _content(without: Run, loaded: Run, found: FoundPayload) -> PayloadFile:
         degrees_of_freedom=payload.degrees_of_freedom,
         p_value=payload.p_value,
         unseen=payload.unseen,
+        unidentifiable=payload.unidentifiable,
+        imported=loaded.imported,
+        own=() if found.own is None or found.own is found.after else tuple(found.own.p.tolist()),
         gains=_gains(found, found.gains) if found.gains else (),
         elements_without=_elements(found.before),
         elements_loaded=_elements(found.after),
@@ -184,22 +213,32 @@ def _changes(found: FoundPayload) -> tuple[Change, ...]:
 
 
 def _quantity(q: Quantity) -> QuantityRecord:
-    return QuantityRecord(name=q.name, value=q.value, standard_error=q.standard_error, unit=q.unit)
+    return QuantityRecord(
+        name=q.name,
+        value=q.value,
+        standard_error=q.standard_error,
+        half_width=q.half_width,
+        unit=q.unit,
+    )
 
 
 def _gains(found: FoundPayload, gains: Gains) -> tuple[GainRecord, ...]:
     return tuple(
         GainRecord(
             axis=k + 1,
-            assumed=float(assumed),
+            assumed=_finite(assumed),
             told=bool(gains.identifiable[k]),
-            corrected=float(gains.constant[k]),
-            standard_error=float(gains.constant_error[k]),
-            error=float(gains.error[k]),
-            error_standard_error=float(gains.standard_error[k]),
+            corrected=_finite(gains.constant[k]),
+            standard_error=_finite(gains.constant_error[k]),
+            error=_finite(gains.error[k]),
+            error_standard_error=_finite(gains.standard_error[k]),
         )
-        for k, assumed in enumerate(found.robot.torque_constant)
+        for k, assumed in enumerate(found.assumed)
     )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _elements(estimate: Estimate) -> tuple[ElementRecord, ...]:

@@ -22,7 +22,7 @@ from hil.estimation.signals import signals
 from hil.planning.measurement import shows_parameters
 from hil.regression.least_squares import orthonormal
 from hil.regression.terms import ASYMMETRIC
-from hil.results.recorded_torque import predict_recording
+from hil.results.recorded_torque import in_si, predict_recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -67,10 +67,17 @@ class PredictedTorque:
 def predicted_torques(
     model: Model, recorded: Iterable[tuple[RecordedMotion, Recording]]
 ) -> Iterator[PredictedTorque]:
-    """Predict all recordings, one after the other; what is of no use is passed over."""
-    for motion, recording in recorded:
+    """Predict all recordings, one after the other; what is of no use is passed over.
+
+    Raises
+    ------
+    Mismatch
+        A torque's gain is unknown and no part of the model.
+    """
+    for motion, as_recorded in recorded:
         if not shows_parameters(motion):
             continue
+        recording = in_si(model, motion, as_recorded)
         if model.friction is not None:
             yield from _with_friction(model, motion.id, recording)
             continue

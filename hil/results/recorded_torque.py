@@ -7,22 +7,24 @@ was made from.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special
 
-from hil.errors import NotEnoughData
+from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.free_motion.motion import Processing, filtered_motion
 from hil.estimation.friction_law import friction_torque
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
+from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.free_motion.motion import Motion
+    from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
 
@@ -91,7 +93,7 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     NotEnoughData
         A model without friction, or a recording shorter than the low-pass reaches.
     """
-    motion = filtered_motion(recording, _processing(model))
+    motion = filtered_motion(recording, processing_of(model))
     if not motion.used.any():
         raise NotEnoughData(
             f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s are"
@@ -114,7 +116,37 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     )
 
 
-def _processing(model: Model) -> Processing:
+def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recording:
+    """Return a recording with torques in SI, where their gain is one that the model found.
+
+    Raises
+    ------
+    Mismatch
+        A gain is unknown and no part of the model.
+    """
+    unknown = isinstance(motion, FreeMotion) and motion.unknown_gains
+    if not unknown:
+        return recording
+    found = {each.axis: each.value for each in model.friction.gains} if model.friction else {}
+    missing = [axis for axis in unknown if axis not in found]
+    if missing:
+        raise Mismatch(
+            f"{motion.id}: the gain of axis {', '.join(map(str, missing))} is unknown, and the"
+            " model holds none; state it in the map and import the recording anew"
+        )
+    gains = np.ones(recording.tau.shape[1])
+    gains[[axis - 1 for axis in unknown]] = [found[axis] for axis in unknown]
+    return replace(recording, tau=recording.tau * gains)
+
+
+def processing_of(model: Model) -> Processing:
+    """How a model's recordings became signals.
+
+    Raises
+    ------
+    NotEnoughData
+        A model that was not identified from free motions.
+    """
     if model.friction is None:
         raise NotEnoughData(
             f"the {model.method} method finds no law of friction, so torques cannot be predicted;"

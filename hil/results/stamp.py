@@ -82,6 +82,11 @@ def _recordings(folder: Run) -> str:
     return digest.hexdigest()
 
 
+def same_recordings(one: Run, other: Run) -> bool:
+    """Whether two folders hold the same recordings, byte by byte."""
+    return one.path.resolve() == other.path.resolve() or _recordings(one) == _recordings(other)
+
+
 def same_parameters(then: Sequence[float], now: NDArray[np.float64]) -> str:
     """Return how a result stood beside another estimate than today's; empty if it did not.
 

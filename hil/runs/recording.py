@@ -52,7 +52,7 @@ class Recording:
     partner_stroke : array (n,), int16
         The same of a coupling measurement's partner; -1 throughout for the other kinds.
     qd : array (n, n_joints), optional
-        Joint velocities [rad/s] as they were recorded; drives report none.
+        Joint velocities [rad/s] as they were recorded, NaN for a joint without; drives report none.
     """
 
     time: NDArray[np.float64]

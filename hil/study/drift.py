@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from hil.execution import Execute
     from hil.study.cell import Outcome
-    from hil.study.execution import Execute
 
 SETTINGS = "study.json"
 

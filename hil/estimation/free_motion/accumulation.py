@@ -5,7 +5,9 @@ matrix over the columns
 
     y | A(q, qd, qdd), coupled motors, friction
 
-of filtered samples. Pieces are divided by the axis's speed too, so that a dead zone can be chosen
+of filtered samples: first with the signal as it was recorded for y and the torque of rotors of
+known inertia as a further column (`recorded_products`), then of the torque to be explained
+(`scaling`). Pieces are divided by the axis's speed too, so that a dead zone can be chosen
 afterwards. Cells are samples that are alike in positions and velocities, wherever in time they are:
 the nearest of some states that were drawn from the motion. What a model cannot explain repeats
 whenever the motion does; over cells it scatters.
@@ -23,9 +25,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.free_motion.columns import axis_columns, n_shared, torque_to_explain
+from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
 from hil.estimation.free_motion.friction_terms import TERMS
 from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.free_motion.scaling import Scaling
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -150,7 +153,23 @@ def accumulate(
     *,
     instruments: bool = False,
 ) -> Products:
-    """Condense recordings.
+    """Condense recordings of torques in SI; parameters and errors as of `recorded_products`."""
+    found = recorded_products(robot, recorded, processing, divided, first, instruments=instruments)
+    return Scaling.known(robot.n_joints).applied(found)
+
+
+def recorded_products(
+    robot: Robot,
+    recorded: Iterable[Recording],
+    processing: Processing,
+    divided: Division,
+    first: Array,
+    *,
+    instruments: bool = False,
+) -> Products:
+    """Condense recordings, the signal as it was recorded.
+
+    The torque of the rotors whose inertia is known is the last of the shared columns.
 
     Parameters
     ----------
@@ -175,7 +194,7 @@ def accumulate(
         cells=sums.cells,
         instruments=np.concatenate(sums.crossed) if instruments else None,
         squares=sums.squares,
-        n_shared=n_shared(robot),
+        n_shared=n_shared(robot) + 1,
         recording=np.array(sums.origin),
     )
 
@@ -196,7 +215,7 @@ class _Sums:
     ) -> None:
         self._robot, self._processing = robot, processing
         self._divided, self._first = divided, first
-        self._m, self._n_speeds = 1 + n_shared(robot) + len(TERMS), len(SPEEDS) + 1
+        self._m, self._n_speeds = 2 + n_shared(robot) + len(TERMS), len(SPEEDS) + 1
         n = robot.n_joints
         self.pieces: list[Array] = []
         self.counts: list[Array] = []
@@ -211,19 +230,18 @@ class _Sums:
         parts = _parts(motion, self._divided.piece)
         if not parts:
             return
-        y = torque_to_explain(self._robot, motion)
         self.squares += (motion.tau[motion.used] ** 2).sum(axis=0)
-        self._add_pieces(motion, parts, y)
+        self._add_pieces(motion, parts)
         if instruments:
-            self._add_instruments(recording, parts, y)
+            self._add_instruments(recording, parts, motion.tau)
         self.origin += [number] * len(parts)
 
-    def _add_pieces(self, motion: Motion, parts: Sequence[slice], y: Array) -> None:
+    def _add_pieces(self, motion: Motion, parts: Sequence[slice]) -> None:
         lead = len(parts), self._robot.n_joints, self._n_speeds
         share, count = np.zeros((*lead, self._m, self._m)), np.zeros(lead)
         of_cell, slowest = self._divided.cells(motion), motion.slowest
         for axis in range(self._robot.n_joints):
-            columns = self._stacked(motion, axis, y)
+            columns = self._stacked(motion, axis, motion.tau)
             speed = np.digitize(slowest[:, axis], SPEEDS)
             for s in range(self._n_speeds):
                 _add_cells(self.cells[:, axis, s], columns, of_cell, motion.used & (speed == s))
@@ -242,7 +260,9 @@ class _Sums:
         self.crossed.append(cross)
 
     def _stacked(self, motion: Motion, axis: int, y: Array) -> Array:
-        columns = motion.passed(axis_columns(self._robot, motion, axis, self._first))
+        modelled = axis_columns(self._robot, motion, axis, self._first)
+        rotor = rotor_torque(self._robot, motion, axis)
+        columns = motion.passed(np.insert(modelled, n_shared(self._robot), rotor, axis=1))
         return np.hstack([y[: len(columns), axis, np.newaxis], columns[: len(y)]])
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from hil.estimation.free_motion.accumulation import accumulate, division
+from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.result import BiasTest
 from hil.estimation.free_motion.system import normal, summed
 from hil.model.base_parameters import base_parameters
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.motion import Processing
+    from hil.estimation.free_motion.scaling import Scaling
     from hil.estimation.free_motion.survey import Survey
     from hil.estimation.free_motion.system import Normal
     from hil.model.robot import Robot
@@ -38,7 +39,12 @@ OVERSAMPLED = 8.0
 
 
 def bias_test(
-    robot: Robot, found: Survey, processing: Processing, choice: Choice, first: Array
+    robot: Robot,
+    found: Survey,
+    processing: Processing,
+    scaling: Scaling,
+    choice: Choice,
+    first: Array,
 ) -> BiasTest | None:
     """Test least squares on the survey's stretches; None where there are too few blocks."""
     period = found.stretches[0].period
@@ -47,7 +53,10 @@ def bias_test(
     divided = division(
         processing, found.stretches, sum(s.period * s.n_samples for s in found.stretches)
     )
-    products = accumulate(robot, found.stretches, processing, divided, first, instruments=True)
+    recorded = recorded_products(
+        robot, found.stretches, processing, divided, first, instruments=True
+    )
+    products = scaling.applied(recorded)
     n = len(base_parameters(robot))
     if products.instruments is None or len(products.pieces) < BLOCKS_PER_PARAMETER * n + 2:
         return None

@@ -78,8 +78,7 @@ def coupled_friction(robot: Robot, qd: Array, axis: int) -> Array:
     return columns
 
 
-def torque_to_explain(robot: Robot, motion: Motion) -> Array:
-    """Torque less that of the rotors whose inertia is known, shape (n_used, n_joints)."""
-    known = motor_torque(robot, motion.q, motion.qd, motion.qdd)
-    found: Array = motion.tau - motion.passed(known)[: len(motion.tau)]
-    return found
+def rotor_torque(robot: Robot, motion: Motion, axis: int) -> Array:
+    """Torque of one axis's rotor, whose inertia is known, shape (n,) [N m or N]."""
+    known: Array = motor_torque(robot, motion.q, motion.qd, motion.qdd)[:, axis]
+    return known

@@ -50,6 +50,11 @@ def axis_friction(
         first = n_shared + axis * len(TERMS)
         return {term: _value(found, first + TERMS.index(term)) for term in law}
 
+    def covariance(axis: int, law: Sequence[str]) -> tuple[tuple[float, ...], ...]:
+        first = n_shared + axis * len(TERMS)
+        places = [first + TERMS.index(term) for term in law]
+        return tuple(map(tuple, solution.covariance[np.ix_(places, places)].tolist()))
+
     return tuple(
         AxisFriction(
             law=law,
@@ -57,6 +62,7 @@ def axis_friction(
             terms=values(solution, axis, LAWS[law]),
             plain=values(plain, axis, CLASSICAL),
             held_out=choice.held_out[axis],
+            covariance=covariance(axis, LAWS[law]),
         )
         for axis, law in enumerate(choice.laws)
     )

@@ -1,4 +1,4 @@
-"""A first estimate of the base parameters, for what friction knows of the transmitted torque."""
+"""A first estimate of base parameters and gains: friction needs to know the transmitted torque."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.accumulation import accumulate, division
+from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import without_choice
+from hil.estimation.free_motion.open_scale import open_gains
 from hil.estimation.free_motion.system import normal, summed
+from hil.estimation.free_motion.unknown_gains import first_scaling
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -21,11 +23,34 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-def first_estimate(robot: Robot, found: Survey, processing: Processing) -> Array:
-    """Weighted least squares over the survey's stretches, shape (n_base,)."""
+def first_estimate(
+    robot: Robot, found: Survey, processing: Processing, *, open_scale: bool = False
+) -> tuple[Array, tuple[int, ...]]:
+    """Weighted least squares over the survey's stretches.
+
+    Parameters
+    ----------
+    open_scale : bool
+        Whether a scale that unknown gains leave open is let stand, one gain of it held at 1.
+
+    Returns
+    -------
+    p : ndarray, shape (n_base,)
+    unknown : tuple of int
+        Axes, from 0, whose gain is found with the parameters.
+
+    Raises
+    ------
+    NotIdentifiable
+        Parameters that unknown gains leave open up to scale.
+    """
     n_base = len(base_parameters(robot))
     divided = division(processing, found.stretches, found.duration)
-    products = accumulate(robot, found.stretches, processing, divided, np.zeros(n_base))
+    recorded = recorded_products(robot, found.stretches, processing, divided, np.zeros(n_base))
+    unknown = found.unknown_gains
+    while open_scale and (lost := open_gains(recorded, unknown)):
+        unknown = tuple(axis for axis in unknown if axis != lost[0])
+    products = first_scaling(robot, recorded, unknown).applied(recorded)
     choice = without_choice(products, weighted=True)
     system = normal(summed(products.pieces), products.n_shared, choice.weights)
-    return system.only(choice.kept(products.n_shared)).solution()[:n_base]
+    return system.only(choice.kept(products.n_shared)).solution()[:n_base], unknown

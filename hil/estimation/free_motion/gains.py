@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.scaling import recast
 from hil.estimation.free_motion.system import embedded, normal, summed
 from hil.regression.least_squares import solved
 
@@ -18,13 +19,21 @@ if TYPE_CHECKING:
 
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
+    from hil.estimation.free_motion.scaling import Scaling
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 
 
-def effect_of_gains(robot: Robot, products: Products, choice: Choice, n_base: int) -> Array:
+def effect_of_gains(
+    robot: Robot, recorded: Products, scaling: Scaling, choice: Choice, n_base: int
+) -> Array:
     """Change of the base parameters by one standard deviation of each axis's gain.
+
+    Parameters
+    ----------
+    recorded : Products
+        By `hil.estimation.free_motion.accumulation.recorded_products`.
 
     Returns
     -------
@@ -35,6 +44,14 @@ def effect_of_gains(robot: Robot, products: Products, choice: Choice, n_base: in
     uncertainty = robot.torque_constant_uncertainty
     if not uncertainty.any():
         return found
+    # what a gain scales is all that was recorded, rotors included
+    products = recast(
+        recorded,
+        scaling.signal(recorded),
+        np.arange(1, recorded.n_shared),
+        scaling.columns(recorded),
+        scaling.gains,
+    )
     pieces, kept = summed(products.pieces, choice.slowest), choice.kept(products.n_shared)
     whole = normal(pieces, products.n_shared, choice.weights)
     N = whole.only(kept).N.sum(axis=0)

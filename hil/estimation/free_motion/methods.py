@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import NotEnoughData
 from hil.estimation.estimate import Estimate, LeftOut
-from hil.estimation.free_motion.accumulation import accumulate, division
 from hil.estimation.free_motion.bias_test import bias_test
-from hil.estimation.free_motion.choice import choose, without_choice
+from hil.estimation.free_motion.choice import without_choice
 from hil.estimation.free_motion.description import (
     axis_friction,
     coupled_friction,
@@ -19,53 +16,29 @@ from hil.estimation.free_motion.description import (
     remarks,
     residuals,
 )
-from hil.estimation.free_motion.first_estimate import first_estimate
 from hil.estimation.free_motion.gains import effect_of_gains
+from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.positive import least_inertia
 from hil.estimation.free_motion.result import FreeMotionFit
-from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import solve
-from hil.estimation.free_motion.survey import configurations, survey
+from hil.estimation.free_motion.survey import configurations
+from hil.estimation.free_motion.unknown_gains import found_gains
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.model.base_parameters import base_parameters
-from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from hil.estimation.free_motion.solution import Solution
+    from hil.estimation.free_motion.gathering import Gathered
+    from hil.estimation.free_motion.solution import Solution, Solver
     from hil.estimation.free_motion.survey import Survey
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-
-
-class FreeMotions:
-    """Free motions among recordings, again and again, one at a time.
-
-    Raises
-    ------
-    NotEnoughData
-        There are none.
-    """
-
-    def __init__(self, recorded: Iterable[tuple[RecordedMotion, Recording]]) -> None:
-        # what can be read but once is kept; a run is read anew each time
-        self._recorded = list(recorded) if isinstance(recorded, Iterator) else recorded
-        if not any(True for _ in self):
-            raise NotEnoughData(
-                "no free motions among the recordings; import some with hil import, or leave"
-                " --method out"
-            )
-
-    def __iter__(self) -> Iterator[tuple[FreeMotion, Recording]]:
-        for motion, recording in self._recorded:
-            if isinstance(motion, FreeMotion):
-                yield motion, recording
 
 
 def fit_free_motions(
@@ -87,25 +60,26 @@ def fit_free_motions(
     NotEnoughData
         No free motions, or too short ones.
     NotIdentifiable
-        Base parameters that the motions do not excite.
+        Base parameters that the motions do not excite, or that unknown gains leave open.
+    Mismatch
+        The gain of an axis is known in some motions and unknown in others.
     """
-    variant, motions = VARIANTS[name], FreeMotions(recorded)
-    found = survey(motions)
-    processing, reason = processing_of(found)
-    first = first_estimate(robot, found, processing)
-    divided = division(processing, found.stretches, found.duration)
-    products = accumulate(
-        robot,
-        (recording for _, recording in motions),
-        processing,
-        divided,
-        first,
-        instruments=variant.solver == "instrumental",
-    )
-    chosen = variant.terms == "chosen"
-    choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
+    variant = VARIANTS[name]
+    return estimate_from(robot, name, variant.solver, gather(robot, recorded, variant))
+
+
+def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -> Estimate:
+    """Solve for base parameters and friction of recordings that are gathered.
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters that the motions do not excite, or gains that they hardly fix.
+    """
+    found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
+    processing, products = gathered.processing, gathered.products
     visited = configurations(found)
-    solution = solve(robot, products, choice, variant.solver, visited)
+    solution = solve(robot, products, choice, solver, visited)
     plain = solve(
         robot, products, without_choice(products, weighted=True), "least squares", visited
     )
@@ -114,18 +88,20 @@ def fit_free_motions(
     fit = FreeMotionFit(
         cut_off=processing.cut_off,
         band=processing.band,
-        cut_off_reason=reason,
+        cut_off_reason=gathered.reasons.cut_off,
         dead_zone=dead_zone(choice),
         recorded_velocity=tuple(int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)),
+        velocity_reasons=gathered.reasons.velocities,
         axes=axis_friction(solution, plain, choice, processing, products.n_shared),
         coupled=coupled_friction(robot, solution),
         relative_residual=tuple(None if np.isnan(r) else float(r) for r in relative),
         overall_residual=overall,
-        bias_test=bias_test(robot, found, processing, choice, first),
+        bias_test=bias_test(robot, found, processing, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, solution.x[:n], visited),
         remarks=remarks(robot, products, solution, found),
+        gains=found_gains(robot, scaling, solution),
     )
-    gains = effect_of_gains(robot, products, choice, n)
+    gains = effect_of_gains(robot, gathered.recorded, scaling, choice, n)
     return _estimate(name, solution, found, rms, fit, gains)
 
 

@@ -35,7 +35,7 @@ class Processing:
     speed : ndarray, shape (n_joints,)
         Speed that each axis hardly ever exceeds [rad/s or m/s]: the unit of friction's columns.
     recorded_velocity : ndarray of bool, shape (n_joints,)
-        Axes whose velocity is taken as it was recorded instead of from the position.
+        Axes whose velocity is taken as it was recorded, where it was, instead of from the position.
     """
 
     cut_off: float
@@ -128,8 +128,10 @@ def _motion(
         return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives)
 
     q, qd, qdd = passed(recording.q, 2)
-    taken = processing.recorded_velocity
-    if taken.any() and recording.qd is not None:
+    if recording.qd is None:
+        return q, qd, qdd
+    taken = processing.recorded_velocity & np.isfinite(recording.qd).all(axis=0)
+    if taken.any():
         qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
     return q, qd, qdd
 

@@ -28,6 +28,9 @@ class AxisFriction(FileModel):
         That velocities are divided by [rad/s or m/s]; the axis hardly ever exceeds it.
     terms : dict of str to TermValue
         By the names of `hil.estimation.free_motion.friction_terms.TERMS`.
+    covariance : tuple of tuple of float
+        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty in files of earlier
+        versions, whose standard errors then count as independent.
     plain : dict of str to TermValue
         What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
         comparison with other sources. The law that was chosen may share them out otherwise.
@@ -41,6 +44,7 @@ class AxisFriction(FileModel):
     terms: dict[str, TermValue]
     plain: dict[str, TermValue]
     held_out: dict[str, float]
+    covariance: tuple[tuple[float, ...], ...] = ()
 
 
 class CoupledFriction(FileModel):
@@ -50,6 +54,25 @@ class CoupledFriction(FileModel):
     joint: int
     viscous: TermValue
     coulomb: TermValue
+
+
+class GainValue(FileModel):
+    """Gain that the map left unknown, as it was found.
+
+    Attributes
+    ----------
+    axis : int
+        From 1.
+    value, standard_error : float
+        For one unit of the signal, on the side on which the map reads it [`unit`].
+    unit : str
+        N m or N.
+    """
+
+    axis: int
+    value: float
+    standard_error: float
+    unit: str
 
 
 class BiasTest(FileModel):
@@ -85,6 +108,8 @@ class FreeMotionFit(FileModel):
         Samples slower than this share of an axis's speed were not fitted, but count as residuals.
     recorded_velocity : tuple of int
         Axes, from 1, whose velocity was taken as recorded.
+    velocity_reasons : tuple of str
+        Of each axis why; empty in models that were written without.
     axes : tuple of AxisFriction
     coupled : tuple of CoupledFriction
     relative_residual : tuple of float or None
@@ -98,6 +123,8 @@ class FreeMotionFit(FileModel):
         greatest element of its diagonal there; negative where the estimate is no possible body.
     remarks : tuple of str
         What restricts the estimate.
+    gains : tuple of GainValue
+        Of axes whose gain the map left unknown.
     """
 
     cut_off: float
@@ -112,3 +139,5 @@ class FreeMotionFit(FileModel):
     bias_test: BiasTest | None
     least_inertia: float
     remarks: tuple[str, ...]
+    velocity_reasons: tuple[str, ...] = ()
+    gains: tuple[GainValue, ...] = ()

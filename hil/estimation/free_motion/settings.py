@@ -10,19 +10,19 @@ Torque and columns pass a low-pass with a third of that. Positions must keep wha
 such as the start of a trapezoid, or columns are wrong; the equation holds in any band, and its
 noise is less in a narrow one.
 
-A recorded velocity is taken if it says the same as the derivative of the position, and has less
-noise below the cut-off.
+Which velocity is taken, `hil.estimation.free_motion.velocity_source` chooses joint by joint.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import signal
 
-from hil.estimation.free_motion.filtering import low_passed, reach
 from hil.estimation.free_motion.motion import Processing
+from hil.estimation.free_motion.spectra import floor, spectrum
+from hil.estimation.free_motion.velocity_source import velocity_sources
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
 ABOVE = 100.0
 """Power of the motion over that of the noise, at the cut-off."""
@@ -41,16 +40,25 @@ HIGHEST, LOWEST = 100.0, 1.0
 """Cut-off frequencies that are chosen [Hz]."""
 EQUATION = 3.0
 """Cut-off frequency of the positions over that of torque and columns."""
-WINDOW = 4.0
-"""Length of the spectra's windows, at most [s]."""
-FLOOR = 0.3
-"""Share of the sampling rate from which on there is noise alone."""
-SAME = 0.1
-"""Difference of two velocities, over their size, up to which they are the same."""
 
 
-def processing_of(found: Survey) -> tuple[Processing, str]:
-    """Settings for all recordings, and why the cut-off is what it is."""
+@dataclass(frozen=True, slots=True)
+class Reasons:
+    """Why settings are what they are, in half sentences.
+
+    Attributes
+    ----------
+    cut_off : str
+    velocities : tuple of str
+        Of each joint.
+    """
+
+    cut_off: str
+    velocities: tuple[str, ...]
+
+
+def processing_of(found: Survey) -> tuple[Processing, Reasons]:
+    """Settings for all recordings, and why they are what they are."""
     if found.cut_off is None:
         cut_off, reason = _chosen(found)
     else:
@@ -59,9 +67,10 @@ def processing_of(found: Survey) -> tuple[Processing, str]:
     most = 0.25 / found.stretches[0].period
     if cut_off > most:
         cut_off, reason = most, f"{reason}, but at most a quarter of the sampling rate"
-    return Processing(
-        cut_off, cut_off / EQUATION, found.speed, _recorded_velocity(found, cut_off)
-    ), reason
+    sources = velocity_sources(_long(found), cut_off)
+    recorded = np.array([source.recorded for source in sources])
+    reasons = Reasons(reason, tuple(source.reason for source in sources))
+    return Processing(cut_off, cut_off / EQUATION, found.speed, recorded), reasons
 
 
 def _chosen(found: Survey) -> tuple[float, str]:
@@ -87,47 +96,6 @@ def _moving(found: Survey) -> list[int]:
 
 def _bandwidth(x: Array, period: float) -> float:
     """Frequency up to which a signal stands out from its noise [Hz]."""
-    f, power = _spectrum(x, period)
-    low = np.flatnonzero(power[2:] < ABOVE * _floor(f, power, period))
+    f, power = spectrum(x, period)
+    low = np.flatnonzero(power[2:] < ABOVE * floor(f, power, period))
     return float(f[2 + low[0]]) if len(low) else float(f[-1])
-
-
-def _spectrum(x: Array, period: float) -> tuple[Array, Array]:
-    n = min(len(x) // 4, round(WINDOW / period))
-    f, power = signal.welch(signal.detrend(x), 1.0 / period, nperseg=max(n, 8))
-    return f, power
-
-
-def _floor(f: Array, power: Array, period: float) -> float:
-    return float(np.median(power[f > FLOOR / period]))
-
-
-def _recorded_velocity(found: Survey, cut_off: float) -> Mask:
-    """Axes whose recorded velocity is better in most of the stretches."""
-    votes = [
-        _better(part, cut_off) for part in _long(found) if part.qd is not None and part.n_samples
-    ]
-    if len(votes) < len(_long(found)) or not votes:
-        return np.zeros(len(found.speed), dtype=bool)
-    return np.asarray(np.mean(votes, axis=0) > 0.5)
-
-
-def _better(part: Recording, cut_off: float) -> Mask:
-    """Axes whose recorded velocity says the same as the derivative, with less noise."""
-    if part.qd is None:
-        return np.zeros(part.n_joints, dtype=bool)
-    period = part.period
-    edge = reach(period, cut_off)
-    derived = low_passed(part.q, period, cut_off, derivatives=1)[1][edge:-edge]
-    recorded = low_passed(part.qd, period, cut_off)[0][edge:-edge]
-    size = np.sqrt(np.mean(derived**2, axis=0))
-    same = np.sqrt(np.mean((derived - recorded) ** 2, axis=0)) <= SAME * size
-    return np.asarray(same & (size > 0) & (_noise(part.qd, period, cut_off, 0)
-                                           < _noise(part.q, period, cut_off, 1)))  # fmt: skip
-
-
-def _noise(x: Array, period: float, cut_off: float, derivatives: int) -> Array:
-    """Mean square of each column's noise below the cut-off, after so many derivatives."""
-    k = 2 * derivatives
-    band = (2 * np.pi) ** k * cut_off ** (k + 1) / (k + 1)
-    return np.array([_floor(*_spectrum(column, period), period) for column in x.T]) * band

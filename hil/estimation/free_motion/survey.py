@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import NotEnoughData
+from hil.errors import Mismatch, NotEnoughData
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
 
@@ -54,6 +54,8 @@ class Survey:
         Lowest that the recordings state [Hz].
     too_short : tuple of str
         Ids of recordings without enough samples.
+    unknown_gains : tuple of int
+        Axes, from 0, whose torques are in units of unknown worth.
     """
 
     stretches: tuple[Recording, ...]
@@ -64,6 +66,7 @@ class Survey:
     n_samples: int
     cut_off: float | None
     too_short: tuple[str, ...]
+    unknown_gains: tuple[int, ...] = ()
 
 
 class _Stretches:
@@ -97,10 +100,14 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
     ------
     NotEnoughData
         No recording has enough samples.
+    Mismatch
+        The gain of an axis is known in some recordings and unknown in others.
     """
+    unknown: dict[str, tuple[int, ...]] = {}
     stretches, speeds, ends, stated, short = _Stretches(), [], [], [], []
     duration, n_samples = 0.0, 0
     for motion, recording in recorded:
+        unknown[motion.id] = motion.unknown_gains or ()
         if recording.n_samples < FEWEST:
             short.append(motion.id)
             continue
@@ -125,7 +132,21 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         n_samples=n_samples,
         cut_off=min(stated, default=None),
         too_short=tuple(short),
+        unknown_gains=_alike(unknown),
     )
+
+
+def _alike(unknown: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """Axes of unknown gain, from 0, which all recordings must have in common."""
+    name, axes = next(iter(unknown.items()))
+    for other, its in unknown.items():
+        if its != axes:
+            raise Mismatch(
+                f"{other}: the axes of unknown gain are {list(its)}, but those of {name} are"
+                f" {list(axes)}; an axis has one gain in all recordings: state it in all maps or in"
+                " none"
+            )
+    return tuple(axis - 1 for axis in axes)
 
 
 def configurations(found: Survey, n: int = CONFIGURATIONS) -> Array:

@@ -1,17 +1,22 @@
 """Joint states of ROS, as MCAP, rosbag2 or rosbag: read without ROS.
 
 A message names its joints, in any order and not always all of them; so columns go by name:
-``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The column ``time`` is the stamp of the
-message's header, and ``received`` the bag's own, both in ns.
+``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The columns ``sec`` and ``nanosec`` are
+the stamp of the message's header, ``time`` is the same in ns, and ``received`` the bag's own in ns.
+
+Messages of one layout are read at once (`joint_state_rows`), others one by one by rosbags.
 """
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.imports.readers.joint_state_layout import PARTS
+from hil.imports.readers.joint_state_rows import Rows
 from hil.imports.readers.optional import needed_for
 from hil.imports.tables import ROWS
 from hil.runs.atomic_file import file_errors
@@ -24,40 +29,37 @@ if TYPE_CHECKING:
 
     from hil.imports.map_file import Format
 
-    Indices = NDArray[np.int64]
+    Array = NDArray[np.float64]
 
 TYPE = "sensor_msgs/msg/JointState"
-PARTS = ("position", "velocity", "effort")
 _LOOKED_AT = 200
+_TIMES = ("time", "received", "sec", "nanosec")
 
 
 class JointStates:
     """Messages of one topic as a table; see `hil.imports.tables.Table`."""
 
-    time: int | None = 0
+    time: tuple[int, ...] = (_TIMES.index("sec"), _TIMES.index("nanosec"))
 
     def __init__(self, path: Path, topic: str | None) -> None:
         self.path = path
         self._topic = _topic_of(path, topic)
-        self.names = ("time", "received", *self._joints())
+        self.names = (*_TIMES, *self._joints())
 
-    def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block; messages with none of the joints asked for are no rows."""
-        picked = _Rows([self.names[index].partition("/")[::2] for index in columns])
-        rows: list[NDArray[np.float64]] = []
-        for message, received in self._messages():
-            row = picked.of(message, received)
-            if row is not None:
-                rows.append(row)
-            if len(rows) == ROWS:
-                yield np.array(rows)
-                rows = []
-        if rows:
-            yield np.array(rows)
+        wanted = [self.names[index].partition("/")[::2] for index in columns]
+        with _opened(self.path) as reader, _Sound(self.path):
+            rows = Rows(wanted, lambda data: reader.deserialize(data, TYPE), cdr=reader.is2)
+            messages = self._raw(reader)
+            while block := list(islice(messages, ROWS)):
+                found = rows.of([data for _, data in block], np.array([r for r, _ in block], float))
+                if len(found):
+                    yield found
 
     def _joints(self) -> list[str]:
         names: dict[str, None] = {}
-        for number, (message, _) in enumerate(self._messages()):
+        for number, message in enumerate(self._messages()):
             for part in PARTS:
                 if len(getattr(message, part)) == len(message.name):
                     names |= {f"{part}/{joint}": None for joint in message.name}
@@ -65,11 +67,15 @@ class JointStates:
                 break
         return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 
-    def _messages(self) -> Iterator[tuple[Any, int]]:
+    def _messages(self) -> Iterator[Any]:
         with _opened(self.path) as reader, _Sound(self.path):
-            here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]
-            for connection, received, data in reader.messages(here):
-                yield reader.deserialize(data, connection.msgtype), received
+            for _, data in self._raw(reader):
+                yield reader.deserialize(data, TYPE)
+
+    def _raw(self, reader: Any) -> Iterator[tuple[int, bytes]]:
+        here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]
+        for _, received, data in reader.messages(here):
+            yield received, data
 
 
 def open_bag(path: Path, layout: Format) -> JointStates:
@@ -133,46 +139,3 @@ class _Sound:
                 f"{self._path}: cannot be read as a bag: {error or type(error).__name__}; a"
                 " recorder that was killed may leave one without its end: reindex it"
             ) from error
-
-
-class _Rows:
-    """Rows of the columns asked for; where joints stand in a message is looked up once a list.
-
-    Parameters
-    ----------
-    wanted : sequence of (str, str)
-        Of each column the part of a message, and the joint; no joint for times.
-    """
-
-    def __init__(self, wanted: Sequence[tuple[str, str]]) -> None:
-        self._wanted = wanted
-        self._places: dict[tuple[str, ...], dict[str, tuple[Indices, Indices]]] = {}
-
-    def of(self, message: Any, received: int) -> NDArray[np.float64] | None:
-        """Row of a message; None where it has none of the joints."""
-        names = tuple(message.name)
-        if names not in self._places:
-            self._places[names] = self._find(names)
-        if not (places := self._places[names]):
-            return None
-        row = np.full(len(self._wanted), np.nan)
-        for part, (columns, joints) in places.items():
-            values = getattr(message, part)
-            if len(values) == len(names):
-                row[columns] = values[joints]
-        stamp = message.header.stamp
-        for column, (part, joint) in enumerate(self._wanted):
-            if not joint:
-                row[column] = received if part == "received" else stamp.sec * 1e9 + stamp.nanosec
-        return row
-
-    def _find(self, names: tuple[str, ...]) -> dict[str, tuple[Indices, Indices]]:
-        """Of each part the columns that a message with these joints fills, and from where."""
-        found: dict[str, list[tuple[int, int]]] = {}
-        for column, (part, joint) in enumerate(self._wanted):
-            if joint in names:
-                found.setdefault(part, []).append((column, names.index(joint)))
-        return {
-            part: (np.array([c for c, _ in pairs]), np.array([j for _, j in pairs]))
-            for part, pairs in found.items()
-        }

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class ParquetTable:
     """A table of Parquet; see `hil.imports.tables.Table`. Instants become nanoseconds."""
 
-    time: int | None = None
+    time: tuple[int, ...] = ()
 
     def __init__(self, path: Path, file: Any) -> None:
         self.path = path

@@ -40,7 +40,7 @@ _SHOWN = 40
 class TextTable:
     """A table as text; see `hil.imports.tables.Table`."""
 
-    time: int | None = None
+    time: tuple[int, ...] = ()
 
     def __init__(self, path: Path, layout: Layout) -> None:
         self.path = path

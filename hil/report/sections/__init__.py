@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from hil.report.sections import (
     advice,
+    bodies,
     correlations,
     derivation,
     diagnosis,
@@ -39,6 +40,7 @@ OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
     measured_and_modelled.section,
     payload.section,
     diagnosis.section,
+    bodies.section,
     friction_over_campaign.section,
     friction.section,
     torques.section,
@@ -57,6 +59,8 @@ OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
 OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
     free_motions.section,
     validation.section,
+    bodies.section,
+    payload.section,
     sessions.section,
 )
 """Of a run that was imported."""

@@ -13,16 +13,17 @@ from hil.results.payload_file import DRAWN, NAME, read_payload
 from hil.results.tables import payload as tables
 
 if TYPE_CHECKING:
-    from hil.report.reported_run import IdentifiedRun
+    from hil.report.reported_run import FreeRun, IdentifiedRun
     from hil.results.payload_file import PayloadFile
 
 
-def section(run: IdentifiedRun) -> Section | None:
+def section(run: IdentifiedRun | FreeRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
     load, note = current(read_payload, run, NAME, f"hil payload WITHOUT {run.source.path}")
     if load is None and not note:
         return None
-    plots = tuple(_plot(name, load) for name in DRAWN) if load else ()
+    # of imported motions there are no elements by themselves to draw
+    plots = tuple(_plot(name, load) for name in DRAWN) if load and not load.imported else ()
     values = {"load": load, "note": note, "tables": tables}
     return Section("The load", "payload.html", values, plots)
 

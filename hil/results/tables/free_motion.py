@@ -11,6 +11,8 @@ from hil.results.tables.cells import probability, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hil.estimation.free_motion.result import AxisFriction, FreeMotionFit, TermValue
     from hil.results.model import Model
     from hil.results.tables.table import Row
@@ -113,7 +115,18 @@ def left_by_free_motions(model: Model) -> Table:
 
 def statements(fit: FreeMotionFit) -> tuple[str, ...]:
     """What was chosen, what was tested, and what restricts the estimate."""
-    return tuple(text for text in (_settings(fit), _bias(fit), _bodies(fit), *fit.remarks) if text)
+    return tuple(
+        text
+        for text in (
+            _settings(fit),
+            _velocities(fit),
+            *_gains(fit),
+            _bias(fit),
+            _bodies(fit),
+            *fit.remarks,
+        )
+        if text
+    )
 
 
 def _settings(fit: FreeMotionFit) -> str:
@@ -122,12 +135,32 @@ def _settings(fit: FreeMotionFit) -> str:
         if fit.dead_zone
         else "no dead zone"
     )
-    axes = ", ".join(map(str, fit.recorded_velocity))
-    velocity = f"recorded velocity of axes {axes}" if axes else "velocity from the positions"
     return (
-        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz;"
-        f" {zone}; {velocity}"
+        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
     )
+
+
+def _gains(fit: FreeMotionFit) -> Iterator[str]:
+    for each in fit.gains:
+        value, error = uncertain(each.value, each.standard_error)
+        yield (
+            f"gain of axis {each.axis}, unknown in the map: {value} ± {error} {each.unit} for one"
+            " unit of the signal"
+        )
+
+
+def _velocities(fit: FreeMotionFit) -> str:
+    """Which velocities were taken, and why; axes of the same reason together."""
+    n = len(fit.axes)
+    alike: dict[tuple[bool, str], list[str]] = {}
+    for axis, reason in enumerate(fit.velocity_reasons or ("",) * n, start=1):
+        alike.setdefault((axis in fit.recorded_velocity, reason), []).append(str(axis))
+    sentences = []
+    for (recorded, reason), axes in alike.items():
+        which = f"axis {', '.join(axes)}" if len(axes) < n else "all axes"
+        why = f" ({reason})" if reason else ""
+        sentences.append(f"{which} {'as recorded' if recorded else 'from the position'}{why}")
+    return f"velocity of {'; of '.join(sentences)}"
 
 
 def _bias(fit: FreeMotionFit) -> str:

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from hil.results.payload_file import Change, GainRecord, PayloadFile, QuantityRecord
     from hil.results.tables.table import Row
 
+OF_MAPS = (
+    "Gains are over those that the map states, 1 where these are right; one that the map leaves"
+    " unknown is N m or N for one unit of the signal."
+)
 MISFIT = 0.001
 """p-value below which something else than a rigid load changed."""
 
@@ -27,11 +31,16 @@ def changes(load: PayloadFile) -> Table:
         ),
         parts=(Part(tuple(_change(each) for each in load.changes)),),
         explanation=(
-            "Base parameters without (A) and with the load (B), in kg m² and kg m as above."
+            f"Base parameters without (A) and with the load (B), in {_units(load)}."
             " Expected is what the load below changes by the expressions of the base parameters; z"
             " is how far the change found is off it, in standard errors."
         ),
     )
+
+
+def _units(load: PayloadFile) -> str:
+    found = list(dict.fromkeys(unit(each.unit) for each in load.changes))
+    return " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found)
 
 
 def _change(each: Change) -> Row:
@@ -45,39 +54,41 @@ def quantities(load: PayloadFile) -> Table:
     """Mass, first moments, centre of mass and inertia of the load."""
     return Table(
         title="The load, in the last link's frame",
-        columns=(Column(""), *figures("value", "std. error"), Column("unit")),
+        columns=(Column(""), *figures("value", "std. error", "95 %, ±"), Column("unit")),
         parts=(Part(tuple(_quantity(q) for q in load.load)),),
     )
 
 
 def _quantity(q: QuantityRecord) -> Row:
     value, error = uncertain(q.value, q.standard_error)
-    return q.name, value, error if q.standard_error else "stated", unit(q.unit)
+    half = "" if q.half_width is None else uncertain(q.half_width, q.standard_error)[0]
+    stated = not q.standard_error
+    return q.name, value, "stated" if stated else error, "" if stated else half, unit(q.unit)
 
 
 def torque_constants(load: PayloadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
+    stated = "" if load.mass is None else f"The mass was stated as {load.mass:g} kg."
     return Table(
-        title="Torque constants by the load's mass, N m/A",
+        title=f"{'Gains' if load.imported else 'Torque constants'} by the load's mass"
+        + ("" if load.imported else ", N m/A"),
         columns=(
             Column("axis"),
             *figures("assumed", "corrected", "std. error", "off by, %", "std. error, %"),
         ),
         parts=(Part(tuple(_gain(gain) for gain in load.gains)),),
-        explanation="" if load.mass is None else f"The mass was stated as {load.mass:g} kg.",
+        explanation=f"{stated} {OF_MAPS}" if load.imported else stated,
     )
 
 
 def _gain(gain: GainRecord) -> Row:
-    axis, assumed = str(gain.axis), f"{gain.assumed:.4f}"
-    if not gain.told:
+    axis, assumed = str(gain.axis), "unknown" if gain.assumed is None else f"{gain.assumed:.4f}"
+    if not gain.told or gain.corrected is None or gain.standard_error is None:
         return axis, assumed, "not identifiable", "", "", ""
-    return (
-        axis,
-        assumed,
-        *uncertain(gain.corrected, gain.standard_error),
-        *uncertain(100 * gain.error, 100 * gain.error_standard_error),
-    )
+    found = uncertain(gain.corrected, gain.standard_error)
+    if gain.error is None or gain.error_standard_error is None:
+        return axis, assumed, *found, "", ""
+    return axis, assumed, *found, *uncertain(100 * gain.error, 100 * gain.error_standard_error)
 
 
 def goodness_of_fit(load: PayloadFile) -> str:
@@ -86,15 +97,29 @@ def goodness_of_fit(load: PayloadFile) -> str:
     return (
         f"A rigid load leaves χ² = {load.chi_squared:.1f} of the differences with"
         f" {load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
-        + ("." if p > MISFIT else ": something else changed between the runs.")
+        + ("." if p > MISFIT else f": something else changed between the runs{_or_gains(load)}.")
     )
+
+
+def _or_gains(load: PayloadFile) -> str:
+    """What else explains changes that no load makes, of imported runs with gains as stated."""
+    if not load.imported or load.gains:
+        return ""
+    return ", or the gains are wrong, which --mass and --gains find"
 
 
 def unseen(load: PayloadFile) -> str:
     """State what of the load the runs do not show; empty where they show all of it."""
-    if not load.unseen:
-        return ""
-    return (
-        f"Not observed are {', '.join(load.unseen)} of the load, absent from the last link in the"
-        " robot file and taken as zero; hil diagnose tests them."
-    )
+    said = []
+    if load.unseen:
+        remedy = "add what it has to that link" if load.imported else "hil diagnose tests them"
+        said.append(
+            f"Not observed are {', '.join(load.unseen)} of the load, absent from the last link in"
+            f" the robot file and taken as zero; {remedy}."
+        )
+    if load.unidentifiable:
+        said.append(
+            f"Not identifiable are {', '.join(load.unidentifiable)} of the load: no torque of these"
+            " recordings shows them."
+        )
+    return " ".join(said)

@@ -85,6 +85,30 @@ def test_gravity_is_stated_in_the_link_that_stands_still(hil: Hil, tmp_path: Pat
     assert "gravity: [9.81, 0, 0]" in robot.read_text()
 
 
+@pytest.mark.parametrize(("option", "frame"), [
+    ("--dh", "frame: {alpha: pi/2, d: d2, theta: -pi/2} # joint 2"),
+    ("--mdh", "frame: {alpha: 0, theta: -pi/2} # joint 2"),
+])  # fmt: skip
+def test_a_first_robot_file_comes_from_a_table(
+    hil: Hil, tmp_path: Path, option: str, frame: str
+) -> None:
+    table, robot = tmp_path / "arm.csv", tmp_path / "arm.yaml"
+    table.write_text("alpha [deg],a [mm],d,theta\n90,250,400,0\n0,0,0,-90\n")
+    status, out, _ = hil("robot", "new", option, table, "-o", robot)
+    assert status == 0
+    assert "joint 1 revolute, joint 2 revolute" in out
+    assert "16 lines marked !state are yours to fill in" in out
+    assert frame in robot.read_text()
+
+
+@pytest.mark.parametrize("options", [(), ("--dh", "a.csv", "--urdf", "a.urdf"),
+                                     ("--mdh", "a.csv", "--from", "base")])  # fmt: skip
+def test_a_first_robot_file_comes_from_one_source(
+    hil: Hil, tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    assert hil("robot", "new", *options, "-o", tmp_path / "arm.yaml")[0] == 2
+
+
 def test_a_plan_finds_the_file_of_its_robot_again(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from small_run import write_run
 
+from hil.export.formats import FORMATS
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from command_line import Hil
 
     from hil.model.robot import Robot
+
+
+HOW_TO = (Path(__file__).parents[3] / "docs" / "export.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -74,12 +79,27 @@ def test_a_verdict_is_stated_with_its_reason(
     assert "improved method" in origin
 
 
+def test_the_how_to_s_commands_work_and_it_names_every_format(
+    hil: Hil, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(run, "runs/first")
+    commands = re.findall(r"(?m)^hil export runs/first [^#\n]*", HOW_TO)
+    assert {line.split()[4] for line in commands} == set(FORMATS)
+    for line in commands:
+        status, _, err = hil(*line.split()[1:])
+        assert (status, err) == (0, ""), line
+    header = (tmp_path / "code" / "manutec_r15_dynamics.h").read_text()
+    for function in re.findall(r"`(manutec_r15_[a-z_]+)` \|", HOW_TO):
+        assert f"static inline void {function}(" in header
+
+
 def test_an_unknown_format_is_refused_and_all_are_named(
     hil: Hil, run: Path, tmp_path: Path
 ) -> None:
     status, _, err = hil("export", run, "--to", "simulink", "-o", tmp_path / "out")
     assert status == 1
-    assert "simulink: unknown format; available: json" in err
+    assert "simulink: unknown format; available: c, python, json, friction" in err
     assert not (tmp_path / "out").exists()
 
 

@@ -25,7 +25,6 @@ def test_a_run_is_made_and_what_was_found_is_stated(hil: Hil, folder: Path) -> N
     assert (status, errors) == (0, "")
     assert printed.splitlines() == [
         "map.yaml: data.csv: 801 rows at 200 Hz, jitter 0 ms; instants are even as they are",
-        "map.yaml: velocity of all joints derived from the position: none was recorded",
         "map.yaml: 1 motion, map-01: 4 s in 4 blocks",
         "runs/x: a run of pair; go on with: hil identify runs/x",
     ]
@@ -60,6 +59,27 @@ def test_maps_or_a_draft(hil: Hil, folder: Path, arguments: tuple[str, ...]) -> 
     assert status == 2
     assert "one of the two" in errors
     assert not (folder / "x").exists()
+
+
+def test_maps_are_imported_at_once_by_processes(hil: Hil, folder: Path) -> None:
+    write_csv(folder / "more.csv", table(5.0))
+    write_map(folder, a_map("more.csv"), "second.yaml")
+    hil("import", "map.yaml", "second.yaml", "-o", "in-turn")
+    status, printed, errors = hil("import", "map.yaml", "second.yaml", "-o", "x", "--workers", 2)
+    assert (status, errors) == (0, "")
+    assert "second.yaml: 1 motion, second-01: 5 s in 5 blocks" in printed
+    for path in (folder / "in-turn").rglob("*"):
+        if path.is_file() and path.name != "run.json":  # which has the times of its making
+            assert (folder / "x" / path.relative_to(folder / "in-turn")).read_bytes() == (
+                path.read_bytes()
+            )
+
+
+def test_workers_of_this_machine_and_a_cluster_exclude_each_other(hil: Hil, folder: Path) -> None:
+    options = ("--workers", 2, "--scheduler", "tcp://127.0.0.1:1")
+    status, _, errors = hil("import", "map.yaml", "-o", "x", *options)
+    assert status == 2
+    assert "--workers is for this machine" in errors
 
 
 def test_python_has_the_same() -> None:

@@ -8,7 +8,7 @@ import yaml
 from small_recording import a_map, motion, table, write_csv, write_map
 
 from checked_files.yaml_file import FileError
-from hil.imports import importing
+from hil.imports import one_map
 from hil.imports.importing import import_recordings
 from hil.runs.run import Run
 
@@ -222,30 +222,30 @@ def test_angles_that_were_kept_within_a_turn_go_on(tmp_path):
 # --- velocities -----------------------------------------------------------------------------------
 
 
-def test_a_recorded_velocity_is_used_where_the_position_is_coarse(tmp_path):
-    columns = table()
-    columns["q1"] = np.round(columns["q1"], 3)
+def test_every_recorded_velocity_is_kept_however_noisy_or_late(tmp_path):
+    columns, rng = table(), np.random.default_rng(0)
+    columns["v1"] = columns["v1"] + rng.normal(0, 0.1, len(columns["t"]))
+    columns["v2"] = motion(columns["t"] - 0.012)[1][:, 1]
     run, stated = made(tmp_path, columns, velocity=True)
     recording = run["map-01"].recording
-    np.testing.assert_array_equal(recording.qd[:, 0], columns["v1"])
-    assert "velocity of joint 1 as recorded: noise" in stated
+    np.testing.assert_array_equal(recording.qd, np.stack([columns["v1"], columns["v2"]], axis=1))
+    assert "velocity of all joints was recorded; identification states whether" in stated
 
 
-def test_a_noisy_velocity_is_not_used(tmp_path):
-    columns, rng = table(), np.random.default_rng(0)
-    for name in ("v1", "v2"):
-        columns[name] = columns[name] + rng.normal(0, 0.1, len(columns["t"]))
-    run, stated = made(tmp_path, columns, velocity=True)
+def test_a_joint_without_a_recorded_velocity_has_none_in_the_run(tmp_path):
+    columns, content = table(), a_map(velocity=True)
+    del content["joints"][0]["velocity"]
+    run, stated = made(tmp_path, columns, content)
+    recording = run["map-01"].recording
+    assert np.isnan(recording.qd[:, 0]).all()
+    np.testing.assert_array_equal(recording.qd[:, 1], columns["v2"])
+    assert "velocity of joint 2 was recorded" in stated
+
+
+def test_without_recorded_velocities_a_run_has_no_array_of_them(tmp_path):
+    run, stated = made(tmp_path, table(3.0))
     assert run["map-01"].recording.qd is None
-    assert "velocity of joint 1 derived from the position: noise 0.1 recorded" in stated
-
-
-def test_a_velocity_that_lags_is_not_used(tmp_path):
-    columns = table()
-    columns["q2"] = np.round(columns["q2"], 3)
-    columns["v2"] = motion(columns["t"] - 0.012)[1][:, 1]
-    _, stated = made(tmp_path, columns, velocity=True)
-    assert "velocity of joint 2 derived from the position: the recorded one lags by 1" in stated
+    assert "velocity" not in stated
 
 
 # --- strokes --------------------------------------------------------------------------------------
@@ -301,7 +301,7 @@ def test_nothing_is_left_behind_when_the_disk_is_full(tmp_path, monkeypatch):
     def full(*_):
         raise FileError("run/recordings/map-01.h5: cannot be written: No space left on device")
 
-    monkeypatch.setattr(importing, "write_measured", full)
+    monkeypatch.setattr(one_map, "write_measured", full)
     write_csv(tmp_path / "data.csv", table(3.0))
     the_map = write_map(tmp_path, a_map())
     before = sorted(p.name for p in tmp_path.iterdir())
@@ -314,7 +314,7 @@ def test_nothing_is_left_behind_after_an_interrupt(tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(importing, "suspicions", interrupted)
+    monkeypatch.setattr(one_map, "suspicions", interrupted)
     write_csv(tmp_path / "data.csv", table(3.0))
     the_map = write_map(tmp_path, a_map())
     with pytest.raises(KeyboardInterrupt):

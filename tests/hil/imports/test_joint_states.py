@@ -84,7 +84,8 @@ def test_joint_states_become_a_run(tmp_path, name):
 
 def test_columns_go_by_the_names_of_joints(tmp_path):
     found = open_table(make(tmp_path, "rosbag"), Format())
-    assert found.names[:4] == ("time", "received", "position/elbow", "position/shoulder")
+    assert found.names[:4] == ("time", "received", "sec", "nanosec")
+    assert found.names[4:6] == ("position/elbow", "position/shoulder")
     assert "effort/elbow" in found.names
     assert "effort/finger" not in found.names
 

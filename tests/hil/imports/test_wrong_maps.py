@@ -64,8 +64,9 @@ MAPS = {
         with_joint(0, B, unit="A"), "joints.0.torque: A need a gain: N m (or N) for one unit"),
     "a negative gain": (
         with_joint(0, B, unit="A", gain=-2), "-2 must be positive; what is turned round has sign"),
-    "an unknown gain": (
-        with_joint(0, B, unit="A", gain="unknown"), "unknown gains cannot be used yet"),
+    "an uncertainty of an unknown gain": (
+        with_joint(0, B, unit="A", gain="unknown", gain_uncertainty=0.1),
+        "gain_uncertainty 0.1 belongs to a gain that is stated; remove it"),
     "a gain that is hardly known": (
         with_joint(0, B, unit="A", gain=1, gain_uncertainty=0.6), "must be below half the gain"),
     "counts without their worth": (with_joint(0, A, unit="counts"), "counts need per_unit"),

@@ -131,8 +131,8 @@ class TestLoad:
 
     def noted(self, place, kept):
         """What a report of the loaded run would show and note, were the estimate as it was."""
-        then = SimpleNamespace(p=np.array([each.loaded for each in kept.changes]))
-        run = SimpleNamespace(source=Run.open(place / "loaded"), estimate=then)
+        then = SimpleNamespace(values=np.array([each.loaded for each in kept.changes]))
+        run = SimpleNamespace(source=Run.open(place / "loaded"), model=then)
         return current(read_payload, run, "payload.yaml", "hil payload")
 
     @pytest.mark.parametrize("changed", ["bare", "loaded"])

@@ -16,12 +16,12 @@ import pytest
 from small_study import PLANT, SEEDS, begun, cell_of, errors_of, here, opened, put, small_plans
 
 from checked_files.yaml_file import FileError
-from hil import cli
+from hil import cli, execution
 from hil.model.dependencies import GROUPS
 from hil.model.robot import ROBOTS, load_robot
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.study import execution, summary
+from hil.study import summary
 from hil.study.cell import OUR_DEFAULT, judge, measure
 from hil.study.drift import judged, measure_cells
 from hil.study.scenarios import SCENARIOS

@@ -1,12 +1,12 @@
 """Many independent jobs at once: on the cores of this machine, or on a Dask cluster.
 
 A worker of this machine computes in one thread: linear algebra in several threads would have the
-workers wait for one another. It is in a process group of its own, so that Ctrl-C reaches the study
-alone. An interrupted study ends its workers, and a worker ends the campaign that it measures; so
-does a worker whose study is gone.
+workers wait for one another. It is in a process group of its own, so that Ctrl-C reaches the
+command alone. An interrupted command ends its workers, and a worker ends the processes that it
+started; so does a worker whose command is gone.
 
 Jobs come back in the order in which they are done. On a cluster, workers need the same environment
-and must see the study's folder under the same path. Interrupted, they finish what they are at.
+and must see the same folders under the same paths. Interrupted, they finish what they are at.
 """
 
 from __future__ import annotations
@@ -91,11 +91,11 @@ def _start() -> None:
     """Make a worker of this process."""
     os.setpgrp()
     signal.signal(signal.SIGTERM, _leave)
-    Thread(target=_leave_with_study, name="study", daemon=True).start()
+    Thread(target=_leave_with_command, name="command", daemon=True).start()
 
 
 def _leave(*_signal: object) -> None:
-    """End this worker once the campaign that it measures has ended."""
+    """End this worker once the processes that it started have ended."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.killpg(0, signal.SIGTERM)
     with suppress(ChildProcessError):
@@ -104,8 +104,8 @@ def _leave(*_signal: object) -> None:
     os._exit(1)
 
 
-def _leave_with_study() -> None:
-    study = parent_process()
-    assert study is not None  # noqa: S101 - a worker has one
-    study.join()
+def _leave_with_command() -> None:
+    command = parent_process()
+    assert command is not None  # noqa: S101 - a worker has one
+    command.join()
     os.kill(os.getpid(), signal.SIGTERM)

@@ -1,0 +1,67 @@
+"""Torques of the drives, predicted of a motion that the model was not made from, by parts.
+
+    python benchmarks/drive_torques.py runs/first runs/other
+
+The first run is identified, the second one only predicted: root mean square of the torque, of what
+the whole prediction leaves of it, and of what is left without motors and without friction; at last
+the share of samples in intervals of 95 %. Signals pass the low-pass of the improved method; samples
+near a reversal of any axis are left out, as no law of velocity holds there.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import hil
+from hil.estimation.signals import signals
+from hil.regression.terms import moving
+from hil.results.torque_parts import PARTS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+def samples(run: hil.Run) -> tuple[Array, ...]:
+    """Positions, velocities, accelerations and torques of a run, smoothed."""
+    found: list[list[Array]] = [[], [], [], []]
+    for measured in run:
+        s = signals(measured.recording)
+        axes = range(run.robot.n_joints)
+        used = s.valid & np.all([moving(run.robot, s, axis) for axis in axes], axis=0)
+        for kept, each in zip(found, (s.q, s.qd, s.qdd, s.tau), strict=True):
+            kept.append(s.smoothed(each)[used])
+    return tuple(np.concatenate(kept) for kept in found)
+
+
+def main(identified: str, other: str) -> None:
+    """Print the table."""
+    model = hil.identify(hil.Run.open(identified))
+    *motion, tau = samples(hil.Run.open(other))
+    low, high = np.moveaxis(model.torque_interval(*motion), -1, 0)
+    columns = {
+        "torque": tau,
+        "left": tau - model.torque(*motion),
+        "without motors": tau - model.torque(*motion, parts=[PARTS[0], PARTS[2]]),
+        "without friction": tau - model.torque(*motion, parts=PARTS[:2]),
+    }
+    rms = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in columns.items()}
+    inside = np.mean((low <= tau) & (tau <= high), axis=0)
+    table = Table("axis", *columns, "inside", title=f"{other} by {identified}, N m rms (N)")
+    for axis in range(model.robot.n_joints):
+        figures = (f"{values[axis]:.3g}" for values in rms.values())
+        table.add_row(str(axis + 1), *figures, f"{inside[axis]:.0%}")
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 3:
+        main(*sys.argv[1:])
+    else:
+        print("needs two runs: see docs/export.md")

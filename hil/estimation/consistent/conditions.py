@@ -1,0 +1,186 @@
+"""What standard parameters must meet to be those of bodies, as linear matrix inequalities.
+
+Of every link the pseudo-inertia [[S, s], [s', m]] (`hil.model.frames.pseudo_inertia`) must be
+positive definite. To be well inside, and in terms that have a meaning, the mass of a link must
+spread by at least a length t, the thickness, in every direction about its centre:
+
+    [[S - t^2 m 1, s], [s', m]] >= 0,
+
+by Schur's complement the same as S - s s'/m >= t^2 m 1. With t > 0 and m > 0 the pseudo-inertia is
+positive definite, and so are the inertia about the centre and its triangle inequalities. Masses and
+centres of mass may be bounded (linear in mass and first moment). The motors' share of the mass
+matrix, known and identified, must be positive semidefinite (Sousa and Cortesao, Int. J. Robotics
+Research 33 (2014) 931-944, for the links).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import InvalidValue
+from hil.model.added_parameters import added_inertias
+from hil.model.frames import UNIT_PSEUDO_INERTIAS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+THICKNESS = 1e-3
+"""Least spread of a link's mass in every direction, root mean square about its centre [m]."""
+LEAST_MASS, MOST_MASS = 1e-3, 1e3
+"""Of a link, unless other bounds are given [kg]."""
+ROOM = 1e-6
+"""By which masses, first moments and rotor inertias stay off their bounds [kg, kg m, kg m^2]."""
+_MASS, _MOMENT = 9, slice(6, 9)
+_SPATIAL = np.diag([1.0, 1.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True, slots=True)
+class BodyBounds:
+    """What is asked of the links' bodies.
+
+    Attributes
+    ----------
+    thickness : float
+        See the module [m].
+    masses : mapping of int to (float, float)
+        Least and greatest mass by link, from 1 [kg].
+    centres : mapping of int to (array_like, array_like)
+        Corners of a box in the link's frame that holds its centre of mass, by link, from 1 [m].
+    """
+
+    thickness: float = THICKNESS
+    masses: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    centres: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that no body meets.
+
+        Raises
+        ------
+        InvalidValue
+        """
+        if not self.thickness > 0:
+            raise InvalidValue(f"thickness {self.thickness:g} m must be positive, such as 0.001")
+        for link, (least, most) in self.masses.items():
+            if not 0 < least < most:
+                raise InvalidValue(
+                    f"mass of link {link}: {least:g} to {most:g} kg must rise from a positive"
+                    f" value; write {link}:{min(abs(least), abs(most)) or LEAST_MASS:g}:"
+                    f"{max(abs(least), abs(most)) or MOST_MASS:g}, or leave the bound out"
+                )
+
+    def mass(self, link: int) -> tuple[float, float]:
+        """Bounds of a link's mass, from 1 [kg]."""
+        return self.masses.get(link, (LEAST_MASS, MOST_MASS))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Condition:
+    """One linear matrix inequality ``constant + sum_k phi_k weights_k >= 0``.
+
+    Attributes
+    ----------
+    name : str
+        What it is a condition on: ``link 2``.
+    weights : ndarray, shape (size, size, n_standard)
+    constant : ndarray, shape (size, size)
+    link : int, optional
+        Index from 0, where it is the condition that the link is a body.
+    """
+
+    name: str
+    weights: Array
+    constant: Array
+    link: int | None = None
+
+    def at(self, phi: Array) -> Array:
+        """The matrix at standard parameters `phi`, shape (size, size)."""
+        return np.asarray(self.weights @ phi + self.constant)
+
+
+def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
+    """All conditions on the standard parameters of a robot that has all of every link.
+
+    Raises
+    ------
+    InvalidValue
+        Bounds of a link that the robot does not have.
+    """
+    unknown = [n for n in (*bounds.masses, *bounds.centres) if not 1 <= n <= robot.n_joints]
+    if unknown:
+        raise InvalidValue(
+            f"bounds of link {unknown[0]}: {robot.name} has links 1 to {robot.n_joints}"
+        )
+    found: list[Condition] = []
+    for link in range(robot.n_joints):
+        found.append(_spread(robot, link, bounds.thickness))
+        found += _bounded(robot, link, bounds)
+    return [*found, *_motors(robot)]
+
+
+def tightened(robot: Robot, bounds: BodyBounds) -> list[Condition]:
+    """The same with room to spare: twice the thickness, and a little of everything else."""
+    wide = conditions(robot, replace(bounds, thickness=2.0 * bounds.thickness))
+    return [
+        each if each.link is not None
+        else replace(each, constant=each.constant - ROOM * np.eye(len(each.constant)))
+        for each in wide
+    ]  # fmt: skip
+
+
+def _spread(robot: Robot, link: int, thickness: float) -> Condition:
+    own = np.array(UNIT_PSEUDO_INERTIAS)
+    own[_MASS] -= thickness**2 * _SPATIAL
+    weights = np.zeros((4, 4, len(robot.standard_parameters)))
+    weights[..., 10 * link : 10 * link + 10] = np.moveaxis(own, 0, -1)
+    return Condition(f"link {link + 1}", weights, np.zeros((4, 4)), link)
+
+
+def _bounded(robot: Robot, link: int, bounds: BodyBounds) -> Iterator[Condition]:
+    """Scalar conditions on mass and centre of mass."""
+    mass, least_and_most = np.eye(10)[_MASS], bounds.mass(link + 1)
+    for sign, bound, word in zip((1.0, -1.0), least_and_most, ("least", "greatest"), strict=True):
+        yield _scalar(robot, f"{word} mass of link {link + 1}", link, sign * mass, -sign * bound)
+    if link + 1 in bounds.centres:
+        for sign, corner in zip((1.0, -1.0), bounds.centres[link + 1], strict=True):
+            for moment, x in zip(np.eye(10)[_MOMENT], corner, strict=True):
+                name = f"centre of mass of link {link + 1}"
+                yield _scalar(robot, name, link, sign * (moment - x * mass), 0.0)
+
+
+def _scalar(robot: Robot, name: str, link: int, own: Array, constant: float) -> Condition:
+    weights = np.zeros((1, 1, len(robot.standard_parameters)))
+    weights[0, 0, 10 * link : 10 * link + 10] = own
+    return Condition(name, weights, np.array([[constant]]))
+
+
+def _motors(robot: Robot) -> Iterator[Condition]:
+    """Motors' share of the mass matrix, of joints whose motors turn together as one condition."""
+    added = added_inertias(robot)
+    for joints in _turning_together(robot):
+        own = added[np.ix_(range(len(added)), joints, joints)]
+        if not own.any():
+            continue
+        weights = np.zeros((len(joints), len(joints), len(robot.standard_parameters)))
+        weights[..., 10 * robot.n_joints :] = np.moveaxis(own, 0, -1)
+        named = " and ".join(str(j + 1) for j in joints)
+        constant = np.diag(robot.reflected_inertia[joints])
+        yield Condition(f"rotor of joint {named}", weights, constant)
+
+
+def _turning_together(robot: Robot) -> list[list[int]]:
+    """Joints that coupled motors tie to one another, the others by themselves."""
+    groups = [[j] for j in range(robot.n_joints)]
+    for coupling in robot.couplings:
+        tied = [g for g in groups if coupling.motor in g or coupling.joint in g]
+        groups = [g for g in groups if g not in tied] + [sorted(j for g in tied for j in g)]
+    return sorted(groups)

@@ -1,0 +1,119 @@
+"""Of all bodies that have given base parameters, those nearest to likely ones.
+
+Near is meant by the entropic divergence of normal distributions with pseudo-inertias J and J_0,
+
+    tr J_0^-1 J - log det J + log det J_0 - 4,
+
+which depends on neither frames nor units and keeps each J well inside the cone of positive definite
+matrices (Lee, Wensing and Park, IEEE Transactions on Robotics 36 (2020) 168-182). It is convex in J
+and self-concordant; Newton's method with damped steps finds its minimum from any start (Boyd and
+Vandenberghe, Convex Optimization, section 9.6). Other conditions, on masses and rotors, enter with
+their log det.
+
+Likely bodies that only come from shapes are known but for scale: `rescaled` finds how much heavier
+and larger all of them together should be, a J_0 with lengths times b, for the divergence to be
+least. In u = 1/b and the sums of tr J_0^-1 J over the spatial, the mixed and the mass block,
+s u^2 + t u + m, it is least where s u^2 - t u - 3 m = 0 and a is a quarter of the sums' mean.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.frames import pseudo_inertia
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.consistent.semidefinite import Inequality
+
+    Array = NDArray[np.float64]
+    _Blocks = Sequence[tuple[Inequality, float]]
+
+BARRIER = 1e-3
+"""Weight of a scalar condition's logarithm, against 1 of a body's log det."""
+STEPS = 200
+"""Of Newton's method, at most."""
+_DECREMENT = 1e-9
+_RIDGE = 1e-13
+_SHORTEST_STEP = 1e-9
+
+
+def likeliest(
+    bodies: Sequence[Inequality], others: Sequence[Inequality], pull: Array, z: Array
+) -> Array:
+    """Minimise the divergence of the module over z.
+
+    Parameters
+    ----------
+    bodies : sequence of Inequality
+        Matrix of each link as a function of z, in units in which the likely body is the unit
+        matrix; positive definite at the start.
+    others : sequence of Inequality
+        Further conditions, which hold at the start.
+    pull : ndarray, shape (n_free,)
+        Small weight of each z's square, which decides what no body does.
+    z : ndarray, shape (n_free,)
+        Start.
+    """
+    weights = [1.0] * len(bodies) + [BARRIER] * len(others)
+    slope = np.sum([np.einsum("kkn->n", each.weights) for each in bodies], axis=0)
+    return _newton(list(zip([*bodies, *others], weights, strict=True)), slope, pull, z)
+
+
+def rescaled(likely: Array, bodies: Array) -> Array:
+    """Likely bodies of the scale that is nearest to `bodies`, both of shape (n_joints, 10)."""
+    spatial = mixed = mass = 0.0
+    for expected, body in zip(likely, bodies, strict=True):
+        parts = np.linalg.inv(pseudo_inertia(expected)) * pseudo_inertia(body)
+        spatial += float(parts[:3, :3].sum())
+        mixed += 2.0 * float(parts[:3, 3].sum())
+        mass += float(parts[3, 3])
+    u = (mixed + np.sqrt(mixed**2 + 12.0 * spatial * mass)) / (2.0 * spatial)
+    heavier = (spatial * u**2 + mixed * u + mass) / (4.0 * len(likely))
+    powers = np.array([2.0] * 6 + [1.0] * 3 + [0.0])
+    return np.asarray(heavier * likely * u**-powers)
+
+
+def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
+    """Minimum of ``slope z + pull z^2 / 2 - sum weight log det``."""
+    for _ in range(STEPS):
+        gradient, hessian = slope + pull * z, np.diag(pull)
+        for block, weight in blocks:
+            inverse = np.linalg.inv(block.constant + block.weights @ z)
+            turned = np.einsum("ij,jkn->nik", inverse, block.weights)
+            gradient = gradient - weight * np.einsum("nii->n", turned)
+            hessian = hessian + weight * np.einsum("nij,mji->nm", turned, turned, optimize=True)
+        unit = 1.0 / np.sqrt(np.diag(hessian))
+        scaled = hessian * np.outer(unit, unit) + _RIDGE * np.eye(len(z))
+        step = -unit * np.linalg.solve(scaled, unit * gradient)
+        descent = -float(gradient @ step)
+        if descent < _DECREMENT:
+            break
+        length = _longest([block for block, _ in blocks], z, step)
+        here = _value(blocks, slope, pull, z)
+        while _value(blocks, slope, pull, z + length * step) > here - 0.1 * length * descent:
+            length /= 2
+            if length < _SHORTEST_STEP:
+                return z
+        z = z + length * step
+    return z
+
+
+def _value(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> float:
+    dets = [w * np.linalg.slogdet(block.constant + block.weights @ z)[1] for block, w in blocks]
+    return float(slope @ z + pull @ z**2 / 2 - sum(dets))
+
+
+def _longest(blocks: Sequence[Inequality], z: Array, step: Array) -> float:
+    """The whole step, or nine tenths of the way to where a condition ceases to hold."""
+    worst = 0.0
+    for block in blocks:
+        root = np.linalg.inv(np.linalg.cholesky(block.constant + block.weights @ z))
+        moved = root @ (block.weights @ step) @ root.T
+        worst = max(worst, -float(np.linalg.eigvalsh((moved + moved.T) / 2)[0]))
+    return min(1.0, 0.9 / worst) if worst > 0 else 1.0

@@ -1,0 +1,68 @@
+"""Bodies that links are likely to be, where no data say more: from their shapes.
+
+Torques show combinations of the links' parameters only; what they leave open is taken nearest to
+these bodies. Where a URDF states bodies they are those. Else a link is a rod with rounded ends:
+the capsule that the robot file states, or the way from its frame to the next one; its mass goes by
+its volume. How heavy and how large all of them are together is left to the data
+(`hil.estimation.consistent.likeliest`); here they have the density of water.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.frames import body_parameters, link_pose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+SLENDERNESS, STOUTEST = 0.25, 0.1
+"""Radius of a link over its length, and least one over the robot's length."""
+SHORTEST = 0.3
+"""Length of a robot whose axes all meet, and least of any [m]."""
+DENSITY = 1000.0
+"""Of all links [kg/m^3]."""
+
+
+def likely_bodies(robot: Robot) -> Array:
+    """Standard parameters of the links' likely bodies, shape (n_joints, 10)."""
+    shapes = (ends_and_radius(robot, link) for link in range(robot.n_joints))
+    return np.array([_rod(*shape) for shape in shapes])
+
+
+def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
+    """Shape of a link (from 0) as a capsule in its frame [m]."""
+    stated = robot.file.joints[link].capsule
+    if stated is not None:
+        return np.array(stated.ends[0]), np.array(stated.ends[1]), stated.radius
+    reach = _reach(robot)
+    end = np.array([0.0, 0.0, 0.1 * reach])
+    if link + 1 < robot.n_joints:
+        pose = link_pose(robot, link + 1)
+        middle = 0.0 if robot.revolute[link + 1] else (robot.q_min + robot.q_max)[link + 1] / 2
+        end = pose[:3, 3] + middle * pose[:3, 2]
+    length = float(np.linalg.norm(end))
+    return np.zeros(3), end, max(SLENDERNESS * length, STOUTEST * reach)
+
+
+def _reach(robot: Robot) -> float:
+    """Length of the stretched robot, or `SHORTEST` [m]."""
+    slides = np.where(robot.revolute, 0.0, np.maximum(np.abs(robot.q_min), np.abs(robot.q_max)))
+    return max(float(np.sum(np.hypot(robot.d, robot.r) + slides)), SHORTEST)
+
+
+def _rod(begin: Array, end: Array, radius: float) -> Array:
+    """Standard parameters of a rod with rounded ends."""
+    along, centre = end - begin, (begin + end) / 2
+    mass = DENSITY * np.pi * radius**2 * (np.linalg.norm(along) + 4 * radius / 3)
+    spread = np.outer(along, along) / 12 + radius**2 / 4 * np.eye(3)
+    body = np.ones((4, 4))
+    body[:3, :3] = spread + np.outer(centre, centre)
+    body[:3, 3] = body[3, :3] = centre
+    return np.array(body_parameters(mass * body))

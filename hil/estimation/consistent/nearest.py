@@ -1,0 +1,194 @@
+r"""The nearest base parameters that bodies have, and bodies that have them.
+
+Standard parameters whose torques are those of base parameters p' are ``phi = P p' + Z z``: P puts
+base parameters into the standard parameters that head them, Z spans what no torque shows
+(the null space of K of all links' parameters), z is free. What a robot file leaves out is zero
+in the torques, not in the bodies: no body lacks Ixx. Of all p' for which a phi meets the conditions
+(`hil.estimation.consistent.conditions`) the nearest to the estimate p by its covariance V,
+
+    d^2 = min (p' - p)' V^-1 (p' - p),
+
+is a semidefinite program. Least squares under the same conditions is the same program. With the
+normal equations N p = v of an estimate that is linear in p, and W its weights,
+
+    |y - X p'|_W^2 = |y - X p|_W^2 + (p' - p)' N (p' - p),
+
+since the residual of p is W-orthogonal to X; so its constrained minimum is the projection of p with
+V = s^2 N^-1, whatever the scale s. Unknowns that no condition binds (friction) are minimised
+over by taking their rows out of V = N^-1, which leaves N's Schur complement.
+
+That program decides p' and leaves z open; `hil.estimation.consistent.likeliest` chooses it. The
+program asks for twice the thickness, so that the choice has room.
+
+Since d^2 is the least over a convex set that holds the truth, where there is any, it exceeds what
+chance gives it at most as a chi-square variable does that has as many degrees of freedom as the
+conditions that bind: r (r + 1) / 2 of a matrix that has lost the rank r.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hil.estimation.absent_parameters import complete
+from hil.estimation.consistent.conditions import BodyBounds, conditions, tightened
+from hil.estimation.consistent.likely_bodies import likely_bodies
+from hil.estimation.consistent.space import Space
+from hil.model.frames import pseudo_inertia
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.consistent.conditions import Condition
+    from hil.estimation.consistent.semidefinite import Solved
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+BINDING = 1e-6
+"""Share of the greatest multiplier from which on a condition binds."""
+INSIDE = 1e-4
+"""Distance d below which the estimate meets all conditions as it is."""
+
+
+class Binding(NamedTuple):
+    """A condition that the estimate does not meet.
+
+    Attributes
+    ----------
+    name : str
+    rank : int
+        Directions in which its matrix has lost its rank.
+    distance_without : float
+        d^2 if this condition is dropped and all others hold.
+    """
+
+    name: str
+    rank: int
+    distance_without: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestRobot:
+    """Bodies, and what they cost.
+
+    Attributes
+    ----------
+    p : ndarray, shape (n_base,)
+        Base parameters p' of the bodies.
+    change : ndarray, shape (n_base,)
+        p' - p in standard errors.
+    bodies : ndarray, shape (n_joints, 10)
+        Standard parameters of each link, in its frame.
+    added : ndarray, shape (n_added,)
+        Of drive trains and springs (`hil.model.added_parameters`).
+    thickness : ndarray, shape (n_joints,)
+        Least spread of each link's mass about its centre [m].
+    open_masses : tuple of int
+        Links, from 1, whose mass no torque decides; it is that of a likely body then.
+    distance : float
+        d^2.
+    distance_complete : float
+        d^2 if the data may give any value to the link parameters that the robot file leaves out.
+    binding : tuple of Binding
+        The conditions that the estimate does not meet, those that cost most first.
+    """
+
+    p: Array
+    change: Array
+    bodies: Array
+    added: Array
+    thickness: Array
+    open_masses: tuple[int, ...]
+    distance: float
+    distance_complete: float
+    binding: tuple[Binding, ...]
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Of the chi-square that d^2 is compared with, see the module."""
+        return min(sum(b.rank * (b.rank + 1) // 2 for b in self.binding), len(self.p))
+
+    @property
+    def p_value(self) -> float:
+        """Greatest chance of so great a distance where the conditions hold in truth."""
+        degrees = self.degrees_of_freedom
+        return float(special.chdtrc(degrees, self.distance)) if degrees else 1.0
+
+
+def nearest_robot(
+    robot: Robot,
+    p: Array,
+    covariance: Array,
+    bounds: BodyBounds | None = None,
+    likely: Array | None = None,
+) -> NearestRobot:
+    """Find the nearest robot that consists of bodies.
+
+    Parameters
+    ----------
+    robot : Robot
+    p : ndarray, shape (n_base,)
+    covariance : ndarray, shape (n_base, n_base)
+        Of `p`; directions in which it vanishes are kept as they are.
+    bounds : BodyBounds, optional
+    likely : ndarray, shape (n_joints, 10), optional
+        Bodies that the links are likely to be; by default from their shapes, of whatever scale.
+
+    Raises
+    ------
+    NotRealisable
+        No bodies meet the conditions.
+    """
+    bounds = bounds or BodyBounds()
+    whole = complete(robot)
+    asked = tightened(whole, bounds)
+    expected = likely_bodies(robot) if likely is None else likely
+    space = Space.of(robot, whole, p, covariance, expected)
+    first = space.nearest(asked)
+    distance, nearest = space.distance(first), space.moved(first)
+    phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
+    bodies = phi[: 10 * robot.n_joints].reshape(-1, 10)
+    outside = distance > INSIDE**2
+    return NearestRobot(
+        p=nearest,
+        change=(nearest - p) / np.sqrt(np.maximum(np.diag(covariance), 1e-300)),
+        bodies=bodies,
+        added=phi[bodies.size :],
+        thickness=np.array([thickness_of(body) for body in bodies]),
+        open_masses=space.open_masses,
+        distance=distance,
+        distance_complete=_distance(space.with_absent(robot), asked) if outside else distance,
+        binding=_binding(space, asked, first) if outside else (),
+    )
+
+
+def thickness_of(body: Array) -> float:
+    """Least spread of a body's mass about its centre, root mean square [m]."""
+    J = pseudo_inertia(body)
+    spread = J[:3, :3] / J[3, 3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3] ** 2
+    return float(np.sqrt(max(np.linalg.eigvalsh(spread)[0], 0.0)))
+
+
+def _distance(space: Space, asked: Sequence[Condition]) -> float:
+    return space.distance(space.nearest(asked))
+
+
+def _binding(space: Space, asked: Sequence[Condition], first: Solved) -> tuple[Binding, ...]:
+    spectra = [np.linalg.eigvalsh(each) for each in first.multipliers]
+    greatest = max(values[-1] for values in spectra)
+    found = [
+        Binding(
+            name=each.name,
+            rank=int(np.sum(values > BINDING * greatest)),
+            distance_without=_distance(space, [other for other in asked if other is not each]),
+        )
+        for each, values in zip(asked, spectra, strict=True)
+        if values[-1] > BINDING * greatest
+    ]
+    return tuple(sorted(found, key=lambda each: each.distance_without))

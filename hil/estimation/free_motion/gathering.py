@@ -1,0 +1,136 @@
+"""Recordings of free motions gathered for a fit: settings, inner products, gains, laws of friction.
+
+All solvers, and the fit of a load to two runs, start from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.errors import NotEnoughData
+from hil.estimation.free_motion.accumulation import division, recorded_products
+from hil.estimation.free_motion.choice import choose, without_choice
+from hil.estimation.free_motion.first_estimate import first_estimate
+from hil.estimation.free_motion.settings import processing_of
+from hil.estimation.free_motion.survey import survey
+from hil.estimation.free_motion.unknown_gains import first_scaling, refined
+from hil.planning.free_motion import FreeMotion
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.accumulation import Products
+    from hil.estimation.free_motion.choice import Choice
+    from hil.estimation.free_motion.motion import Processing
+    from hil.estimation.free_motion.scaling import Scaling
+    from hil.estimation.free_motion.settings import Reasons
+    from hil.estimation.free_motion.survey import Survey
+    from hil.estimation.free_motion.variants import Variant
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+
+class FreeMotions:
+    """Free motions among recordings, again and again, one at a time.
+
+    Raises
+    ------
+    NotEnoughData
+        There are none.
+    """
+
+    def __init__(self, recorded: Iterable[tuple[RecordedMotion, Recording]]) -> None:
+        # what can be read but once is kept; a run is read anew each time
+        self._recorded = list(recorded) if isinstance(recorded, Iterator) else recorded
+        if not any(True for _ in self):
+            raise NotEnoughData(
+                "no free motions among the recordings; import some with hil import, or leave"
+                " --method out"
+            )
+
+    def __iter__(self) -> Iterator[tuple[FreeMotion, Recording]]:
+        for motion, recording in self._recorded:
+            if isinstance(motion, FreeMotion):
+                yield motion, recording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gathered:
+    """Recordings as a solver takes them.
+
+    Attributes
+    ----------
+    found : Survey
+    processing : Processing
+    reasons : Reasons
+    first : ndarray, shape (n_base,)
+        First estimate, which friction of the load goes by.
+    recorded : Products
+        The signals as they were recorded.
+    scaling : Scaling
+    choice : Choice
+    """
+
+    found: Survey
+    processing: Processing
+    reasons: Reasons
+    first: Array
+    recorded: Products
+    scaling: Scaling
+    choice: Choice
+
+    @property
+    def products(self) -> Products:
+        """Inner products of torques in SI."""
+        return self.scaling.applied(self.recorded)
+
+
+def gather(
+    robot: Robot,
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    variant: Variant,
+    *,
+    open_scale: bool = False,
+) -> Gathered:
+    """Condense recordings and choose what the data choose.
+
+    Parameters
+    ----------
+    open_scale : bool
+        Whether a scale that unknown gains leave open is let stand, one gain of it held at 1.
+
+    Raises
+    ------
+    NotEnoughData
+        No free motions, or too short ones.
+    NotIdentifiable
+        Base parameters that unknown gains leave open.
+    Mismatch
+        The gain of an axis is known in some motions and unknown in others.
+    """
+    motions = FreeMotions(recorded)
+    found = survey(motions)
+    processing, reasons = processing_of(found)
+    first, unknown = first_estimate(robot, found, processing, open_scale=open_scale)
+    condensed = recorded_products(
+        robot,
+        (recording for _, recording in motions),
+        processing,
+        division(processing, found.stretches, found.duration),
+        first,
+        instruments=variant.solver == "instrumental",
+    )
+    scaling = first_scaling(robot, condensed, unknown)
+    products = scaling.applied(condensed)
+    chosen = variant.terms == "chosen"
+    choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
+    scaling = refined(condensed, scaling, choice)
+    return Gathered(found, processing, reasons, first, condensed, scaling, choice)

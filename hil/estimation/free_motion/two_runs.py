@@ -1,0 +1,225 @@
+"""Normal equations of two runs of one robot, without and with a load at its last link.
+
+With s = 0 and 1 for the run without and with the load,
+
+    g_i y_i - Qm_i - s A_i K_n phi_known = A_i p + s A_i K_n phi + C_i c_s + F_i a_is - d_i tau_i,
+
+phi being the load's parameters as far as they are unknown, K_n their columns in the base
+parameters. Parameters, load and gains are shared; friction has the same law in both runs, the
+richer of those that either chooses, but a level of its own in each. Unknown gains are linearised
+as in `scaling`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.friction_terms import LAWS, TERMS
+from hil.estimation.free_motion.scaling import Scaling, recast
+from hil.estimation.free_motion.system import (
+    Normal,
+    embedded,
+    kept_unknowns,
+    normal,
+    residual_weights,
+    summed,
+)
+from hil.regression.least_squares import solved
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.accumulation import Products
+    from hil.estimation.free_motion.gathering import Gathered
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+
+BLOCKS = 30
+"""Of time, of each run, at most."""
+ROUNDS = 50
+"""Of Gauss and Newton's method, at most."""
+CONVERGED = 1e-9
+"""Relative change of the gains at which it ends."""
+STRIDE = 0.7
+"""Largest change of a gain's logarithm in one round."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadTerms:
+    """How a load enters the base parameters: ``known + columns theta``.
+
+    Attributes
+    ----------
+    known : ndarray, shape (n_base,)
+    columns : ndarray, shape (n_base, k)
+    """
+
+    known: Array
+    columns: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Gains of all axes and the solution that belongs to them.
+
+    Attributes
+    ----------
+    gains : ndarray, shape (n_joints,)
+        [N m or N for one unit of the signal].
+    x : ndarray, shape (n,)
+        Base parameters, theta, the gains' changes, then coupled motors' and own friction of the run
+        without and of the run with the load.
+    """
+
+    gains: Array
+    x: Array
+
+
+class TwoRuns:
+    """Equations of both runs.
+
+    Parameters
+    ----------
+    runs : sequence of Gathered
+        Without and with the load.
+    axes : tuple of int
+        From 0, whose gains are unknown.
+    """
+
+    def __init__(self, runs: Sequence[Gathered], n_base: int, axes: tuple[int, ...]) -> None:
+        self.n_base, self.axes = n_base, axes
+        first = runs[0].recorded
+        self.n_joints, self._n_coupled = first.n_joints, first.n_shared - 1 - n_base
+        order = list(LAWS)
+        self.laws = tuple(
+            max(pair, key=order.index) for pair in zip(*(r.choice.laws for r in runs), strict=True)
+        )
+        slowest = max(run.choice.slowest for run in runs)
+        self._own = kept_unknowns(0, [LAWS[law] for law in self.laws])
+        self._runs = [_reduced(run.recorded, slowest) for run in runs]
+        self._weights = [self._weights_of(run, slowest) for run in runs]
+
+    @property
+    def n_own(self) -> int:
+        """Unknowns that belong to one run alone."""
+        return self._n_coupled + len(self._own)
+
+    def solved(self, terms: LoadTerms, gains: Array) -> State:
+        """Solution by Gauss and Newton's method, from gains to begin with."""
+        k, n = terms.columns.shape[1], len(self.axes)
+        first = self.n_base + k
+        state = State(gains.copy(), np.zeros(first + n + 2 * self.n_own))
+        totals = [run.pieces.sum(axis=0, keepdims=True) for run in self._runs]
+        # as if the gains were right: until there is a solution their columns are not those of one
+        linear = np.delete(np.arange(len(state.x)), np.arange(first, first + n))
+        whole = self._equations(terms, state, totals)
+        state = State(state.gains, embedded(whole.only(linear).solution(), linear, len(state.x)))
+        for _ in range(ROUNDS if n else 0):
+            whole = self._equations(terms, state, totals)
+            x = whole.solution()
+            change = np.clip(x[first : first + n], -STRIDE, STRIDE)
+            gains = state.gains.copy()
+            gains[list(self.axes)] *= np.exp(change)
+            x[first : first + n] = 0.0
+            state = State(gains, x)
+            if np.abs(change).max(initial=0.0) < CONVERGED:
+                break
+        return state
+
+    def pieces(self, terms: LoadTerms, state: State) -> Normal:
+        """Equations by blocks of time, those of the run without the load first."""
+        return self._equations(terms, state, [each.pieces for each in self._runs])
+
+    def cells(self, terms: LoadTerms, state: State) -> Normal:
+        """The same by cells of states."""
+        return self._equations(terms, state, [each.cells for each in self._runs])
+
+    def effect(self, terms: LoadTerms, state: State, shares: Array) -> Array:
+        """Change of all unknowns by a share of each axis's gain, shape (n, n_joints)."""
+        N = self.pieces(terms, state).N.sum(axis=0)
+        found = np.zeros((len(N), self.n_joints))
+        for axis in np.flatnonzero(shares):
+            alone = np.where(np.arange(self.n_joints) == axis, 1.0, 0.0)
+            v = self._equations(terms, state, None, signal=alone).v.sum(axis=0)
+            found[:, axis] = shares[axis] * solved(N, v)
+        return found
+
+    def _equations(
+        self,
+        terms: LoadTerms,
+        state: State,
+        products: Sequence[Array] | None,
+        signal: Array | None = None,
+    ) -> Normal:
+        """Equations of given products; where `signal` is given, of the signals of those axes."""
+        parts = []
+        for s, run in enumerate(self._runs):
+            taken = run if products is None else replace(run, pieces=products[s])
+            weights = self._weights[s] * (1.0 if signal is None else signal)
+            parts.append(self._placed(self._of_run(terms, state, taken, s, weights, signal), s))
+        return Normal(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+    def _of_run(
+        self,
+        terms: LoadTerms,
+        state: State,
+        run: Products,
+        s: int,
+        weights: Array,
+        signal: Array | None,
+    ) -> Normal:
+        scaling = Scaling(state.gains, self.axes, self._solution(terms, state, s))
+        first = scaling.signal(run)
+        if signal is None:
+            first[:, run.n_shared] = -1.0
+            first[:, 1 : 1 + self.n_base] = -s * terms.known
+        load = np.zeros((*first.shape, terms.columns.shape[1]))
+        load[:, 1 : 1 + self.n_base] = s * terms.columns
+        added = np.concatenate([load, scaling.columns(run)], axis=2)
+        products = recast(run, first, np.arange(1, run.n_shared), added, state.gains)
+        kept = np.concatenate([np.arange(products.n_shared), products.n_shared + self._own])
+        return normal(products.pieces[:, :, 0], products.n_shared, weights).only(kept)
+
+    def _solution(self, terms: LoadTerms, state: State, s: int) -> Array:
+        """Base parameters and friction of one run, as `Scaling` takes them."""
+        n, k = self.n_base, terms.columns.shape[1]
+        p = state.x[:n] + s * (terms.known + terms.columns @ state.x[n : n + k])
+        own = state.x[n + k + len(self.axes) + s * self.n_own :][: self.n_own]
+        friction = embedded(own[self._n_coupled :], self._own, self.n_joints * len(TERMS))
+        return np.concatenate([p, own[: self._n_coupled], friction])
+
+    def _placed(self, system: Normal, s: int) -> tuple[Array, Array, Array]:
+        """Equations of one run among the unknowns of both."""
+        n, c = self.n_base, self._n_coupled
+        n_shared = system.N.shape[1] - self.n_own
+        size, own = n_shared + 2 * self.n_own, n_shared + s * self.n_own
+        place = np.concatenate([
+            np.arange(n), own + np.arange(c), np.arange(n, n_shared),
+            own + c + np.arange(len(self._own)),
+        ])  # fmt: skip
+        N, v = np.zeros((len(system.v), size, size)), np.zeros((len(system.v), size))
+        N[:, place[:, np.newaxis], place], v[:, place] = system.N, system.v
+        return N, v, system.square
+
+    def _weights_of(self, run: Gathered, slowest: int) -> Array:
+        """Reciprocal residual variances by a fit of this run alone."""
+        products = run.scaling.applied(run.recorded)
+        kept = kept_unknowns(products.n_shared, [LAWS[law] for law in self.laws])
+        counts = products.counts[:, :, slowest:].sum(axis=2)
+        return residual_weights(summed(products.pieces, slowest), counts, products.n_shared, kept)
+
+
+def _reduced(recorded: Products, slowest: int) -> Products:
+    """The same in few blocks, classes of speed added up."""
+    pieces, cells = (summed(each, slowest) for each in (recorded.pieces, recorded.cells))
+    ends = np.linspace(0, len(pieces), min(BLOCKS, len(pieces)) + 1).round().astype(int)
+    blocks = np.add.reduceat(pieces, ends[:-1], axis=0)
+    return replace(
+        recorded, pieces=blocks[:, :, np.newaxis], cells=cells[:, :, np.newaxis], instruments=None
+    )

@@ -1,0 +1,130 @@
+"""A model as C99: one header of static inline functions, an example, and a CMake file.
+
+No memory is allocated, nothing is included but <math.h>, and no state is kept. Numbers are double,
+or float where ``NAME_SINGLE`` is defined before the header is included.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.export.documentation import description, remarks
+from hil.export.exported import Exported
+from hil.export.expressions import count, needed
+from hil.export.functions import functions
+from hil.export.identifiers import identifier
+from hil.export.statements import Syntax, assignments
+
+if TYPE_CHECKING:
+    from hil.export.functions import Function
+    from hil.results.model import Model
+
+_FUNCTIONS = {"abs": "fabs"}
+SYNTAX = Syntax(
+    number=lambda value: f"HIL_R({value!r})",
+    function=lambda name, of: (
+        f"HIL_SIGN({of})" if name == "sign" else f"HIL_F({_FUNCTIONS.get(name, name)})({of})"
+    ),
+)
+_TYPES = """\
+#ifdef {upper}_SINGLE
+typedef float {name}_real;
+#define HIL_F(function) function##f
+#else
+typedef double {name}_real;
+#define HIL_F(function) function
+#endif
+#define HIL_R(number) (({name}_real)(number))
+#define HIL_SIGN(x) (({name}_real)(((x) > 0) - ((x) < 0)))
+"""
+_EXAMPLE = """\
+#include <stdio.h>
+
+#include "{name}_dynamics.h"
+
+int main(void)
+{{
+    const {name}_real q[{upper}_JOINTS] = {{0}}, qd[{upper}_JOINTS] = {{0}};
+    const {name}_real qdd[{upper}_JOINTS] = {{0}};
+    {name}_real gravity[{upper}_JOINTS], torque[{upper}_JOINTS];
+    int joint;
+
+    {name}_gravity(q, gravity);
+    {name}_torque(q, qd, qdd, torque);
+    for (joint = 0; joint < {upper}_JOINTS; joint++)
+        printf("joint %d: gravity %g, torque of the drive %g\\n",
+               joint + 1, (double)gravity[joint], (double)torque[joint]);
+    return 0;
+}}
+"""
+_CMAKE = """\
+cmake_minimum_required(VERSION 3.10)
+project({name}_dynamics C)
+
+add_library({name}_dynamics INTERFACE)
+target_include_directories({name}_dynamics INTERFACE ${{CMAKE_CURRENT_SOURCE_DIR}})
+if(UNIX)
+  target_link_libraries({name}_dynamics INTERFACE m)
+endif()
+
+add_executable(example example.c)
+set_target_properties(example PROPERTIES C_STANDARD 99 C_STANDARD_REQUIRED ON)
+target_link_libraries(example PRIVATE {name}_dynamics)
+"""
+
+
+def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
+    """Return the model as a header with an example and a CMake file."""
+    name, found = identifier(model.robot.name), functions(model)
+    upper = name.upper()
+    header = "\n".join([
+        _comment(description(model, origin, found)),
+        f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
+        _TYPES.format(name=name, upper=upper),
+        f"#define {upper}_JOINTS {model.robot.n_joints}",
+        "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
+        f"#define {upper}_MOTOR_INERTIA {_list(model.robot.reflected_inertia.tolist())}\n",
+        *(_function(name, upper, each) for each in found),
+        "#undef HIL_F\n#undef HIL_R\n#undef HIL_SIGN\n\n#endif\n",
+    ])  # fmt: skip
+    files = {
+        f"{name}_dynamics.h": header,
+        "example.c": _EXAMPLE.format(name=name, upper=upper),
+        "CMakeLists.txt": _CMAKE.format(name=name),
+    }
+    return Exported(files, remarks(model, found))
+
+
+def _function(name: str, upper: str, function: Function) -> str:
+    size = f"{upper}_JOINTS" + (f" * {upper}_JOINTS" if function.name == "mass_matrix" else "")
+    inputs = [f"const {name}_real {each}[{upper}_JOINTS]" for each in function.arguments]
+    named, values = assignments(function.results, SYNTAX)
+    results = [f"r{k}" for k in range(len(values))]
+    lines = [
+        *(f"(void){each};" for each in _unused(function)),
+        *(f"const {name}_real {each.name} = {each.value};" for each in named),
+        *(f"const {name}_real {r} = {v};" for r, v in zip(results, values, strict=True)),
+        *(f"out[{k}] = {each};" for k, each in enumerate(results)),
+    ]
+    body = "\n".join(f"    {line}" for line in lines)
+    return (
+        f"{_comment((f'{function.purpose} {count(function.results)}.',))}"
+        f"static inline void {name}_{function.name}(\n"
+        f"    {', '.join(inputs)},\n    {name}_real out[{size}])\n{{\n{body}\n}}\n"
+    )
+
+
+def _unused(function: Function) -> list[str]:
+    """Arguments that the results do not depend on."""
+    used = {each.name.partition("[")[0] for each in needed(function.results)}
+    return [argument for argument in function.arguments if argument not in used]
+
+
+def _comment(lines: tuple[str, ...]) -> str:
+    """Lines as a comment, whatever stands in them."""
+    harmless = (line.replace("*/", "* /").replace("/*", "/ *").rstrip("\\") for line in lines)
+    return "/* " + "\n * ".join(harmless) + "\n */\n"
+
+
+def _list(values: list[float]) -> str:
+    return "{" + ", ".join(map(repr, values)) + "}"

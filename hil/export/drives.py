@@ -1,0 +1,120 @@
+"""What drives add to the torque of rigid bodies: springs, friction, current, as expressions.
+
+The same equations as in `hil.model.motors`, `hil.model.added_parameters` and
+`hil.estimation.friction_law`, for one sample.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.friction_terms import BEND
+from hil.model.added_parameters import added_inertias
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.friction_law import AxisLaw, FrictionLaw
+    from hil.export.expressions import Expression, Graph
+    from hil.export.rigid_bodies import Scalar
+    from hil.model.robot import Robot
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+
+def added_values(model: Model) -> list[float]:
+    """Value of each parameter that no link has, as the base parameters place them."""
+    standard = base_parameters(model.robot).placement @ model.values
+    values: list[float] = standard[10 * model.robot.n_joints :].tolist()
+    return values
+
+
+def identified_inertia(model: Model) -> Array:
+    """Constant inertias that were identified beside the links', shape (n_joints, n_joints)."""
+    return np.asarray(np.tensordot(added_values(model), added_inertias(model.robot), 1))
+
+
+def springs(graph: Graph, model: Model, q: Sequence[Expression]) -> list[Scalar]:
+    """Torques of springs and counterbalances at positions q."""
+    stated = model.robot.file.springs or ()
+    values = added_values(model)[-len(stated) :] if stated else []
+    found: list[Scalar] = [0.0] * model.robot.n_joints
+    shapes = {"cosine": "cos", "sine": "sin"}
+    for spring, value in zip(stated, values, strict=True):
+        at, name = spring.joint - 1, shapes.get(spring.shape)
+        found[at] += value * (q[at] if name is None else graph.function(name, q[at]))
+    return found
+
+
+def friction(
+    graph: Graph,
+    robot: Robot,
+    law: FrictionLaw,
+    q: Sequence[Expression],
+    qd: Sequence[Expression],
+    load: Sequence[Expression],
+) -> list[Scalar]:
+    """Torques of friction and ripple; `load`: those of the rigid bodies."""
+    found: list[Scalar] = [
+        0.0 if each is None else _axis(graph, robot, each, axis, q[axis], qd[axis], load[axis])
+        for axis, each in enumerate(law.axes)
+    ]
+    for (motor, joint, ratio), each in zip(robot.couplings, law.coupled, strict=True):
+        turning = graph.function("sign", ratio * qd[joint] + qd[motor])
+        coulomb, viscous = each.coulomb.value * turning, each.viscous.value * ratio
+        found[motor] += coulomb + viscous * qd[joint]
+        found[joint] += ratio * coulomb + viscous * qd[motor]
+    return found
+
+
+def current(robot: Robot, torque: Sequence[Expression]) -> list[Scalar] | None:
+    """Motor currents for joint torques [A]; None where a drive train is not known in full."""
+    if not np.isfinite([robot.torque_constant, robot.gear_ratio]).all():
+        return None
+    shares = np.linalg.inv(robot.motor_matrix.T) / robot.torque_constant[:, np.newaxis]
+    rows = np.where(np.abs(shares) < 1e-14 * np.abs(shares).max(), 0.0, shares).tolist()
+    return [sum(k * tau for k, tau in zip(row, torque, strict=True)) for row in rows]
+
+
+def _axis(
+    graph: Graph,
+    robot: Robot,
+    law: AxisLaw,
+    axis: int,
+    q: Expression,
+    qd: Expression,
+    load: Expression,
+) -> Scalar:
+    u, direction = qd * (1.0 / law.speed), graph.function("sign", qd)
+    shapes = {
+        "offset": lambda: graph.number(1.0),
+        "Coulomb": lambda: direction,
+        "viscous": lambda: u,
+        "asymmetric": lambda: graph.function("abs", u),
+        "cube root": lambda: graph.function("cbrt", u),
+        "arc tangent": lambda: graph.function("atan", u * (1.0 / BEND)),
+        "quadratic": lambda: u * graph.function("abs", u),
+        "load": lambda: graph.function("abs", load) * direction,
+    }
+    total = graph.number(0.0)
+    for term, value in law.terms.items():
+        shape = shapes[term]() if term in shapes else _ripple(graph, robot, axis, term, q)
+        total = total + value.value * shape
+    return total
+
+
+def _ripple(graph: Graph, robot: Robot, axis: int, term: str, q: Expression) -> Expression:
+    """Ripple of one order over the motor's angle; none where that is unknown, as in the law."""
+    ratio = float(np.nan_to_num(robot.gear_ratio[axis])) if robot.revolute[axis] else 0.0
+    wave, order = re.fullmatch(r"(cosine|sine) (\d+)", term).groups()  # type: ignore[union-attr]
+    if not ratio:
+        return graph.number(0.0)
+    name = {"cosine": "cos", "sine": "sin"}[wave]
+    return graph.function(name, q * (ratio * int(order)))

@@ -1,0 +1,210 @@
+"""Expressions that remember how they were made, so that equations can be written out as code.
+
+Equations are run once with expressions in place of numbers, and what they did is kept as a graph.
+Numbers are folded as soon as they meet: what is multiplied by zero is gone, and so is all that only
+it would have needed. Equal expressions are one node, whatever the order of their operands, so that
+nothing is computed twice.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+class Expression:
+    """A node of a `Graph`; made by arithmetic with others and with numbers.
+
+    Attributes
+    ----------
+    operation : str
+        ``number``, ``symbol``, ``+``, ``-``, ``*``, ``negative``, or the name of a function.
+    operands : tuple of Expression
+    number : float
+        Value of a number.
+    name : str
+        Of a symbol, as code reads it.
+    index : int
+        In the order in which the graph was built: operands before what uses them.
+    """
+
+    __slots__ = ("graph", "index", "name", "number", "operands", "operation")
+
+    def __init__(
+        self,
+        graph: Graph,
+        operation: str,
+        operands: tuple[Expression, ...] = (),
+        number: float = 0.0,
+        name: str = "",
+    ) -> None:
+        self.graph, self.operation, self.operands = graph, operation, operands
+        self.number, self.name, self.index = number, name, len(graph)
+
+    def is_number(self, value: float) -> bool:
+        """Whether it is this number."""
+        return self.operation == "number" and self.number == value
+
+    def __neg__(self) -> Expression:
+        match self.operation:
+            case "number":
+                return self.graph.number(-self.number)
+            case "negative":
+                return self.operands[0]
+            case "-":
+                return self.graph.made("-", self.operands[::-1])
+            case "*" if self.operands[0].operation == "number":
+                return -self.operands[0] * self.operands[1]
+        return self.graph.made("negative", (self,))
+
+    def __add__(self, other: Expression | float) -> Expression:
+        return _sum(self, self.graph.lifted(other))
+
+    def __radd__(self, other: Expression | float) -> Expression:
+        return self + other
+
+    def __sub__(self, other: Expression | float) -> Expression:
+        return self + -self.graph.lifted(other)
+
+    def __rsub__(self, other: Expression | float) -> Expression:
+        return -self + other
+
+    def __mul__(self, other: Expression | float) -> Expression:
+        return _product(self, self.graph.lifted(other))
+
+    def __rmul__(self, other: Expression | float) -> Expression:
+        return self * other
+
+
+class Graph:
+    """Expressions that share their parts."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[object, Expression] = {}
+
+    def __len__(self) -> int:
+        return len(self._nodes)
+
+    def number(self, value: float) -> Expression:
+        """Return a number."""
+        return self._known(("number", value + 0.0), "number", (), value + 0.0, "")
+
+    def symbol(self, name: str) -> Expression:
+        """Return a quantity by the name that code has for it."""
+        return self._known(("symbol", name), "symbol", (), 0.0, name)
+
+    def function(self, name: str, of: Expression) -> Expression:
+        """Return a function of an expression, which is not folded."""
+        return self.made(name, (of,))
+
+    def lifted(self, value: Expression | float) -> Expression:
+        """Return an expression as it is, and a number as one."""
+        return value if isinstance(value, Expression) else self.number(float(value))
+
+    def made(self, operation: str, operands: tuple[Expression, ...]) -> Expression:
+        """Return the result of an operation, which is not folded any further."""
+        key = (operation, *(each.index for each in operands))
+        return self._known(key, operation, operands, 0.0, "")
+
+    def _known(
+        self,
+        key: object,
+        operation: str,
+        operands: tuple[Expression, ...],
+        number: float,
+        name: str,
+    ) -> Expression:
+        if key not in self._nodes:
+            self._nodes[key] = Expression(self, operation, operands, number, name)
+        return self._nodes[key]
+
+
+class Count(NamedTuple):
+    """Operations that outputs take."""
+
+    multiplications: int
+    additions: int
+    functions: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.multiplications} multiplications, {self.additions} additions,"
+            f" {self.functions} functions"
+        )
+
+
+def needed(outputs: Iterable[Expression]) -> list[Expression]:
+    """All expressions that outputs are made of, operands before what uses them."""
+    found: dict[int, Expression] = {}
+    waiting = list(outputs)
+    while waiting:
+        each = waiting.pop()
+        if each.index not in found:
+            found[each.index] = each
+            waiting += each.operands
+    return [found[index] for index in sorted(found)]
+
+
+def count(outputs: Iterable[Expression]) -> Count:
+    """Count the operations behind outputs; subtractions and changes of sign are additions."""
+    operations = [each.operation for each in needed(outputs)]
+    plain = [operations.count(kind) for kind in ("number", "symbol")]
+    added = sum(operations.count(kind) for kind in ("+", "-", "negative"))
+    multiplied = operations.count("*")
+    return Count(multiplied, added, len(operations) - multiplied - added - sum(plain))
+
+
+def _sum(left: Expression, right: Expression) -> Expression:
+    graph = left.graph
+    if left.operation == right.operation == "number":
+        return graph.number(left.number + right.number)
+    if left.is_number(0.0) or right.is_number(0.0):
+        return right if left.is_number(0.0) else left
+    (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
+    if a is b:
+        return graph.number(0.0) if negative_a != negative_b else left * 2.0
+    return _of_signs(a, b, negative_a=negative_a, negative_b=negative_b)
+
+
+def _of_signs(a: Expression, b: Expression, *, negative_a: bool, negative_b: bool) -> Expression:
+    """Sum of two expressions with signs of their own."""
+    if negative_a and negative_b:
+        return -(a + b)
+    if negative_a or negative_b:
+        return a.graph.made("-", (b, a) if negative_a else (a, b))
+    return a.graph.made("+", _ordered(a, b))
+
+
+def _product(left: Expression, right: Expression) -> Expression:
+    graph = left.graph
+    if right.operation == "number":
+        left, right = right, left
+    if left.operation == "number":
+        return _scaled(left.number, right)
+    (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
+    product = graph.made("*", _ordered(a, b))
+    return -product if negative_a != negative_b else product
+
+
+def _scaled(factor: float, of: Expression) -> Expression:
+    graph = of.graph
+    if of.operation == "number":
+        return graph.number(factor * of.number)
+    if factor in {0.0, 1.0, -1.0}:
+        return {0.0: graph.number(0.0), 1.0: of}.get(factor) or -of
+    if of.operation == "negative":
+        return _scaled(-factor, of.operands[0])
+    if of.operation == "*" and of.operands[0].operation == "number":
+        return _scaled(factor * of.operands[0].number, of.operands[1])
+    return graph.made("*", (graph.number(factor), of))
+
+
+def _unsigned(of: Expression) -> tuple[Expression, bool]:
+    """Return an expression without its change of sign, and whether it had one."""
+    return (of.operands[0], True) if of.operation == "negative" else (of, False)
+
+
+def _ordered(left: Expression, right: Expression) -> tuple[Expression, Expression]:
+    return (left, right) if left.index <= right.index else (right, left)

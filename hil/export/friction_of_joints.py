@@ -1,0 +1,32 @@
+"""Friction of the joints of a simulated robot; a model without is exported without, and says so."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.errors import NotEnoughData
+from hil.export.friction_file import misfits
+from hil.export.simple_friction import simple_friction
+
+if TYPE_CHECKING:
+    from hil.export.simple_friction import SimpleFriction
+    from hil.results.model import Model
+
+
+def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
+    """Friction of each joint; None throughout where the model's law is not known of all."""
+    try:
+        return simple_friction(model)
+    except NotEnoughData:
+        return (None,) * model.robot.n_joints
+
+
+def friction_remarks(model: Model) -> tuple[str, ...]:
+    """What Coulomb's and viscous friction are off by, or why there is none."""
+    try:
+        return tuple(misfits(model, simple_friction(model)))
+    except NotEnoughData:
+        return (
+            "no friction is stated, since the model has no law of all axes: identify a run anew"
+            " that moves all of them (hil identify)",
+        )

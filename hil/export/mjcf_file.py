@@ -1,0 +1,118 @@
+"""A model as an MJCF file of MuJoCo: bodies, rotors, damping, friction, limits and motors.
+
+Rotor inertias are the joints' armature. Where a motor turns with two joints its share of the mass
+matrix is not diagonal; then fixed tendons with armature carry it, one for each column of its
+Cholesky factor. The file needs none of MuJoCo's repairs: inertias are positive definite and meet
+the triangle inequality.
+
+The format: mujoco.readthedocs.io, XML reference.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from hil.export.exact_numbers import comment, number, numbers
+from hil.export.exported import Exported
+from hil.export.friction_of_joints import friction_remarks
+from hil.export.simulated_robot import simulated_robot
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.export.given_urdf import Given
+    from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+_NOTHING = 1e-12
+"""Inertia that makes a factor of joints without any rotor exist [kg m^2]."""
+_FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
+    """Return the model as `NAME.xml`; in frames and with names of a URDF where given."""
+    robot = simulated_robot(model, None if given is None else given.chain)
+    remarks = (*friction_remarks(model), *_left_out(model, robot))
+    root = ET.Element("mujoco", model=robot.name)
+    root.append(ET.Comment(comment((*origin, *remarks))))
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    ET.SubElement(root, "option", gravity=numbers(robot.gravity))
+    parent = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=robot.base)
+    for joint in robot.joints:
+        parent = _body(parent, joint, coupled=robot.coupled)
+    if robot.coupled:
+        _tendons(root, robot)
+    _motors(root, robot)
+    ET.indent(root)
+    text = ET.tostring(root, encoding="unicode") + "\n"
+    return Exported({f"{model.robot.name}.xml": text}, remarks)
+
+
+def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Element:
+    place = {"pos": numbers(joint.before[:3, 3]), "quat": numbers(_quaternion(joint.before))}
+    body = ET.SubElement(parent, "body", {"name": joint.link, **place})
+    inertia = numbers(joint.inertia[at] for at in _FULL)
+    ET.SubElement(
+        body,
+        "inertial",
+        pos=numbers(joint.centre),
+        mass=number(joint.mass),
+        fullinertia=inertia,
+    )
+    stated = {
+        "name": joint.name,
+        "type": "hinge" if joint.revolute else "slide",
+        "axis": numbers(joint.axis),
+        "range": numbers((joint.lower, joint.upper)),
+        "armature": number(0.0 if coupled else joint.armature),
+    }
+    if joint.friction is not None:
+        stated["damping"] = number(joint.friction.viscous)
+        stated["frictionloss"] = number(joint.friction.coulomb)
+    if joint.stiffness:
+        stated["stiffness"] = number(joint.stiffness)
+    ET.SubElement(body, "joint", stated)
+    return body
+
+
+def _quaternion(pose: Array) -> Array:
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - takes long to load
+
+    return np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
+
+
+def _tendons(root: ET.Element, robot: SimulatedRobot) -> None:
+    """Motors' share of the mass matrix, H = L L': a tendon of unit armature for each column."""
+    tendon = ET.SubElement(root, "tendon")
+    columns = np.linalg.cholesky(robot.rotors + np.diag(np.full(len(robot.rotors), _NOTHING))).T
+    for number_, column in enumerate(columns, start=1):
+        fixed = ET.SubElement(tendon, "fixed", name=f"rotors{number_}", armature="1")
+        for joint, share in zip(robot.joints, column, strict=True):
+            if share:
+                ET.SubElement(fixed, "joint", joint=joint.name, coef=number(float(share)))
+
+
+def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
+    actuator = ET.SubElement(root, "actuator")
+    for joint in robot.joints:
+        stated = {"name": f"{joint.name}_motor", "joint": joint.name}
+        if not np.isnan(joint.effort):
+            stated["ctrlrange"] = numbers((-joint.effort, joint.effort))
+        ET.SubElement(actuator, "motor", stated)
+
+
+def _left_out(model: Model, robot: SimulatedRobot) -> Sequence[str]:
+    springs = [name for name in model.robot.added_parameters if name.startswith(("kc", "ks"))]
+    found = []
+    if springs:
+        found.append(f"counterbalances {', '.join(springs)} are left out: MJCF has linear springs")
+    if any(joint.stiffness for joint in robot.joints):
+        found.append("springs are taken for slack at q = 0")
+    return found

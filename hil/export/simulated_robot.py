@@ -1,0 +1,215 @@
+"""A robot as simulators take it: a tree of bodies, with limits, rotors and friction of each joint.
+
+Its bodies are those of `Model.consistent`. Frames are those of the robot file (z of frame j is the
+axis of joint j), or those of a URDF of the same chain, whose names are then taken too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.export.friction_of_joints import friction_of_joints
+from hil.model.added_parameters import added_inertias
+from hil.model.axes_to_frames import frames_of
+from hil.model.frames import inverse, parameter_map, pose_of, pseudo_inertia
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.export.simple_friction import SimpleFriction
+    from hil.model.robot import Robot
+    from hil.model.urdf import UrdfChain
+    from hil.results.consistent_robot import ConsistentRobot
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedJoint:
+    """A joint and the link that it carries.
+
+    Attributes
+    ----------
+    name, link : str
+    revolute : bool
+    before : ndarray, shape (4, 4)
+        The link's frame in that of the link before, at q = 0.
+    axis : ndarray, shape (3,)
+        In the link's frame.
+    lower, upper, velocity, effort : float
+        Limits; NaN where unknown [rad, rad/s, N m, or m, m/s, N].
+    armature : float
+        Rotor's inertia on the joint's side [kg m^2 or kg].
+    friction : SimpleFriction, optional
+    stiffness : float
+        Of a linear spring [N m/rad or N/m].
+    body : ndarray, shape (10,)
+        Standard parameters in the link's frame.
+    """
+
+    name: str
+    link: str
+    revolute: bool
+    before: Array
+    axis: Array
+    lower: float
+    upper: float
+    velocity: float
+    effort: float
+    armature: float
+    friction: SimpleFriction | None
+    stiffness: float
+    body: Array
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return float(self.body[9])
+
+    @property
+    def centre(self) -> Array:
+        """Centre of mass in the link's frame, shape (3,) [m]."""
+        return np.asarray(self.body[6:9] / self.body[9])
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia about the centre of mass along the link's axes, shape (3, 3) [kg m^2]."""
+        J = pseudo_inertia(self.body)
+        spread = J[:3, :3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3]
+        return np.asarray(np.trace(spread) * np.eye(3) - spread)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedRobot:
+    """A chain of joints.
+
+    Attributes
+    ----------
+    name, base : str
+        Of the robot and of its first link, which rests.
+    gravity : ndarray, shape (3,)
+        In the base link [m/s^2].
+    joints : tuple of SimulatedJoint
+    rotors : ndarray, shape (n_joints, n_joints)
+        Motors' share of the mass matrix; beside the diagonal where motors turn with two joints.
+    """
+
+    name: str
+    base: str
+    gravity: Array
+    joints: tuple[SimulatedJoint, ...]
+    rotors: Array
+
+    @property
+    def coupled(self) -> bool:
+        """Whether a motor turns with two joints."""
+        return bool(np.any(self.rotors - np.diag(np.diag(self.rotors))))
+
+
+def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRobot:
+    """Return a model as simulators take it.
+
+    Parameters
+    ----------
+    model : Model
+        With bodies.
+    chain : UrdfChain, optional
+        Of the same robot, whose frames and names are taken.
+    """
+    robot, consistent = model.robot, _bodies_of(model)
+    friction = friction_of_joints(model)
+    rotors = np.diag(robot.reflected_inertia) + _identified_rotors(robot, consistent)
+    placed = _of_robot_file(robot) if chain is None else _of_urdf(robot, chain)
+    return SimulatedRobot(
+        name=robot.name if chain is None else chain.robot,
+        base="base" if chain is None else chain.base,
+        gravity=robot.gravity if chain is None else frames_of(chain).base[:3, :3] @ robot.gravity,
+        joints=tuple(
+            SimulatedJoint(
+                name=each.name,
+                link=each.link,
+                revolute=bool(robot.revolute[axis]),
+                before=each.before,
+                axis=each.axis,
+                lower=float(robot.q_min[axis]),
+                upper=float(robot.q_max[axis]),
+                velocity=float(robot.velocity_limit[axis]),
+                effort=float(robot.torque_limit[axis]),
+                armature=float(rotors[axis, axis]),
+                friction=friction[axis],
+                stiffness=consistent.added.get(f"k{axis + 1}", 0.0),
+                body=parameter_map(each.mdh) @ consistent.bodies[axis],
+            )
+            for axis, each in enumerate(placed)
+        ),
+        rotors=rotors,
+    )
+
+
+def likely_of(chain: UrdfChain, robot: Robot, stated: Sequence[Array | None]) -> Array | None:
+    """Bodies that a URDF states, in the frames of the robot file, shape (n_joints, 10).
+
+    None where a link has none, or one that no body has.
+    """
+    found = []
+    for each, body in zip(_of_urdf(robot, chain), stated, strict=True):
+        if body is None or np.linalg.eigvalsh(pseudo_inertia(body))[0] <= 0:
+            return None
+        found.append(parameter_map(inverse(each.mdh)) @ body)
+    return np.array(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """Names and place of a joint; `mdh`: the robot file's frame in the link's frame."""
+
+    name: str
+    link: str
+    before: Array
+    axis: Array
+    mdh: Array
+
+
+def _of_robot_file(robot: Robot) -> list[_Placed]:
+    return [
+        _Placed(
+            name=f"joint{j + 1}",
+            link=f"link{j + 1}",
+            before=pose_of(robot.alpha[j], robot.d[j], robot.theta[j], robot.r[j]),
+            axis=np.array([0.0, 0.0, 1.0]),
+            mdh=np.eye(4),
+        )
+        for j in range(robot.n_joints)
+    ]
+
+
+def _of_urdf(robot: Robot, chain: UrdfChain) -> list[_Placed]:
+    frames = frames_of(chain)
+    still = np.zeros(robot.n_joints)
+    placed = zip(
+        chain.joints,
+        chain.frames(still),
+        frames.poses(still, robot.revolute),
+        strict=True,
+    )
+    return [
+        _Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
+        for joint, own, mdh in placed
+    ]
+
+
+def _bodies_of(model: Model) -> ConsistentRobot:
+    if model.consistent is None:
+        raise ValueError("the model has no bodies; find them by with_consistent_robot first")
+    return model.consistent
+
+
+def _identified_rotors(robot: Robot, consistent: ConsistentRobot) -> Array:
+    added = np.array([consistent.added[name] for name in robot.added_parameters])
+    return np.asarray(np.tensordot(added, added_inertias(robot), 1))

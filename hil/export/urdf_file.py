@@ -1,0 +1,190 @@
+"""A model as a URDF: inertials, limits, damping and friction of all joints.
+
+Without a URDF of the robot one is made, of links and joints alone. With one, everything in it stays
+as it is, shapes and meshes, limits and names, but the inertials and the dynamics of the chain.
+
+A URDF has no rotor inertia and no gravity: the file states both in comments, and where gravity of
+the robot file is not along -z, a fixed joint turns the base so that it is.
+
+The format: wiki.ros.org/urdf/XML.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from hil.export.exact_numbers import comment, number, numbers, roll_pitch_yaw
+from hil.export.exported import Exported
+from hil.export.friction_of_joints import friction_remarks
+from hil.export.simulated_robot import simulated_robot
+from hil.export.urdf_links import UrdfLinks
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.export.given_urdf import Given
+    from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+_INERTIA = {
+    "ixx": (0, 0),
+    "ixy": (0, 1),
+    "ixz": (0, 2),
+    "iyy": (1, 1),
+    "iyz": (1, 2),
+    "izz": (2, 2),
+}
+UNLIMITED = 1e6
+"""In place of an effort or a velocity that nobody has stated."""
+_DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
+    """Return the model as a URDF: one of its own, or the given one with its bodies."""
+    robot = simulated_robot(model, None if given is None else given.chain)
+    remarks = (*_rotors(robot), *_gravity(robot), *_springs(model), *friction_remarks(model))
+    if given is None:
+        root = _own(robot)
+        remarks = (*remarks, *_without_limits(robot))
+    else:
+        root, more = _with_bodies(robot, given.path)
+        remarks = (*remarks, *more)
+    root.insert(0, ET.Comment(comment((*origin, *remarks))))
+    ET.indent(root)
+    text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+    return Exported({f"{model.robot.name}.urdf": text}, remarks)
+
+
+def _own(robot: SimulatedRobot) -> ET.Element:
+    root = ET.Element("robot", name=robot.name)
+    ET.SubElement(root, "link", name=robot.base)
+    turned = _upright(robot.gravity)
+    if turned is not None:
+        root.insert(0, ET.Element("link", name="world"))
+        _joint(root, "world_to_base", "fixed", ("world", robot.base), turned, np.zeros(3))
+    parent = robot.base
+    for joint in robot.joints:
+        link = ET.SubElement(root, "link", name=joint.link)
+        link.append(_inertial(joint))
+        kind = "revolute" if joint.revolute else "prismatic"
+        place = joint.before[:3, :3], joint.before[:3, 3]
+        made = _joint(root, joint.name, kind, (parent, joint.link), *place)
+        ET.SubElement(made, "axis", xyz=numbers(joint.axis))
+        ET.SubElement(made, "limit", _limits(joint))
+        _set_dynamics(made, joint)
+        parent = joint.link
+    return root
+
+
+def _joint(
+    root: ET.Element, name: str, kind: str, ends: tuple[str, str], rotation: Array, position: Array
+) -> ET.Element:
+    made = ET.SubElement(root, "joint", name=name, type=kind)
+    ET.SubElement(made, "parent", link=ends[0])
+    ET.SubElement(made, "child", link=ends[1])
+    angles = numbers(roll_pitch_yaw(rotation))
+    ET.SubElement(made, "origin", xyz=numbers(position), rpy=angles)
+    return made
+
+
+def _with_bodies(robot: SimulatedRobot, path: Path) -> tuple[ET.Element, list[str]]:
+    """The URDF at `path` with the robot's bodies and dynamics, and remarks on it."""
+    builder = ET.TreeBuilder(insert_comments=True)
+    parser = ET.XMLParser(target=builder)  # noqa: S314 - UrdfLinks has refused entities
+    links, root = UrdfLinks(path), ET.parse(path, parser).getroot()  # noqa: S314 - as above
+    of_name = {each.get("name"): each for each in root.iter("link")}
+    joints = {each.get("name"): each for each in root.findall("joint")}
+    chain, remarks = {joint.name for joint in robot.joints}, []
+    for joint in robot.joints:
+        attached = [name for name, _ in links.attached(joint.link)]
+        for name in attached:
+            for old in of_name[name].findall("inertial"):
+                of_name[name].remove(old)
+        of_name[joint.link].insert(0, _inertial(joint))
+        _set_dynamics(joints[joint.name], joint)
+        if attached[1:]:
+            remarks.append(f"the body of {joint.link} is that of {', '.join(attached[1:])} too")
+        others = [name for name in links.moving(joint.link) if name not in chain]
+        if others:
+            remarks.append(
+                f"what joints {', '.join(others)} carry keeps its inertials; remove those if it was"
+                f" mounted while the robot moved, since it counts in {joint.link} then"
+            )
+    return root, remarks
+
+
+def _inertial(joint: SimulatedJoint) -> ET.Element:
+    made = ET.Element("inertial")
+    ET.SubElement(made, "origin", xyz=numbers(joint.centre), rpy="0 0 0")
+    ET.SubElement(made, "mass", value=number(joint.mass))
+    inertia = joint.inertia
+    ET.SubElement(made, "inertia", {key: number(inertia[at]) for key, at in _INERTIA.items()})
+    return made
+
+
+def _limits(joint: SimulatedJoint) -> dict[str, str]:
+    """Limits as attributes; a URDF must state all of them."""
+    found = {"lower": joint.lower, "upper": joint.upper}
+    found |= {"effort": joint.effort, "velocity": joint.velocity}
+    return {key: number(UNLIMITED if np.isnan(value) else value) for key, value in found.items()}
+
+
+def _set_dynamics(element: ET.Element, joint: SimulatedJoint) -> None:
+    for old in element.findall("dynamics"):
+        element.remove(old)
+    if joint.friction is not None:
+        friction = {"damping": joint.friction.viscous, "friction": joint.friction.coulomb}
+        ET.SubElement(element, "dynamics", {k: number(x) for k, x in friction.items()})
+
+
+def _upright(gravity: Array) -> Array | None:
+    """Rotation of the base after which gravity points along -z; None where it does."""
+    size = float(np.linalg.norm(gravity))
+    if not size or np.allclose(gravity / size, _DOWN, atol=1e-12):
+        return None
+    z = -gravity / size
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x = x / np.linalg.norm(x)
+    return np.array([x, np.cross(z, x), z])
+
+
+def _rotors(robot: SimulatedRobot) -> Sequence[str]:
+    if not robot.rotors.any():
+        return ()
+    each = ", ".join(f"{joint.name} {number(joint.armature)}" for joint in robot.joints)
+    found = [
+        "a URDF has no rotor inertia: give it to the simulator as armature, on the joint side"
+        f" [kg m2 or kg]: {each}"
+    ]
+    if robot.coupled:
+        found.append(f"motors turn with two joints; their inertia: {robot.rotors.tolist()}")
+    return found
+
+
+def _gravity(robot: SimulatedRobot) -> Sequence[str]:
+    size = float(np.linalg.norm(robot.gravity))
+    if abs(size - 9.81) < 1e-9:
+        return ()
+    return (f"identified with gravity of {number(size)} m/s2: state the same in the simulator",)
+
+
+def _springs(model: Model) -> Sequence[str]:
+    springs = [name for name in model.robot.added_parameters if name.startswith("k")]
+    return (f"a URDF has no springs: {', '.join(springs)} are left out",) if springs else ()
+
+
+def _without_limits(robot: SimulatedRobot) -> Sequence[str]:
+    unknown = [joint.name for joint in robot.joints if np.isnan(joint.effort + joint.velocity)]
+    if not unknown:
+        return ()
+    return (
+        f"effort or velocity of {', '.join(unknown)} is unknown; {UNLIMITED:g} stands in its place",
+    )

@@ -1,0 +1,210 @@
+"""Frames of a robot from a table in standard or modified Denavit-Hartenberg notation.
+
+Both write the way from joint to joint as turns and shifts about x and z (Rx, Tx, Rz, Tz). A row of
+the modified notation (Khalil and Kleinfinger 1986; Craig) is
+
+    Rx(alpha) Tx(a) Rz(theta) Tz(d),
+
+which is what robot files state; one of the standard notation (Denavit and Hartenberg 1955) is
+
+    Rz(theta) Tz(d) Tx(a) Rx(alpha).
+
+So a standard table is a modified one whose a and alpha are those of the row before; the last row's
+place the tool on the last link and concern no joint.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
+
+from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
+from hil.model.axes_to_frames import Frames
+from hil.model.dh_text import yaml_of_table
+from hil.model.limited_joint import LimitedJoint
+from hil.model.polynomial import parse
+from hil.model.urdf import MOST_JOINTS, QUARTER, ROUNDED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+Notation = Literal["standard", "modified"]
+FARTHEST = 20.0
+"""Longest shift that is believed [m]."""
+_VARIABLES = {"revolute": "theta", "prismatic": "d"}
+_TYPES = {"r": "revolute", "p": "prismatic"}
+
+
+class DhRow(FileModel):
+    """A joint: its row of the table, and limits where the table states some.
+
+    Angles and lengths are in the table's units; a limit is in those of the joint.
+    """
+
+    type: Literal["revolute", "prismatic"] = "revolute"
+    alpha: float
+    a: float
+    d: float = Field(default=0.0, validate_default=True)
+    theta: float = Field(default=0.0, validate_default=True)
+    name: str | None = None
+    q_min: float = math.nan
+    q_max: float = math.nan
+    velocity_limit: float = math.nan
+    acceleration_limit: float = math.nan
+    torque_limit: float = math.nan
+
+    @field_validator("type", mode="before")
+    @classmethod
+    def _initial(cls, value: object) -> object:
+        return _TYPES.get(value.lower(), value.lower()) if isinstance(value, str) else value
+
+    @field_validator("alpha", "a", "d", "theta", mode="before")
+    @classmethod
+    def _constant(cls, value: object, info: ValidationInfo) -> float:
+        return _constant(value, str(info.field_name), info.data.get("type", "revolute"))
+
+    @field_validator("q_max", "velocity_limit", "acceleration_limit", "torque_limit")
+    @classmethod
+    def _rises(cls, value: float, info: ValidationInfo) -> float:
+        least = info.data.get("q_min", math.nan) if info.field_name == "q_max" else 0.0
+        if value <= least:
+            raise ValueError(f"{value:g} must be greater than {least:g}")
+        return value
+
+
+def _constant(value: object, key: str, kind: str) -> float:
+    """Number in a cell, without the joint's variable: ``q2 - 90`` is -90."""
+    variable = _VARIABLES[kind]
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise ValueError(f"{value!r} must be a number")  # noqa: TRY004 - pydantic expects ValueError
+    found = parse(str(value).replace("*", "") if str(value).endswith("*") else str(value))
+    names = found.names
+    if names and (key != variable or len(names) > 1 or found.terms.get(tuple(names)) != 1.0):
+        raise ValueError(
+            f"{value!r} must be a number; only {variable} of a {kind} joint may hold the joint's"
+            " variable, once and without a factor: q2 - 90"
+        )
+    if len(found.terms) > len(names) + (() in found.terms):
+        raise ValueError(f"{value!r} must be linear in the joint's variable")
+    return found.terms.get((), 0.0)
+
+
+class DhTable(FileModel):
+    """A table, and the units of its angles and lengths."""
+
+    angles: Literal["rad", "deg"]
+    lengths: Literal["m", "mm"] = "m"
+    name: str | None = None
+    joints: tuple[DhRow, ...] = Field(min_length=1, max_length=MOST_JOINTS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DhRobot:
+    """What a table says of a robot.
+
+    Attributes
+    ----------
+    name : str
+    notation : {"standard", "modified"}
+    joints : tuple of LimitedJoint
+    frames : Frames
+        Modified; frame 0 is the table's.
+    rounded : float
+        Largest difference between an angle as stated and as it was understood [rad].
+    """
+
+    name: str
+    notation: Notation
+    joints: tuple[LimitedJoint, ...]
+    frames: Frames
+    rounded: float
+
+
+def read_dh(path: str | Path, notation: Notation) -> DhRobot:
+    """Read a table: YAML, or CSV for any other ending.
+
+    Raises
+    ------
+    FileError
+        It cannot be read or used: one line for each problem, with its place.
+    """
+    text, source = read_text(path), str(path)
+    if Path(path).suffix.lower() not in (".yaml", ".yml"):
+        text = yaml_of_table(text, source)
+    table = parse_yaml(text, DhTable, source)
+    wrong = [
+        f"{source}:{line_of(text, at)}: {place(at)}: {message}"
+        for number, row in enumerate(table.joints)
+        for at, message in _implausible(number, row, table)
+    ]
+    if wrong:
+        raise FileError("\n".join(wrong))
+    return _robot(table, table.name or Path(path).stem, notation)
+
+
+def _implausible(
+    number: int, row: DhRow, table: DhTable
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    for key in ("alpha", "theta"):
+        angle = getattr(row, key)
+        if table.angles == "rad" and abs(angle) > 2 * math.pi + ROUNDED:
+            yield (
+                ("joints", number, key),
+                f"{angle:g} rad must be within +-2 pi: it looks like degrees; state deg",
+            )
+        quarters = round(angle / QUARTER)
+        if table.angles == "deg" and quarters and abs(angle - quarters * QUARTER) < ROUNDED:
+            yield (
+                ("joints", number, key),
+                f"{angle:g} degrees look like {quarters}*pi/2 rad; state rad, or write degrees",
+            )
+    for key in ("a", "d"):
+        length = getattr(row, key)
+        if abs(length * _metres(table)) > FARTHEST:
+            yield (
+                ("joints", number, key),
+                f"{length:g} {table.lengths} must be within +-{FARTHEST:g} m: state mm if it is"
+                " in millimetres",
+            )
+
+
+def _metres(table: DhTable) -> float:
+    return 1e-3 if table.lengths == "mm" else 1.0
+
+
+def _robot(table: DhTable, name: str, notation: Notation) -> DhRobot:
+    radians = math.pi / 180 if table.angles == "deg" else 1.0
+    rows = table.joints
+    stated = np.array([[row.alpha, row.theta] for row in rows]).T * radians
+    alpha, theta = exact = _exact(stated)
+    a, d = np.array([[row.a, row.d] for row in rows]).T * _metres(table)
+    if notation == "standard":
+        alpha, a = (np.concatenate([[0.0], column[:-1]]) for column in (alpha, a))
+    frames = Frames(alpha=alpha, d=a, theta=theta, r=d, base=np.eye(4))
+    joints = tuple(_limited(row, f"joint {k}", table) for k, row in enumerate(rows, start=1))
+    return DhRobot(name, notation, joints, frames, float(np.max(np.abs(exact - stated))))
+
+
+def _exact(angles: np.ndarray) -> np.ndarray:
+    """Angles, exact where they stand for multiples of a quarter turn."""
+    exact = np.round(angles / QUARTER) * QUARTER
+    return np.where(np.abs(angles - exact) <= ROUNDED, exact, angles)
+
+
+def _limited(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
+    turning = row.type == "revolute"
+    unit = (math.pi / 180 if table.angles == "deg" else 1.0) if turning else _metres(table)
+    return LimitedJoint(
+        name=row.name or name,
+        type=row.type,
+        lower=row.q_min * unit,
+        upper=row.q_max * unit,
+        velocity=row.velocity_limit * unit,
+        acceleration=row.acceleration_limit * unit,
+        effort=row.torque_limit,
+    )

@@ -1,0 +1,73 @@
+"""A load from two runs of free motions: its intervals, and gains by its mass alone."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from scipy import special
+from twin_recordings import TwinRecorder, brick, in_units
+
+from hil.estimation.free_motion.gathering import Gathered, gather
+from hil.estimation.free_motion.load import fit_load
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
+from hil.model.robot import parse_robot
+
+MASS = 2.805
+LOAD = brick(MASS, (0.03, -0.02, 0.05), 0.05)
+SEEN = ["m", "sx", "sy", "Izz"]
+"""What a SCARA's motions show of it."""
+
+
+@pytest.fixture(scope="module")
+def twin() -> TwinRecorder:
+    return TwinRecorder("scara")
+
+
+def gathered(twin: TwinRecorder, data, *, open_scale: bool = False) -> Gathered:
+    return gather(twin.robot, data, VARIANTS[DEFAULT], open_scale=open_scale)
+
+
+def test_intervals_hold_the_load(twin: TwinRecorder) -> None:
+    held = []
+    for seed in range(6):
+        pair = [twin.recorded(2 * seed + 50, n=1), twin.recorded(2 * seed + 51, LOAD, n=1)]
+        found = fit_load(twin.robot, [gathered(twin, data) for data in pair])
+        error = np.sqrt(np.diag(found.covariance))
+        assert (error > 0).sum() == len(SEEN)
+        seen = error > 0
+        half = special.stdtrit(found.degrees[seen], 0.975) * error[seen]
+        held += (np.abs(found.phi - LOAD.phi())[seen] <= half).tolist()
+        assert found.present.p_value < 1e-6
+        assert found.rigid.p_value > 1e-3
+    assert np.mean(held) >= 0.85
+
+
+def test_a_known_mass_fixes_the_gains_of_all_axes_though_nothing_else_does(
+    twin: TwinRecorder,
+) -> None:
+    without_rotors = TwinRecorder("scara")
+    text = re.sub(r"rotor_inertia: [0-9.e-]+", "rotor_inertia: 0", twin.robot.text)
+    without_rotors.robot = parse_robot(text, "scara without rotors")
+    gains = {1: 0.1, 2: 3.0, 3: 20.0, 4: 0.01}
+    pair = [
+        in_units(without_rotors.recorded(seed, load, n=2), gains)
+        for seed, load in ((1, None), (2, LOAD))
+    ]
+    runs = [gathered(without_rotors, data, open_scale=True) for data in pair]
+    assert all(len(run.scaling.unknown) < 4 for run in runs)  # a scale is open
+    found = fit_load(without_rotors.robot, runs, MASS, gains=True)
+    relative = found.gains / np.array(list(gains.values())) - 1
+    assert (np.abs(relative) < 4 * found.gain_errors).all()
+    assert found.gain_errors[[0, 1, 3]].max() < 0.03
+    error = np.sqrt(np.diag(found.covariance))
+    seen = error > 0
+    assert (np.abs(found.phi - LOAD.phi())[seen] < 4 * error[seen]).all()
+
+
+def test_without_a_load_none_is_found_and_nothing_but_chance_is_left(twin: TwinRecorder) -> None:
+    runs = [gathered(twin, twin.recorded(seed, n=1)) for seed in (80, 81)]
+    found = fit_load(twin.robot, runs)
+    assert found.present.p_value > 0.01
+    assert found.rigid.p_value > 0.01

@@ -1,0 +1,202 @@
+"""Exported C and Python give the same numbers as the model, for robots of all kinds."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from stated_model import stated_model
+
+from hil.export.c_code import write_c
+from hil.export.expressions import count
+from hil.export.functions import functions, rigid
+from hil.export.identifiers import identifier
+from hil.export.operations import of_whole_links
+from hil.export.python_code import write_python
+from hil.model.robot import load_robot, parse_robot
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+ROOT = Path(__file__).parents[3]
+ROBOTS = {
+    "six axes": "manutec-r15",
+    "coupled wrist, rotors identified": "staubli-tx40",
+    "three slides": str(ROOT / "tests/robots/cartesian.yaml"),
+    "a slide among turns": str(ROOT / "tests/robots/scara.yaml"),
+    "base on a wall": str(ROOT / "tests/robots/ur10e-on-a-wall.yaml"),
+    "URDF": str(ROOT / "examples/pan_tilt/head.urdf"),
+}
+COMPILER = shutil.which("cc")
+STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler (cc)")
+
+
+def motion(robot: Robot, n: int = 20) -> tuple[Array, Array, Array]:
+    q, qd, qdd = np.random.default_rng(5).uniform(-3.0, 3.0, (3, n, robot.n_joints))
+    return q, qd, qdd
+
+
+def expected(model: Model) -> dict[str, tuple[tuple[Array, ...], Array]]:
+    """Arguments and results of each function, by the model itself."""
+    q, qd, qdd = motion(model.robot)
+    tau, load = model.torque(q, qd, qdd), model.torque(q, qd, qdd, parts=["rigid bodies"])
+    friction = model.torque(q, qd, qdd, parts=["friction"])
+    found: dict[str, tuple[tuple[Array, ...], Array]] = {
+        "gravity": ((q,), model.gravity(q)),
+        "rigid_bodies": ((q, qd, qdd), load),
+        "mass_matrix": ((q,), model.mass_matrix(q)),
+        "friction": ((q, qd, load), friction),
+        "torque": ((q, qd, qdd), tau),
+    }
+    if np.isfinite([model.robot.torque_constant, model.robot.gear_ratio]).all():
+        motors = np.linalg.solve(model.robot.motor_matrix.T, tau.T).T
+        found["current"] = (tau,), motors / model.robot.torque_constant
+    return found
+
+
+def module(model: Model) -> dict[str, Any]:
+    (text,) = write_python(model, ("origin",)).files.values()
+    names: dict[str, Any] = {}
+    exec(compile(text, "exported", "exec"), names)  # noqa: S102 - our own text
+    return names
+
+
+def compiled(model: Model, folder: Path, *flags: str) -> ctypes.CDLL:
+    """The header as a library: each function once more, with a name to be found by."""
+    name = identifier(model.robot.name)
+    for file, text in write_c(model, ("origin */ of /* a \\", "run")).files.items():
+        (folder / file).write_text(text)
+    lines = [f'#include "{name}_dynamics.h"']
+    for each in functions(model):
+        arguments = ", ".join(f"const {name}_real *{a}" for a in each.arguments)
+        call = f"{name}_{each.name}({', '.join(each.arguments)}, out)"
+        prototype = f"void {each.name}({arguments}, {name}_real *out)"
+        lines += [f"{prototype};", f"{prototype} {{ {call}; }}"]
+    (folder / "library.c").write_text("\n".join(lines) + "\n")
+    assert COMPILER is not None
+    command = [COMPILER, *STRICT, *flags, "-shared", "-fPIC", "library.c", "-o", "lib.so", "-lm"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(folder / "lib.so"))
+
+
+def called(function: Any, arguments: tuple[Array, ...], shape: tuple[int, ...], kind: Any) -> Array:
+    """Call a C function sample by sample."""
+    out = np.empty(shape, dtype=kind)
+    samples = [np.ascontiguousarray(each, dtype=kind) for each in arguments]
+    for k in range(len(out)):
+        function(*(ctypes.c_void_p(each[k].ctypes.data) for each in (*samples, out)))
+    return out.astype(float)
+
+
+def close(found: Array, wanted: Array, share: float) -> bool:
+    return bool(np.abs(found - wanted).max() <= share * max(np.abs(wanted).max(), 1.0))
+
+
+@pytest.mark.parametrize("kind", ROBOTS)
+def test_python_functions_give_the_model_s_numbers(kind: str) -> None:
+    model = stated_model(load_robot(ROBOTS[kind]))
+    names = module(model)
+    for name, (arguments, wanted) in expected(model).items():
+        assert close(names[name](*arguments), wanted, 1e-10), name
+        one = names[name](*(each[3] for each in arguments))
+        assert close(one, wanted[3], 1e-10), name
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_so_they_do_for_random_chains(chains: Any, seed: int) -> None:
+    model = stated_model(chains.random(seed), seed)
+    names = module(model)
+    for name, (arguments, wanted) in expected(model).items():
+        assert close(names[name](*arguments), wanted, 1e-10), name
+
+
+def test_springs_and_counterbalances_are_in_gravity() -> None:
+    text = (
+        "name: sprung\ngravity: [0, -9.81, 0]\njoints:\n"
+        "  - {frame: {alpha: 0}, parameters: [Izz], q_min: -1, q_max: 1, velocity_limit: 1,"
+        " acceleration_limit: 1, torque_limit: 1}\n"
+        "springs: [{joint: 1, shape: linear}, {joint: 1, shape: cosine}, {joint: 1, shape: sine}]\n"
+    )
+    model = stated_model(parse_robot(text, "sprung.yaml"))
+    q, _, _ = motion(model.robot)
+    assert close(module(model)["gravity"](q), model.gravity(q), 1e-12)
+    assert np.ptp(model.gravity(q)) > 0.1
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", ROBOTS)
+def test_c_functions_give_the_model_s_numbers(kind: str, tmp_path: Path) -> None:
+    model = stated_model(load_robot(ROBOTS[kind]))
+    library = compiled(model, tmp_path)
+    for name, (arguments, wanted) in expected(model).items():
+        found = called(getattr(library, name), arguments, wanted.shape, np.float64)
+        assert close(found, wanted, 1e-10), name
+
+
+@needs_compiler
+def test_in_single_precision_nothing_is_computed_in_double(tmp_path: Path) -> None:
+    model = stated_model(load_robot("manutec-r15"))
+    library = compiled(
+        model, tmp_path, "-DMANUTEC_R15_SINGLE", "-Wdouble-promotion", "-Wconversion"
+    )
+    for name, (arguments, wanted) in expected(model).items():
+        found = called(getattr(library, name), arguments, wanted.shape, np.float32)
+        # ripple over the motor's angle, of 100 and more turns, is what loses digits
+        assert close(found, wanted, 1e-3), name
+
+
+@needs_compiler
+def test_the_example_compiles_and_runs(tmp_path: Path) -> None:
+    model = stated_model(load_robot("manutec-r15"))
+    compiled(model, tmp_path)
+    assert COMPILER is not None
+    command = [COMPILER, *STRICT, "example.c", "-o", "example", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)  # noqa: S603
+    done = subprocess.run([tmp_path / "example"], capture_output=True, text=True, check=True)  # noqa: S603
+    at_rest = model.gravity(np.zeros(6))
+    assert f"joint 2: gravity {at_rest[1]:g}" in done.stdout
+
+
+@pytest.mark.parametrize("kind", ROBOTS)
+def test_fewer_operations_than_the_recursion_on_whole_links(kind: str) -> None:
+    robot = load_robot(ROBOTS[kind])
+    own, general = count(rigid(stated_model(robot)).results), of_whole_links(robot)
+    assert own.multiplications + own.additions < 0.7 * (general.multiplications + general.additions)
+    stated = write_c(stated_model(robot), ()).remarks
+    assert f"rigid_bodies: {own}; {general} for whole links" in stated
+
+
+def test_without_friction_the_torque_says_so(tmp_path: Path) -> None:
+    model = stated_model(load_robot("manutec-r15"), friction=())
+    exported = write_python(model, ())
+    (text,) = exported.files.values()
+    assert "def friction" not in text
+    assert "rigid bodies, motors; no friction" in text
+    assert any("identify the run anew" in each for each in exported.remarks)
+
+
+def test_without_torque_constants_there_is_no_current() -> None:
+    exported = write_c(stated_model(load_robot("staubli-tx40")), ())
+    assert "_current(" not in exported.files["staubli_tx40_dynamics.h"]
+    assert any("torque constant" in each for each in exported.remarks)
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [("manutec-r15", "manutec_r15"), ("7dof.arm", "robot_7dof_arm"), ("A--B_c", "a_b_c")],
+)
+def test_names_of_robots_become_identifiers(name: str, wanted: str) -> None:
+    assert identifier(name) == wanted
+    assert identifier(name).isidentifier()

@@ -1,0 +1,88 @@
+"""Friction for simulators: what it simplifies, and by how much it thereby misses the law."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from stated_model import stated_model
+
+from hil.errors import NotEnoughData
+from hil.estimation.free_motion.result import TermValue
+from hil.estimation.friction_law import AxisLaw, FrictionLaw
+from hil.export.friction_file import write_friction
+from hil.export.simple_friction import simple_friction
+from hil.model.robot import load_robot
+
+if TYPE_CHECKING:
+    from hil.results.model import Model
+
+
+def with_terms(**terms: float) -> Model:
+    """A model whose axes all have one law with these coefficients, at speeds up to 2."""
+    law = AxisLaw(
+        law="stated",
+        speed=2.0,
+        terms={
+            k.replace("_", " "): TermValue(value=v, standard_error=0.1) for k, v in terms.items()
+        },
+        plain={},
+        held_out={},
+        wander=0.05,
+        speeds=(0.1, 2.0),
+    )
+    model = stated_model(load_robot("manutec-r15"))
+    return replace(model, friction_law=FrictionLaw(axes=(law,) * 6))
+
+
+def test_a_law_of_coulomb_and_viscous_friction_is_itself() -> None:
+    first = simple_friction(with_terms(Coulomb=5.0, viscous=3.0))[0]
+    assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))  # per rad/s
+    assert first.misfit < 1e-12
+    assert first.stribeck.misfit < 1e-12
+
+
+def test_what_differs_by_direction_is_left_out_and_counts_as_misfit() -> None:
+    first = simple_friction(with_terms(Coulomb=5.0, viscous=3.0, offset=0.7))[0]
+    assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))
+    assert first.misfit == pytest.approx(0.7)
+
+
+def test_a_degressive_law_is_missed_by_what_is_stated() -> None:
+    model = with_terms(Coulomb=5.0, viscous=1.0, arc_tangent=4.0)
+    for each in simple_friction(model):
+        left = each.forward - each.coulomb - each.viscous * each.speeds
+        assert each.misfit == pytest.approx(np.sqrt(np.mean(left**2)))
+        assert 0.01 < each.misfit < 0.2 * each.size
+        assert each.stribeck.misfit <= each.misfit * (1 + 1e-9)
+
+
+def test_no_simulator_is_given_a_negative_friction() -> None:
+    for each in simple_friction(with_terms(Coulomb=5.0, viscous=-3.0, cube_root=4.0)):
+        assert min(each.coulomb, each.viscous, *each.stribeck[:3]) >= 0.0
+
+
+def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
+    model = with_terms(Coulomb=5.0, viscous=1.0, arc_tangent=4.0)
+    exported = write_friction(model, ("origin",))
+    content = json.loads(exported.files["friction.json"])
+    axis = content["axes"][1]
+    assert axis["terms"]["Coulomb"]["value"] == 5.0
+    v = np.array(axis["curve"]["velocity"])
+    qd = np.zeros((len(v), 6))
+    qd[:, 1] = v
+    wanted = model.torque(0.0, qd, 0.0, parts=["friction"])[:, 1]
+    assert axis["curve"]["forward"] == pytest.approx(wanted)
+    # three terms of 0.1 each, and a level that wandered by 5 %
+    assert (np.array(axis["curve"]["standard_error"]) >= 0.05 * wanted).all()
+    assert axis["coulomb_and_viscous"]["misfit_rms"] > axis["stribeck"]["misfit_rms"]
+    assert "axis 2: Coulomb" in exported.remarks[1]
+    assert "miss the law by" in exported.remarks[1]
+
+
+def test_a_model_without_friction_is_refused_with_the_remedy() -> None:
+    with pytest.raises(NotEnoughData, match=r"no law of friction: .* hil identify"):
+        write_friction(stated_model(load_robot("manutec-r15"), friction=()), ())

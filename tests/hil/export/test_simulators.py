@@ -1,0 +1,278 @@
+"""URDF and MJCF: what simulators make of them, and what the files state."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio
+import pytest
+import yaml
+from possible_models import model_of, possible
+from urdf_robots import ROBOTS, urdf
+
+from hil.errors import FileError, Mismatch
+from hil.estimation.consistent.conditions import BodyBounds
+from hil.export.formats import export
+from hil.export.given_urdf import bodies_of, given_urdf
+from hil.export.simulated_robot import simulated_robot
+from hil.export.simulators import export_to_simulator
+from hil.export.urdf_links import UrdfLinks
+from hil.model.added_parameters import added_inertias
+from hil.model.base_parameters import base_parameters
+from hil.model.drive_train_file import CoupledMotor, Spring
+from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
+from hil.model.robot import Robot, load_robot
+from hil.model.urdf_robot import robot_from_urdf
+from hil.results.consistency import with_consistent_robot
+
+FILES = [
+    *sorted(Path("tests/robots").glob("*.yaml")),
+    Path("examples/pan_tilt/head.urdf"),
+    Path("hil/robots/manutec-r15.yaml"),
+]
+AGREE = 1e-9
+
+
+def consistent(robot, *, scatter=2.0, **options):
+    p, error = possible(robot)
+    p = p + scatter * error * np.random.default_rng(1).standard_normal(len(p))
+    return with_consistent_robot(model_of(robot, p, error, **options))
+
+
+def motions(n):
+    rng = np.random.default_rng(3)
+    return [rng.uniform(-1.0, 1.0, (4, n)) for _ in range(3)]
+
+
+def torques(model):
+    """Of rigid bodies and rotors of the projected model, at some motions."""
+    robot, motion = model.robot, motions(model.robot.n_joints)
+    return inverse_dynamics(robot, model.consistent.p, *motion) + motor_torque(robot, *motion)
+
+
+def by_mujoco(text, n):
+    model = mujoco.MjModel.from_xml_string(text)
+    data, found = mujoco.MjData(model), []
+    for q, qd, qdd in zip(*motions(n), strict=True):
+        data.qpos[:], data.qvel[:] = q, qd
+        mujoco.mj_forward(model, data)
+        found.append(mass_matrix(model, data) @ qdd + data.qfrc_bias)
+    return np.array(found)
+
+
+def mass_matrix(model, data):
+    """All of it, by products with unit vectors: one call in all of MuJoCo's versions."""
+    columns = []
+    for unit in np.eye(model.nv):
+        column = np.zeros(model.nv)
+        mujoco.mj_mulM(model, data, column, unit)
+        columns.append(column)
+    return np.transpose(columns)
+
+
+def by_pinocchio(text, armature, gravity):
+    model = pinocchio.buildModelFromXML(text)
+    model.armature = np.asarray(armature)
+    model.gravity.linear = np.array([0.0, 0.0, -np.linalg.norm(gravity)])
+    data = model.createData()
+    return np.array(
+        [pinocchio.rnea(model, data, *each) for each in zip(*motions(model.nv), strict=True)]
+    )
+
+
+def written(model, name, given=None):
+    (text,) = export_to_simulator(model, name, ("origin",), given).files.values()
+    return text
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_mujoco_and_pinocchio_find_the_torques_of_the_projected_model(path):
+    model = consistent(load_robot(path))
+    expected = torques(model)
+    size = AGREE * np.abs(expected).max()
+    mjcf = by_mujoco(written(model, "mjcf"), model.robot.n_joints)
+    np.testing.assert_allclose(mjcf, expected, atol=size)
+    armature = [joint.armature for joint in simulated_robot(model).joints]
+    found = by_pinocchio(written(model, "urdf"), armature, model.robot.gravity)
+    np.testing.assert_allclose(found, expected, atol=size)
+
+
+def test_motors_that_turn_with_two_joints_are_in_mujoco_s_mass_matrix():
+    drive = {"gear_ratio": 50, "rotor_inertia": "unknown", "torque_constant": 0.1}
+    joint = {
+        "q_min": -2.0, "q_max": 2.0, "velocity_limit": 2.0, "acceleration_limit": 5.0,
+        "torque_limit": 50.0, "drive": drive,
+    }  # fmt: skip
+    frames = [{"alpha": 0.0}, {"alpha": 1.5707963267948966, "r": "0.2"}]
+    plain = Robot.from_values("wrist", [joint | {"frame": frame} for frame in frames])
+    file = plain.file.model_copy(
+        update={"couplings": (CoupledMotor(motor=2, joint=1, ratio=-1.5),)}
+    )
+    model = consistent(Robot(file, "wrist", ""))
+    assert added_inertias(model.robot)[-1][0, 1] == -1.5
+    assert model.consistent.added["Iam2"] != 0
+    found = by_mujoco(written(model, "mjcf"), 2)
+    np.testing.assert_allclose(found, torques(model), atol=1e-9)
+    assert "motors turn with two joints" in written(model, "urdf")
+
+
+def test_a_linear_spring_is_a_stiffness():
+    plain = load_robot("tests/robots/pan-tilt.yaml")
+    file = plain.file.model_copy(update={"springs": (Spring(joint=2),)})
+    model = consistent(Robot(file, "spring", ""), scatter=0.0)
+    loaded = mujoco.MjModel.from_xml_string(written(model, "mjcf"))
+    assert loaded.jnt_stiffness.ravel()[-1] == pytest.approx(model.consistent.added["k2"])
+    assert "a URDF has no springs: k2 are left out" in written(model, "urdf")
+
+
+def test_mjcf_states_limits_friction_and_motors():
+    model = consistent(load_robot("tests/robots/scara.yaml"))
+    loaded, robot = mujoco.MjModel.from_xml_string(written(model, "mjcf")), model.robot
+    np.testing.assert_allclose(loaded.jnt_range, np.column_stack([robot.q_min, robot.q_max]))
+    np.testing.assert_allclose(loaded.actuator_ctrlrange[:, 1], robot.torque_limit)
+    np.testing.assert_allclose(loaded.dof_frictionloss, 3.0, rtol=1e-9)
+    np.testing.assert_allclose(loaded.dof_damping.ravel()[:4], 0.5, rtol=1e-9)
+    np.testing.assert_allclose(loaded.dof_armature, robot.reflected_inertia)
+
+
+def test_urdf_states_limits_and_friction():
+    model = consistent(load_robot("tests/robots/scara.yaml"))
+    loaded, robot = pinocchio.buildModelFromXML(written(model, "urdf")), model.robot
+    np.testing.assert_allclose(loaded.upperPositionLimit, robot.q_max)
+    np.testing.assert_allclose(loaded.velocityLimit, robot.velocity_limit)
+    np.testing.assert_allclose(loaded.effortLimit, robot.torque_limit)
+    np.testing.assert_allclose(loaded.friction, 3.0)
+    np.testing.assert_allclose(loaded.damping, 0.5)
+
+
+@pytest.mark.parametrize("name", ["urdf", "mjcf"])
+def test_the_file_states_origin_distance_and_cost_at_its_head(name):
+    text = written(consistent(load_robot("tests/robots/ur10e.yaml")), name)
+    head = text[: text.index("-->")]
+    assert "origin" in head
+    assert "nearest robot that consists of bodies: distance" in head
+    assert "conditions that bind: link" in head
+
+
+@pytest.mark.parametrize("name", ["urdf", "mjcf"])
+def test_a_model_without_friction_is_exported_without_and_says_so(name):
+    model = consistent(load_robot("tests/robots/pan-tilt.yaml"), friction=False)
+    exported = export_to_simulator(model, name, ())
+    assert any("no friction is stated" in remark for remark in exported.remarks)
+    (text,) = exported.files.values()
+    assert "damping" not in text
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """A URDF with a weld, a mesh and a gripper, the model of its chain, and its path."""
+    text = urdf("askew arm", ROBOTS["askew"], rigid_link=True)
+    shape = '<visual><geometry><mesh filename="package://arm/link2.stl"/></geometry></visual>'
+    text = text.replace('<link name="link2">', f'<link name="link2"><!-- elbow -->{shape}')
+    more = (
+        '<link name="tool"><inertial><origin xyz="0 0 0.1"/><mass value="2"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="bolt" type="fixed"><parent link="link4"/><child link="tool"/>'
+        '<origin xyz="0 0 0.2" rpy="0 0 1"/></joint>'
+        '<link name="finger"><inertial><mass value="0.1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="grip" type="prismatic"><parent link="tool"/><child link="finger"/>'
+        '<limit lower="0" upper="1" effort="1" velocity="1"/></joint>'
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(text.replace("</robot>", more + "</robot>"))
+    model = consistent(robot_from_urdf(path, tip="link4"), scatter=0.5)
+    return model, given_urdf(path, model.robot), path
+
+
+def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(arm):
+    model, given, path = arm
+    text = written(model, "urdf", given)
+    assert "package://arm/link2.stl" in text
+    assert "<!-- elbow -->" in text
+    after = path.parent / "after.urdf"
+    after.write_text(text)
+    before, links = UrdfLinks(path), UrdfLinks(after)
+    np.testing.assert_array_equal(links.body("finger"), before.body("finger"))
+    assert links.body("tool") is None
+    bodies = bodies_of(given_urdf(after, model.robot), model.robot)
+    np.testing.assert_allclose(bodies, model.consistent.bodies, rtol=1e-9, atol=1e-12)
+    assert "the body of link4 is that of tool too" in text
+    assert "what joints grip carry keeps its inertials" in text
+
+
+@pytest.mark.parametrize("name", ["urdf", "mjcf"])
+def test_a_given_urdf_lends_names_and_frames_and_torques_stay_the_same(arm, name):
+    model, given, _ = arm
+    text = written(model, name, given)
+    assert 'name="joint3"' in text
+    armature = [joint.armature for joint in simulated_robot(model, given.chain).joints]
+    if name == "mjcf":
+        found = by_mujoco(text, 4)
+    else:
+        without_finger = text[: text.rindex('<link name="finger">')] + "</robot>"
+        found = by_pinocchio(without_finger, armature, model.robot.gravity)
+    expected = torques(model)
+    np.testing.assert_allclose(found, expected, atol=AGREE * np.abs(expected).max())
+
+
+def test_a_model_of_the_urdf_s_own_bodies_gets_them_back_though_torques_leave_much_open(arm):
+    model, given, _ = arm
+    likely, robot = bodies_of(given, model.robot), model.robot
+    rotors = np.zeros(len(robot.added_parameters))
+    p = base_parameters(robot).matrix @ np.concatenate([likely.ravel(), rotors])
+    again = model_of(robot, p, 0.01 * np.ones(len(p)))
+    found = with_consistent_robot(again, likely=likely, likely_from="arm.urdf").consistent
+    np.testing.assert_allclose(found.bodies, likely, rtol=0.02, atol=0.02)
+    by_shape = with_consistent_robot(again).consistent
+    assert np.abs(by_shape.bodies - likely).max() > 0.1
+    assert found.likely == "arm.urdf"
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (("0.1 0.2 0.3", "0.1 0.25 0.3"), r"from base to link4 \w+ of joint . is"),
+        (('name="joint4" type="revolute"', 'name="joint4" type="prismatic"'), "its joints are"),
+        (('name="joint4" type="revolute"', 'name="joint4" type="fixed"'), "its joints are|fewer"),
+        (('name="joint2" type="prismatic"', 'name="joint2" type="floating"'), "it has fewer"),
+    ],
+)
+def test_a_urdf_without_the_chain_is_refused(arm, tmp_path, change, why):
+    model, _, path = arm
+    other = tmp_path / "other.urdf"
+    other.write_text(path.read_text().replace(*change))
+    with pytest.raises(Mismatch, match=f"no chain of 4 joints has the frames of askew-arm.*{why}"):
+        given_urdf(other, model.robot)
+
+
+def test_a_urdf_that_is_none_is_refused(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text("<robot")
+    with pytest.raises(FileError, match=r"arm\.urdf"):
+        given_urdf(path, load_robot("tests/robots/scara.yaml"))
+
+
+def test_ros2_parameters_are_read_back(arm):
+    model, _, _ = arm
+    exported = export(model, "ros2", ("origin",))
+    (text,) = exported.files.values()
+    assert text.startswith("# origin\n")
+    content = yaml.safe_load(text)
+    parameters = content["joint_dynamics"]["ros__parameters"]
+    assert parameters["joints"] == ["joint1", "joint2", "joint3", "joint4"]
+    assert parameters["joint2"]["friction"]["coulomb"] == pytest.approx(3.0)
+    assert parameters["joint2"]["friction"]["viscous"] == pytest.approx(0.5)
+    limits = content["joint_limits"]["ros__parameters"]["joint_limits"]["joint1"]
+    assert limits["has_acceleration_limits"] is False
+    assert limits["max_position"] == 2.1
+
+
+def test_bounds_of_masses_show_in_the_file():
+    robot = load_robot("tests/robots/pan-tilt.yaml")
+    p, error = possible(robot)
+    bounds = BodyBounds(masses={2: (3.0, 5.0)})
+    model = with_consistent_robot(model_of(robot, p, error), bounds=bounds)
+    loaded = mujoco.MjModel.from_xml_string(written(model, "mjcf"))
+    assert 3.0 <= loaded.body_mass[-1] <= 5.0

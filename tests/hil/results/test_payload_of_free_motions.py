@@ -1,0 +1,168 @@
+"""`hil payload` on imported runs: the load, the gains by its mass, and what is refused."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import write_free_run
+from twin_recordings import TwinRecorder, brick, in_units
+
+from checked_files.yaml_file import load_yaml
+from hil import cli
+from hil.errors import Mismatch, NoLoad
+from hil.report.page import report
+from hil.results.diagnosis import diagnose
+from hil.results.payload import find_payload
+from hil.results.payload_file import PayloadFile
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MASS = 2.805
+LOAD = brick(MASS, (0.03, -0.02, 0.05), 0.05)
+GAINS = np.array([1.08, 0.93, 1.0, 1.05])
+"""True torque of each axis over that of the map."""
+NEVER = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "sz")
+"""What a SCARA's last link, which turns about the vertical alone, never shows."""
+
+
+@pytest.fixture(scope="module")
+def twin() -> TwinRecorder:
+    return TwinRecorder("scara")
+
+
+@pytest.fixture(scope="module")
+def runs(twin: TwinRecorder, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs without and with a load, by right gains, by wrong ones and by unknown ones."""
+    place = tmp_path_factory.mktemp("loads")
+    bare, loaded = twin.recorded(1, n=2), twin.recorded(2, LOAD, n=2)
+    write_free_run(place / "again", twin.robot, twin.recorded(3, n=1))
+    units = {axis + 1: float(each) for axis, each in enumerate(GAINS)}
+    for name, data in (("bare", bare), ("loaded", loaded)):
+        write_free_run(place / name, twin.robot, data)
+        wrong = [(motion.model_copy(update={"unknown_gains": None}), recording)
+                 for motion, recording in in_units(data, units)]  # fmt: skip
+        write_free_run(place / f"wrong-{name}", twin.robot, wrong)
+        write_free_run(place / f"unknown-{name}", twin.robot, in_units(data, {1: 0.1, 2: 0.2}))
+    return place
+
+
+def hil(*arguments: object) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(argument) for argument in arguments])
+    assert not ended.value.code
+
+
+def found_in(runs: Path, kind: str, mass: float | None = None, *, gains: bool = False):
+    pair = (Run.open(runs / f"{kind}{name}") for name in ("bare", "loaded"))
+    return find_payload(*pair, mass, gains=gains)
+
+
+@pytest.fixture(scope="module")
+def kept(runs: Path) -> PayloadFile:
+    """What the command writes."""
+    hil("payload", runs / "bare", runs / "loaded")
+    return load_yaml(runs / "loaded" / "payload.yaml", PayloadFile)
+
+
+def test_load_and_its_intervals_are_found_and_kept(kept: PayloadFile) -> None:
+    found = {q.name: q for q in kept.load}
+    assert list(found) == [
+        "mass", "sx", "sy", "centre x", "centre y", "Izz", "Izz about the centre",
+    ]  # fmt: skip
+    truth = {"mass": MASS, "centre x": 0.03, "centre y": -0.02, "Izz": LOAD.parameters["Izz"]}
+    for name, value in truth.items():
+        half = found[name].half_width
+        assert half is not None
+        assert 1.9 * found[name].standard_error < half < 3.5 * found[name].standard_error
+        assert abs(found[name].value - value) < 2 * half
+    assert found["mass"].standard_error < 0.02 * MASS
+    assert kept.p_value > 0.01
+    assert kept.imported
+
+
+def test_what_no_motion_of_this_robot_shows_is_named(kept: PayloadFile) -> None:
+    assert set(kept.unidentifiable) == set(NEVER)
+    assert kept.unseen == ()
+
+
+def test_the_report_of_the_loaded_run_shows_the_load(runs: Path, kept: PayloadFile) -> None:
+    text = re.sub(
+        r"\s+", " ", re.sub(r"<[^>]+>", " ", report(Run.open(runs / "loaded")).read_text())
+    )
+    section = text[text.index("The load From two runs") :][:4000]
+    assert "from both runs at once" in section
+    assert f"Not identifiable are {', '.join(kept.unidentifiable)} of the load" in section
+    assert "in kg m² and kg" in section or "kg m², kg" in section
+
+
+def test_wrong_gains_are_found_by_the_mass_and_the_load_with_them(runs: Path) -> None:
+    found = found_in(runs, "wrong-", MASS, gains=True)
+    assert found.gains is not None
+    told = found.gains.identifiable
+    assert told[[0, 1, 3]].all()
+    z = (found.gains.constant - GAINS) / found.gains.constant_error
+    assert np.abs(z[told]).max() < 4
+    assert found.gains.constant_error[[0, 1, 3]].max() < 0.03
+    by_name = {q.name: q for q in found.payload.quantities()}
+    assert (by_name["mass"].value, by_name["mass"].standard_error) == (MASS, 0.0)
+    assert by_name["centre x"].value == pytest.approx(0.03, abs=2 * by_name["centre x"].half_width)
+
+
+def test_a_mass_that_contradicts_the_runs_is_refused_with_the_gains_that_would_explain_it(
+    runs: Path,
+) -> None:
+    with pytest.raises(Mismatch) as refused:
+        found_in(runs, "", 1.5 * MASS)
+    message = str(refused.value)
+    assert re.search(r"a mass of 4\.2075 kg contradicts 2\.\d+ ± 0\.0\d+ kg by these runs", message)
+    assert re.search(r"gains of .*1\.\d+ times that of axis 2", message)
+    assert "--gains" in message
+
+
+def test_unknown_gains_of_both_runs_are_found_with_the_load(runs: Path) -> None:
+    found = found_in(runs, "unknown-").payload
+    (mass,) = (q for q in found.quantities() if q.name == "mass")
+    assert mass.value == pytest.approx(MASS, abs=2 * mass.half_width)
+    assert mass.standard_error < 0.05 * MASS
+    with_gains = found_in(runs, "unknown-", MASS, gains=True).gains
+    assert with_gains is not None
+    assert with_gains.constant[:2] == pytest.approx([0.1, 0.2], rel=0.05)
+    assert np.isnan(with_gains.error).tolist() == [True, True, False, False]
+
+
+@pytest.mark.parametrize(("second", "error", "words"), [
+    ("bare", Mismatch, "has the same recordings as"),
+    ("again", NoLoad, r"no load stands out of its error: its mass would be"),
+    ("unknown-loaded", Mismatch, "gains are unknown of other axes"),
+])  # fmt: skip
+def test_what_is_no_pair_of_runs_is_refused(
+    runs: Path, second: str, error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        find_payload(Run.open(runs / "bare"), Run.open(runs / second))
+
+
+def test_a_copy_of_the_same_run_is_the_same_run(runs: Path, tmp_path: Path) -> None:
+    shutil.copytree(runs / "bare", tmp_path / "copy")
+    with pytest.raises(Mismatch, match="has the same recordings"):
+        find_payload(Run.open(runs / "bare"), Run.open(tmp_path / "copy"))
+
+
+def test_a_diagnosis_of_an_imported_run_is_refused_with_the_way_to_test_a_parameter(
+    runs: Path,
+) -> None:
+    with pytest.raises(Mismatch, match="add it to the parameters in the robot file"):
+        diagnose(Run.open(runs / "bare"))
+
+
+def test_gains_take_a_mass(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["payload", str(runs / "bare"), str(runs / "loaded"), "--gains"])
+    assert ended.value.code
+    assert "takes --mass" in capsys.readouterr().err

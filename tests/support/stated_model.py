@@ -1,0 +1,70 @@
+"""Models of any robot with stated values: random base parameters, and friction with every term."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.result import CoupledFriction, TermValue
+from hil.estimation.friction_law import AxisLaw, FrictionLaw
+from hil.model.base_parameters import base_parameters
+from hil.results.model import Model
+from hil.results.model_file import Provenance
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from hil.model.robot import Robot
+
+
+def stated_model(robot: Robot, seed: int = 0, *, friction: Collection[str] = TERMS) -> Model:
+    """A model as if it had been identified, with these terms of friction; none without any."""
+    rng = np.random.default_rng(seed)
+    n = len(base_parameters(robot))
+    return Model(
+        robot=robot,
+        values=rng.uniform(-2.0, 2.0, n),
+        scatter_covariance=1e-4 * np.eye(n),
+        drive_covariance=np.zeros((n, n)),
+        degrees_of_freedom=np.full(n, 20.0),
+        residual=np.full(robot.n_joints, 0.1),
+        condition={"all": 10.0},
+        provenance=Provenance(
+            robot=robot.name,
+            robot_digest=robot.digest,
+            plan_digest="0" * 64,
+            measured="",
+            bus="",
+            measurements=1,
+            left_out=(),
+            identified="2026-01-02T03:04:05Z",
+            method="improved",
+            version="0",
+        ),
+        friction_law=_law(robot, rng, friction) if friction else None,
+    )
+
+
+def _law(robot: Robot, rng: np.random.Generator, terms: Collection[str]) -> FrictionLaw:
+    def value() -> TermValue:
+        return TermValue(value=float(rng.uniform(0.2, 2.0)), standard_error=0.01)
+
+    axes = [
+        AxisLaw(
+            law="all",
+            speed=2.0,
+            terms={term: value() for term in terms},
+            plain={},
+            held_out={},
+            wander=0.03,
+            speeds=(0.1, 2.0),
+        )
+        for _ in range(robot.n_joints)
+    ]
+    coupled = [
+        CoupledFriction(motor=m + 1, joint=j + 1, viscous=value(), coulomb=value())
+        for m, j, _ in robot.couplings
+    ]
+    return FrictionLaw(axes=tuple(axes), coupled=tuple(coupled))
