@@ -1,6 +1,6 @@
 """What feed-forward is worth: following errors on plants on which nothing was tuned.
 
-`python benchmarks/feed_forward.py [SEED ...]`, by default 31 to 36. Each seed is another plant, whose
+`python benchmarks/feed_forward.py [SEED ...]`, by default 31 to 36. Each is another plant, whose
 friction drifts otherwise, and another trajectory of 5 s. The model of each plant comes from 20 s of
 another trajectory on it. Each of the three passes begins cold. Peer: velocity alone.
 """
