@@ -48,7 +48,7 @@ class FeedForward:
     ) -> None:
         self._process_data = process_data
         self._servers = servers
-        self._own = own
+        self._own = own or ((),) * len(servers)
         self._found: list[tuple[Objects, Entry, int]] = []
         self._offsets: list[list[list[int]]] = []
 
