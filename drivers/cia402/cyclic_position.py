@@ -27,6 +27,7 @@ from drivers.cia402 import objects
 from drivers.cia402.feed_forward import FeedForward
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import MODE_TIME, Mode
+from drivers.cia402.stop import STOP_MARGIN
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:
@@ -145,6 +146,24 @@ class CyclicPosition:
         steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
         return max(steps, default=0) * abs(self._scales[axis].position) / self._period
 
+    def halt(self, decelerations: Sequence[float]) -> None:
+        """Send nothing more and let the axes go on as far as a halt takes them.
+
+        Parameters
+        ----------
+        decelerations : sequence of float, length n_axes
+            Of the ramps by which the drives halt [rad/s^2 or m/s^2].
+        """
+        for axis, (scale, deceleration) in enumerate(zip(self._scales, decelerations, strict=True)):
+            speed = self.velocity(axis)
+            if self.moving and speed:
+                here = self._process_data.positions[axis]
+                way = STOP_MARGIN * speed**2 / (2 * deceleration)
+                target = scale.position_from_counts(here) + self._direction(axis) * way
+                self._trips.expect(axis, here, target, moving=True)
+        self.withdraw()
+        self.abandon()
+
     def abandon(self) -> None:
         """Send nothing more; the drives stay in their mode."""
         self._points, self._next, self.moving = [], 0, False
@@ -152,6 +171,10 @@ class CyclicPosition:
     def withdraw(self) -> None:
         """Take back what is fed forward."""
         self._feed_forward.withdraw()
+
+    def give_back(self) -> None:
+        """Let drives feed forward by themselves, as for a ramp of their own."""
+        self._feed_forward.give_back()
 
     def leave(self) -> None:
         """Change back to profile position, where the axes rest.
@@ -162,12 +185,17 @@ class CyclicPosition:
             A drive does not change its mode.
         """
         self.withdraw()
-        self._feed_forward.give_back()
+        self.give_back()
         self.abandon()
         for axis, position in enumerate(self._process_data.positions):
             self._process_data.command(axis, position, ENABLED)
         self._change(Mode.PROFILE_POSITION)
         self.cyclic = False
+
+    def _direction(self, axis: int) -> float:
+        """Sign of the velocity with which the stream leads an axis."""
+        first, last = self._points[max(0, self._next - DELAY - 1)], self._points[self._next - 1]
+        return float(np.sign((last[axis] - first[axis]) * self._scales[axis].position))
 
     def _enter(self, points: Sequence[int]) -> None:
         for server in self._servers:

@@ -238,9 +238,11 @@ class Session:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
         self.stopping.refuse()
         try:
-            self._cyclic_position.withdraw()
-            self._cyclic_position.abandon()
-            self._profile_position.halt()
+            profile = self._profile_position
+            decelerations = [profile.deceleration(axis) for axis in range(len(self.axes))]
+            self._cyclic_position.halt(decelerations)
+            profile.halt()
+            self._cyclic_position.give_back()
         except DriveError as error:
             self.stopping.fail(error)
 

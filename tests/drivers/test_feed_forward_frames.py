@@ -212,6 +212,17 @@ def test_the_drive_s_own_feed_forward_rests_as_long_as_ours_counts() -> None:
         assert drive.get(OWN) == 1000
 
 
+def test_rpdo_2_is_put_back_as_it_was_found() -> None:
+    places = [(0x1401, 1, "u32"), (0x1401, 2, "u8"), (0x1601, 0, "u8")]
+    entries = [Entry(*place, "") for place in [*places, (0x1601, 1, "u32"), (0x1601, 2, "u32")]]
+    with wired() as wire:
+        held = [wire.bus.servers[AXIS].get(entry) for entry in entries]
+        wire.bus.__exit__(None, None, None)
+        found = [wire.bus.servers[AXIS].get(entry) for entry in entries]
+    assert held == [0x300 + NODE, 255, 2, 0x60B10020, 0x60B20010]
+    assert found == [0x80000300 + NODE, 255, 2, 0x60400010, 0x60600008]
+
+
 @pytest.mark.parametrize(
     ("fed", "words"),
     [
