@@ -41,7 +41,9 @@ SAME, FASTEST = 1e-4, 0.5
 """Promised: relative difference to the other solver, and processor time of six axes [s]."""
 
 
-def independent_distance(robot: Robot, p: Array, covariance: Array, bounds: BodyBounds) -> float:
+def independent_distance(
+    robot: Robot, p: Array, covariance: Array, bounds: BodyBounds, tolerance: float = 1e-6
+) -> float:
     """d^2 by SCS: unknown are x of p' = p + L x and all standard parameters."""
     import scs
 
@@ -65,7 +67,9 @@ def independent_distance(robot: Robot, p: Array, covariance: Array, bounds: Body
     }
     sizes = [len(each.constant) for each in asked]
     cone = {"z": len(K), "l": sizes.count(1), "s": [size for size in sizes if size > 1]}
-    solver = scs.SCS(data, cone, eps_abs=1e-6, eps_rel=1e-6, max_iters=500_000, verbose=False)
+    solver = scs.SCS(
+        data, cone, eps_abs=tolerance, eps_rel=tolerance, max_iters=500_000, verbose=False
+    )
     return float(2.0 * solver.solve()["info"]["pobj"])
 
 
@@ -95,7 +99,7 @@ def _published() -> bool:
     robot = load_robot("manutec-r15")
     covariance = np.diag((0.01 * np.maximum(np.abs(TABLE_3_A), 0.01)) ** 2)
     found = nearest_robot(robot, TABLE_3_A, covariance)
-    other = independent_distance(robot, TABLE_3_A, covariance, BodyBounds())
+    other = independent_distance(robot, TABLE_3_A, covariance, BodyBounds(), 1e-9)
     print(f"manutec-r15 as published: distance {found.distance:.4f}, by SCS {other:.4f}")
     names = base_parameters(robot).names
     for k in np.flatnonzero(np.abs(found.change) > 0.5):

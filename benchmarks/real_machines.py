@@ -12,13 +12,20 @@ Coulomb's and viscous friction. Ours was fitted below 20 Hz.
 from __future__ import annotations
 
 import sys
+from importlib.metadata import version
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import signal
 
 from hil.model.dynamics import regressor
+from hil.model.frames import link_pose
 from hil.results.model import Model
 from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
 
 CUT_OFF = 100.0
 EVERY = 10
@@ -38,6 +45,7 @@ def main(folder: str) -> None:
     columns = _columns(run, q, qd, qdd)
     x, *_ = np.linalg.lstsq(columns.reshape(-1, columns.shape[-1]), tau.ravel(), rcond=None)
     _show(f"least squares, {len(x)} unknowns", tau - columns @ x, tau)
+    _show_figaroh(run.robot, q, qd, qdd, tau)
     _show(f"hil identify, {model.method} method", tau - model.torque(q, qd, qdd), tau)
 
 
@@ -46,7 +54,12 @@ def _columns(run: Run, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.nda
     robot = run.robot
     n, terms = robot.n_joints, [np.sign(qd), qd, np.ones_like(qd)]
     friction = [t[:, :, None] * np.eye(n) for t in terms]
-    coupled = np.zeros((len(q), n, 2 * len(robot.couplings)))
+    return np.concatenate([regressor(robot, q, qd, qdd), *friction, _coupled(robot, qd)], axis=-1)
+
+
+def _coupled(robot: Robot, qd: np.ndarray) -> np.ndarray:
+    """Viscous and Coulomb friction of each coupled motor, as its two joints feel it."""
+    coupled = np.zeros((*qd.shape, 2 * len(robot.couplings)))
     for k, (motor, joint, ratio) in enumerate(robot.couplings):
         turning = np.sign(ratio * qd[:, joint] + qd[:, motor])
         coupled[:, joint, 2 * k], coupled[:, motor, 2 * k] = (
@@ -54,7 +67,41 @@ def _columns(run: Run, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.nda
             ratio * qd[:, joint],
         )
         coupled[:, joint, 2 * k + 1], coupled[:, motor, 2 * k + 1] = ratio * turning, turning
-    return np.concatenate([regressor(robot, q, qd, qdd), *friction, coupled], axis=-1)
+    return coupled
+
+
+def _show_figaroh(
+    robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, tau: np.ndarray
+) -> None:
+    """Print what figaroh leaves, where it is installed."""
+    try:
+        import pinocchio as pin
+        from figaroh.tools.qrdecomposition import QRDecomposer
+        from figaroh.tools.regressor import build_regressor_basic, get_index_eliminate
+    except ImportError:
+        print("figaroh: not installed")
+        return
+    model = pin.Model()
+    model.gravity.linear = np.array(robot.gravity)
+    for joint in range(robot.n_joints):
+        pose = pin.SE3(link_pose(robot, joint))
+        number = model.addJoint(joint, pin.JointModelRZ(), pose, f"joint {joint + 1}")
+        model.appendBodyToJoint(number, pin.Inertia.Random(), pin.SE3.Identity())
+    options = dict.fromkeys(("has_friction", "has_actuator_inertia", "has_joint_offset"), True)
+    W = build_regressor_basic(
+        SimpleNamespace(model=model, data=model.createData()),
+        q + robot.theta, qd, qdd, options | {"act_idxv": list(range(robot.n_joints))},
+    )  # fmt: skip
+    inertia = _coupled(robot, qdd)[..., 0::2]
+    extra = np.concatenate([_coupled(robot, qd), inertia], axis=-1)
+    # its rows are all samples of one joint after the other
+    W = np.hstack([W, extra.transpose(1, 0, 2).reshape(len(W), -1)])
+    names = {f"x{k}": 0.0 for k in range(W.shape[1])}
+    left_out, kept = get_index_eliminate(W, names)
+    y = tau.T.ravel()
+    base, _, _, found = QRDecomposer().double_decomposition(y, np.delete(W, left_out, 1), kept)
+    left = (y - base @ found).reshape(tau.T.shape).T
+    _show(f"figaroh {version('figaroh')}, {len(found)} unknowns", left, tau)
 
 
 def _show(name: str, left: np.ndarray, tau: np.ndarray) -> None:

@@ -14,6 +14,7 @@ over joint angle"``. Such a file is refused until every marked value is stated.
 from __future__ import annotations
 
 import re
+import stat
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -103,6 +104,7 @@ def read_text(path: Path | str) -> str:
         It cannot be read, or is not UTF-8.
     """
     try:
+        _refuse_endless(Path(path))
         content = Path(path).read_bytes()
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
@@ -112,6 +114,13 @@ def read_text(path: Path | str) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise FileError(f"{path}:{line}: cannot be read: is not UTF-8 text") from error
+
+
+def _refuse_endless(path: Path) -> None:
+    """Refuse pipes and devices, which may be waited for or read without end."""
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise ValueError("is a pipe or a device; name a file")
 
 
 def parse_yaml(text: str, model: type[M], source: str) -> M:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 from typer.core import TyperGroup
 
+from hil.terminal.printable import printable
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -154,12 +156,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         app(None if arguments is None else list(arguments), prog_name="hil")
     except OSError as error:
-        sys.stderr.write(f"{error.filename or 'hil'}: {error.strerror or error}\n")
+        message = f"{error.filename or 'hil'}: {error.strerror or error}"
+        sys.stderr.write(f"{printable(message)}\n")
         sys.exit(1)
     except Exception as error:
         if not _explained(error):
             raise
-        sys.stderr.write(f"{error}\n")
+        sys.stderr.write(f"{printable(str(error))}\n")
         sys.exit(1)
 
 

@@ -12,12 +12,13 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
     from hil.results.diagnosis_file import DiagnosisFile
 
 
-def render(found: DiagnosisFile, estimate: Estimate, console: Console) -> None:
+def render(found: DiagnosisFile, estimate: Estimate, robot: Robot, console: Console) -> None:
     """Print the candidates, the verdict on them, and the drive trains behind the estimate."""
     show(candidates(found), console)
     for sentence in sentences(found):
         show_sentence(sentence, console)
-    show(drive_train(estimate), console)
+    show(drive_train(estimate, robot), console)

@@ -7,14 +7,17 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.text import Text
 
 from hil.cli.arguments import Masses, RunPath
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
+    from hil.results.model import Model
     from hil.runs.run import Run
 
 commands = typer.Typer()
+STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
 
 
 Method = Annotated[
@@ -68,6 +71,7 @@ def identify(
         found = with_consistent_robot(found, pooled([run, *more]), bounds)
     path = run.path / model_file.NAME
     found.save(path)
+    _show_outcome(found)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
     show(error_budget(found.error_budget), out)
@@ -160,7 +164,9 @@ def diagnose(folder: RunPath) -> None:
 
     run = Run.open(folder)
     found = diagnosis.diagnose(run)
-    diagnosis_view.render(diagnosis_file.write_diagnosis(run, found), found.estimate, out)
+    diagnosis_view.render(
+        diagnosis_file.write_diagnosis(run, found), found.estimate, run.robot, out
+    )
     plots = write_diagnosis_plots(folder, found)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
     _show_place("diagnosis", folder / diagnosis_file.NAME)
@@ -172,6 +178,12 @@ def _refuse_unknown(method: str | None) -> None:
     if method is not None and method not in METHODS:
         known = "; ".join(METHODS)
         raise typer.BadParameter(f"{method} must be one of: {known}", param_hint="--method")
+
+
+def _show_outcome(model: Model) -> None:
+    """Begin with what the model is worth."""
+    if model.outcome is not None:
+        out.print(Text(str(model.outcome), style=STYLES[model.outcome.word]), soft_wrap=True)
 
 
 def _show_shortfall(run: Run) -> None:

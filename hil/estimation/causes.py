@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.drive_train import compliance_units
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
@@ -147,7 +148,7 @@ def _soft_gears(
         f"{1e6 * train.compliance[axis]:.2g} ± {1e6 * train.compliance_error[axis]:.1g}"
         for axis in soft
     )
-    detail = f"compliances of {each} µrad/(N m)"
+    detail = f"compliances of {each} {compliance_units(robot)}"
     yield _accounted(CauseName.SOFT_GEARS, soft, detail, ignored.solve() - fit.solve())
 
 

@@ -81,3 +81,9 @@ def directly_driven(robot: Robot) -> DriveTrain:
     return DriveTrain(
         zero, unknown, zero, unknown, soft, np.zeros((n_base, n_base)), np.zeros(n_base)
     )
+
+
+def compliance_units(robot: Robot) -> str:
+    """Unit of a column of compliances of all joints, in millionths."""
+    each = ("µrad/(N m)" if robot.revolute[axis] else "µm/N" for axis in range(robot.n_joints))
+    return " or ".join(dict.fromkeys(each))

@@ -10,16 +10,26 @@ what the campaign has seen, not at its mean.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileModel
+from hil.estimation.free_motion.bristles import (
+    Direction,
+    are_successive,
+    at_once,
+    bent,
+    friction_direction,
+)
 from hil.estimation.free_motion.columns import coupled_friction, motor_angle
 from hil.estimation.free_motion.friction_terms import TERMS, friction_columns
 from hil.estimation.free_motion.result import AxisFriction, CoupledFriction
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from hil.estimation.free_motion.result import FreeMotionFit
@@ -84,7 +94,14 @@ class FrictionLaw(FileModel):
         return tuple(axis for axis, law in enumerate(self.axes, start=1) if law is None)
 
 
-def friction_torque(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load: Array) -> Array:
+def friction_torque(
+    robot: Robot,
+    law: FrictionLaw,
+    q: Array,
+    qd: Array,
+    load: Array,
+    directions: Sequence[Direction] | None = None,
+) -> Array:
     """Torque of friction and ripple of all axes, shape of `q` [N m or N].
 
     Zero for an axis whose friction is unknown.
@@ -95,12 +112,18 @@ def friction_torque(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load: A
         [rad or m, and per s].
     load : ndarray, shape of `q`
         Torque of the rigid bodies [N m or N].
+    directions : sequence (n_joints,) of Direction, optional
+        Of each axis's friction; by default that along the rows, where these are successive samples
+        of a motion, and else the sign of the velocity.
     """
     q_rows, qd_rows, loads = (np.reshape(x, (-1, robot.n_joints)) for x in (q, qd, load))
+    if directions is None:
+        directions = _directions(law, q_rows, qd_rows)
     found = np.zeros(q_rows.shape)
     for axis, each in enumerate(law.axes):
         if each is not None:
-            found[:, axis] = _columns(robot, each, q_rows, qd_rows, loads, axis) @ each.values
+            columns = _columns(robot, each, q_rows, qd_rows, loads, axis, directions[axis])
+            found[:, axis] = columns @ each.values + each.bend.value * directions[axis].bend
     shared = [part for each in law.coupled for part in (each.viscous.value, each.coulomb.value)]
     for axis in range(robot.n_joints if shared else 0):
         found[:, axis] += coupled_friction(robot, qd_rows, axis) @ np.array(shared)
@@ -113,7 +136,8 @@ def friction_variance(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load:
     found = np.zeros(q_rows.shape)
     for axis, each in enumerate(law.axes):
         if each is not None:
-            columns = _columns(robot, each, q_rows, qd_rows, loads, axis)
+            direction = at_once(qd_rows[:, axis], each.speed)
+            columns = _columns(robot, each, q_rows, qd_rows, loads, axis, direction)
             directed = np.isin(list(each.terms), DIRECTED)
             level = columns[:, directed] @ each.values[directed]
             found[:, axis] = np.einsum("nk,kl,nl->n", columns, each.uncertainty, columns)
@@ -125,9 +149,27 @@ def friction_variance(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load:
     return found.clip(0.0).reshape(np.shape(q))
 
 
-def _columns(robot: Robot, law: AxisLaw, q: Array, qd: Array, load: Array, axis: int) -> Array:
+def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
+    """Directions of friction along rows of samples; at once for axes of unknown friction."""
+    successive, found = are_successive(q, qd), []
+    for each, positions, velocities in zip(law.axes, q.T, qd.T, strict=True):
+        if successive and each is not None and each.presliding:
+            found.append(bent(partial(friction_direction, positions), each.presliding))
+        else:
+            found.append(at_once(velocities, 0.0 if each is None else each.speed))
+    return found
+
+
+def _columns(
+    robot: Robot,
+    law: AxisLaw,
+    q: Array,
+    qd: Array,
+    load: Array,
+    axis: int,
+    direction: Direction,
+) -> Array:
     """Columns of the terms of an axis's law, shape (n, n_terms)."""
-    u = qd[:, axis] / law.speed
-    angle = motor_angle(robot, q, axis)
-    columns = friction_columns(u, np.sign(u), load[:, axis], angle, np.zeros(len(u)))
+    angle, slow = motor_angle(robot, q, axis), np.zeros(len(qd))
+    columns = friction_columns(qd[:, axis] / law.speed, direction, load[:, axis], angle, slow)
     return np.asarray(columns[:, [TERMS.index(term) for term in law.terms]])

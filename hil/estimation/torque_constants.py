@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.payload import MASS, load_columns
+from hil.estimation.payload import load_columns
+from hil.estimation.payload_figures import MASS
 from hil.regression.least_squares import solved
 from hil.regression.terms import N_COMMON
 from hil.regression.uncertainty import sandwich, scatter

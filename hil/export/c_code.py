@@ -20,10 +20,13 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 _FUNCTIONS = {"abs": "fabs"}
+_MACROS = {"sign": "HIL_SIGN", "direction": "HIL_DIRECTION"}
 SYNTAX = Syntax(
     number=lambda value: f"HIL_R({value!r})",
     function=lambda name, of: (
-        f"HIL_SIGN({of})" if name == "sign" else f"HIL_F({_FUNCTIONS.get(name, name)})({of})"
+        f"{_MACROS[name]}({of})"
+        if name in _MACROS
+        else f"HIL_F({_FUNCTIONS.get(name, name)})({of})"
     ),
 )
 _TYPES = """\
@@ -36,6 +39,7 @@ typedef double {name}_real;
 #endif
 #define HIL_R(number) (({name}_real)(number))
 #define HIL_SIGN(x) (({name}_real)(((x) > 0) - ((x) < 0)))
+#define HIL_DIRECTION(x) (({name}_real)(((x) >= 1) - ((x) <= -1)))
 """
 _EXAMPLE = """\
 #include <stdio.h>
@@ -85,7 +89,7 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
         "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
         f"#define {upper}_MOTOR_INERTIA {_list(model.robot.reflected_inertia.tolist())}\n",
         *(_function(name, upper, each) for each in found),
-        "#undef HIL_F\n#undef HIL_R\n#undef HIL_SIGN\n\n#endif\n",
+        "#undef HIL_F\n#undef HIL_R\n#undef HIL_SIGN\n#undef HIL_DIRECTION\n\n#endif\n",
     ])  # fmt: skip
     files = {
         f"{name}_dynamics.h": header,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.bristles import STILL
 from hil.estimation.free_motion.friction_terms import BEND
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
@@ -92,7 +93,8 @@ def _axis(
     qd: Expression,
     load: Expression,
 ) -> Scalar:
-    u, direction = qd * (1.0 / law.speed), graph.function("sign", qd)
+    u = qd * (1.0 / law.speed)
+    direction = graph.function("direction", qd * (1.0 / (STILL * law.speed)))
     shapes = {
         "offset": lambda: graph.number(1.0),
         "Coulomb": lambda: direction,
@@ -112,7 +114,7 @@ def _axis(
 
 def _ripple(graph: Graph, robot: Robot, axis: int, term: str, q: Expression) -> Expression:
     """Ripple of one order over the motor's angle; none where that is unknown, as in the law."""
-    ratio = float(np.nan_to_num(robot.gear_ratio[axis])) if robot.revolute[axis] else 0.0
+    ratio = float(np.nan_to_num(robot.gear_ratio[axis]))
     wave, order = re.fullmatch(r"(cosine|sine) (\d+)", term).groups()  # type: ignore[union-attr]
     if not ratio:
         return graph.number(0.0)

@@ -83,7 +83,8 @@ def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
 
 def _alike(robot: Robot, chain: UrdfChain) -> bool:
     """Whether a chain turns and slides as the robot does."""
-    return [joint.type == "revolute" for joint in chain.joints] == robot.revolute.tolist()
+    turns = tuple(joint.type == "revolute" for joint in chain.joints)
+    return turns == tuple(robot.revolute.tolist())
 
 
 def _difference(robot: Robot, chain: UrdfChain) -> str:

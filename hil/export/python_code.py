@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 _FUNCTIONS = {"atan": "arctan"}
 SYNTAX = Syntax(
     number=lambda value: repr(value) if value >= 0 else f"({value!r})",
-    function=lambda name, of: f"np.{_FUNCTIONS.get(name, name)}({of})",
+    function=lambda name, of: (
+        f"_direction({of})" if name == "direction" else f"np.{_FUNCTIONS.get(name, name)}({of})"
+    ),
 )
 _HELPERS = '''
 def _columns(joint_array):
@@ -26,6 +28,11 @@ def _columns(joint_array):
     if values.shape[-1:] != (JOINTS,):
         raise ValueError(f"shape {values.shape}: the last axis must be {JOINTS} joints")
     return np.moveaxis(values, -1, 0)
+
+
+def _direction(share):
+    """Sign of a velocity; 0 where it is too slow to have one."""
+    return np.trunc(np.clip(share, -1.0, 1.0))
 
 
 def _stacked(samples, results):

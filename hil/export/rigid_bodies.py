@@ -33,7 +33,7 @@ Vector = tuple[Scalar, Scalar, Scalar]
 Matrix = tuple[Vector, Vector, Vector]
 
 ZERO: Vector = (0.0, 0.0, 0.0)
-_RIGHT = {0: (1, 0), 1: (0, 1), 2: (-1, 0), 3: (0, -1)}
+_RIGHT = {(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)}
 """Cosine and sine of multiples of a right angle."""
 
 
@@ -130,7 +130,7 @@ def _joint(graph: Graph, robot: Robot, j: int, q: Expression) -> Joint:
 def _turned(graph: Graph, theta: float, q: Expression) -> tuple[Scalar, Scalar]:
     """Cosine and sine of q + theta, by those of q alone at right angles."""
     exact = cos_sin(theta)
-    if exact not in _RIGHT.values():
+    if exact not in _RIGHT:
         return graph.function("cos", q + theta), graph.function("sin", q + theta)
     cosine, sine = graph.function("cos", q), graph.function("sin", q)
     return exact[0] * cosine - exact[1] * sine, exact[0] * sine + exact[1] * cosine

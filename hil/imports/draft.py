@@ -181,7 +181,7 @@ def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
         yield f"      column: {number}"
         yield f"      unit: {_unit(key, column, from_ros=from_ros)}"
         if key == "torque" and not from_ros:
-            yield f"      gain: {UNSTATED} N m, or N, for one unit; 1 for N m and N"
+            yield f"      gain: {UNSTATED} N m, or N, for one unit; 1 for N m and N; or unknown"
 
 
 def _unit(key: str, column: SeenColumn | None, *, from_ros: bool) -> str:

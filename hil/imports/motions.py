@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     Numbered = tuple[Piece, NDArray[np.int16]]
 
 
+SLOWEST = 0.1
+"""Longest time between samples in which a robot's motion shows [s]."""
+
+
 def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[Numbered]:
     """Motions of a recording, each with the number of the block or stroke of its samples.
 
@@ -34,6 +38,12 @@ def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[
     FileError
         There are none: no stretch is long enough, or no stroke is found.
     """
+    if timing.period > SLOWEST:
+        raise the_map.wrong(
+            ("time",) if the_map.content.time else (),
+            f"a sample each {timing.period:.3g} s shows no motion of a robot, which takes one each"
+            f" {SLOWEST:g} s or more; correct the unit of time or the rate",
+        )
     alone = the_map.content.kind
     found: list[Numbered] = []
     for stretch in timing.stretches:

@@ -82,7 +82,7 @@ def import_one(
         raise FileError("\n".join(map(str, lines)))
     recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
     measured = measured_motions(the_map, samples, numbered, job.stem)
-    motions = tuple(_written(each, job.folder) for each in measured)
+    motions = tuple(_written(each, job.folder, job.robot) for each in measured)
     return Statement(the_map, timing.summary(), samples.wraps, recorded, motions, tuple(found))
 
 
@@ -95,8 +95,8 @@ def _timing(the_map: MapFile, samples: Samples) -> Timing:
         raise the_map.wrong(("time",) if stated else (), str(error)) from error
 
 
-def _written(measured: Measured, folder: Path) -> FreeMotion:
+def _written(measured: Measured, folder: Path, robot: Robot) -> FreeMotion:
     motion = measured.measurement
     assert isinstance(motion, FreeMotion)  # noqa: S101 - made as such
-    write_measured(folder / "recordings" / f"{motion.id}.h5", measured)
+    write_measured(folder / "recordings" / f"{motion.id}.h5", measured, robot)
     return motion

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.model_shape import shape_suspicions
+from hil.imports.ranges import MOVES, range_suspicions, small_motion
 from hil.imports.suspicion import Suspicion
 from hil.model.dynamics import regressor
 
@@ -28,19 +29,14 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MOVES = 1e-4
-"""Range of positions from which on a joint counts as moving [rad or m]."""
 POINTS = 400
 """Instants at which friction is looked for, as far as there are so many."""
 FITS = 0.9
 """Correlation from which on two velocities count as of one joint."""
 _AGREES = 0.1
-_BEYOND = 1.05
-_FAR_BEYOND = 3.0
 _FRICTION_T = 6.0
 _NOTABLE = 0.02
 _RANK = 1e-8
-_OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +76,12 @@ def suspicions(
         of the model, which compares the torques of joints, are no checks.
     """
     evidence = Evidence.of(excerpts)
-    found = [*_still(evidence, robot, alone), *_ranges(evidence, robot, unknown_gains)]
-    found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
-    if alone is None and not unknown_gains and not any(suspicion.certain for suspicion in found):
-        found += shape_suspicions(evidence, robot)
+    found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
+    if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
+        found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
+    if alone is None and not any(suspicion.certain for suspicion in found):
+        found += small_motion(evidence, robot)
+        found += [] if unknown_gains else shape_suspicions(evidence, robot)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
@@ -112,55 +110,6 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
                 f"joint {alone + 1} is to move alone, but joint {joint + 1} moves by {way:.3g}"
                 f" {robot.position_unit(joint)}; write kind: free, or choose other rows",
             )
-
-
-def _ranges(evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]) -> Iterator[Suspicion]:
-    for joint in range(robot.n_joints):
-        unit, q = robot.position_unit(joint), evidence.q[:, joint]
-        low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
-        excess = max(float(q.max()) - high, low - float(q.min()))
-        if excess > (_BEYOND - 1) * (high - low):
-            far = excess > (_FAR_BEYOND - 1) * (high - low)
-            yield Suspicion(
-                "range",
-                ("joints", joint, "position"),
-                f"reaches from {q.min():.4g} to {q.max():.4g} {unit}, but joint {joint + 1} of"
-                f" {robot.name} has {low:.4g} to {high:.4g} {unit};"
-                f" {_other_unit(q, joint, robot) if far else _OTHERWISE}",
-                certain=far,
-            )
-            continue
-        for key, values, limit, per in (
-            ("position", evidence.qd, robot.velocity_limit, f"{unit}/s"),
-            ("torque", evidence.tau, robot.torque_limit, "N m" if unit == "rad" else "N"),
-        ):
-            most, bound = float(np.abs(values[:, joint]).max()), float(limit[joint])
-            if most > 1.2 * bound and not (key == "torque" and joint in unknown_gains):
-                yield Suspicion(
-                    "range",
-                    ("joints", joint, key),
-                    f"{'moves with' if key == 'position' else 'has'} up to {most:.4g} {per}, but"
-                    f" joint {joint + 1} of {robot.name} is limited to {bound:.4g} {per}; correct"
-                    " the unit, the gain or the side, or the limit in the robot file",
-                    certain=most > 10 * bound,
-                )
-
-
-def _other_unit(q: Array, joint: int, robot: Robot) -> str:
-    """State in which unit, or on which side, the positions would be within the range."""
-    low, high = robot.q_min[joint], robot.q_max[joint]
-    slack = 0.02 * (high - low)
-    turning = bool(robot.revolute[joint])
-    gear = float(robot.gear_ratio[joint])
-    fitting = [
-        what
-        for factor, what in (
-            (pi / 180 if turning else 1e-3, f"unit: {'deg' if turning else 'mm'}"),
-            (1 / gear, f"the motor's side at a gear ratio of {gear:g}"),
-        )
-        if factor != 1 and low - slack <= factor * q.min() and factor * q.max() <= high + slack
-    ]
-    return f"they look like {' or '.join(fitting)}" if fitting else _OTHERWISE
 
 
 def _velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:

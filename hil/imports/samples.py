@@ -132,6 +132,7 @@ def _file_blocks(the_map: MapFile, number: int, name: str) -> Iterator[Array]:
             tables[source] = (_opened(the_map, source, number, column, location), [], [])
         table, columns, positions = tables[source]
         found = _indices(the_map, table, column, location)
+        _refuse_used(the_map, location, set(found) & set(columns), table)
         columns.extend(found)
         positions.extend([position] * len(found))
     streams = [table.blocks(columns) for table, columns, _ in tables.values()]
@@ -154,6 +155,16 @@ def _columns(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:
         for joint, mapped in enumerate(content.joints):
             if (part := getattr(mapped, key)) is not None:
                 yield ("joints", joint, key, "column"), part.column
+
+
+def _refuse_used(the_map: MapFile, location: Location, used: set[int], table: Table) -> None:
+    for index in used:
+        name = f" ({table.names[index]})" if table.names[index] else ""
+        raise the_map.wrong(
+            location,
+            f"column {index + 1}{name} of {table.path} is used before in this map, and holds one"
+            " thing only; correct one of the two",
+        )
 
 
 def _opened(

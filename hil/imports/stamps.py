@@ -125,6 +125,8 @@ def timing_of(samples: Samples, segments: list[Rows], *, trusted: bool = False) 
     if not usable:
         raise WrongStamps("no two rows with all columns present; choose other columns or rows")
     period = _period([samples.time[rows] for rows in usable])
+    if period < 0:
+        raise WrongStamps("time runs backwards; choose another column of time, or turn the rows")
     if not period > 0:
         raise WrongStamps("time does not pass; choose another column of time, or state its rate")
     ordered = [_ordered(samples, rows, period, counts) for rows in usable]

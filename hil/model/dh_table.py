@@ -158,7 +158,8 @@ def _implausible(
                 f"{angle:g} rad must be within +-2 pi: it looks like degrees; state deg",
             )
         quarters = round(angle / QUARTER)
-        if table.angles == "deg" and quarters and abs(angle - quarters * QUARTER) < ROUNDED:
+        near = 0 < abs(quarters) <= 4 and abs(angle - quarters * QUARTER) < ROUNDED
+        if table.angles == "deg" and near:
             yield (
                 ("joints", number, key),
                 f"{angle:g} degrees look like {quarters}*pi/2 rad; state rad, or write degrees",

@@ -46,6 +46,7 @@ def regressor(
     qd: ArrayLike,
     qdd: ArrayLike,
     joints: Sequence[int] | None = None,
+    gravity: ArrayLike | None = None,
 ) -> Array:
     """Regressor A of the base parameters, eq. (6).
 
@@ -56,6 +57,9 @@ def regressor(
         Positions, velocities, accelerations.
     joints : sequence of int, optional
         Rows wanted, as joint indices from 0; all by default. Few rows cost less.
+    gravity : array_like, shape (3,), optional
+        In the base frame, in place of the robot file's; the base parameters stay those of the
+        robot file [m/s^2].
 
     Returns
     -------
@@ -74,8 +78,9 @@ def regressor(
     lead = q.shape[:-1]
     flat = np.empty((q.size // robot.n_joints, rows.size, model.kinds.size))
     columns = _columns(len(flat) * rows.size)
+    pull = robot.gravity if gravity is None else np.asarray(gravity, dtype=np.float64)
     for part, state in _chunks(model, q, qd, qdd):
-        columns(state, model.chain, robot.gravity, model.kinds, model.links, rows, flat[part])
+        columns(state, model.chain, pull, model.kinds, model.links, rows, flat[part])
     if model.mixing is not None:
         flat = flat @ model.mixing
     if len(model.added):

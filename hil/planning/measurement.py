@@ -226,11 +226,6 @@ class ElementKind(Kind):
     figure: str
     caption: str
 
-    @property
-    def label(self) -> str:
-        """Quantity and unit, for the axis of a plot."""
-        return f"{self.quantity} [{self.unit}]"
-
     def unit_of(self, robot: Robot, axis: int, partner: int) -> str:
         """Unit of one element, by whether its joints (from 0) turn or slide."""
         if self.symbol == "g":

@@ -12,7 +12,7 @@ import hashlib
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import yaml
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.planning import LONGEST
@@ -72,6 +72,16 @@ class Plan(FileModel):
     warm_up: WarmUp | None = None
     workspace: Workspace | None = None
     measurements: tuple[Measurement, ...] = Field(min_length=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_a_plan(cls, given: object) -> object:
+        if isinstance(given, dict) and "map_digest" in given:
+            raise ValueError(
+                "lists motions that were recorded and imported, of which there is nothing left to"
+                " measure; identify their folder with hil identify, or make a plan with hil plan"
+            )
+        return given
 
     @field_validator("measurements")
     @classmethod

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun
+    from hil.results.outcome import Outcome
     from hil.runs.recording_file import Measured
 
 Facts = tuple[tuple[str, str], ...]
@@ -28,6 +29,8 @@ class Header:
     ----------
     title, verdict : str
         The latter may be empty.
+    outcome : Outcome or None
+        What the identification is worth, where there is one.
     facts : tuple of (str, str)
         Each with its name.
     shortfall : str
@@ -37,6 +40,7 @@ class Header:
 
     title: str
     verdict: str
+    outcome: Outcome | None
     facts: Facts
     shortfall: str
     simulated: bool
@@ -49,7 +53,7 @@ def of_friction(run: ReportedRun) -> Header:
         ("Measurements", f"{len(run.campaign)} of {planned} planned"),
         ("Sessions", str(len(run.source.journal.sessions))),
     )
-    return _header(run, "friction", "", facts)
+    return _header(run, "friction", "", facts, None)
 
 
 def of_free_motions(run: FreeRun) -> Header:
@@ -62,7 +66,7 @@ def of_free_motions(run: FreeRun) -> Header:
         f" with friction. Of the recorded torques {left} % are left, all samples and axes taken"
         " together."
     )
-    return _header(run, "identified dynamics", verdict, facts)
+    return _header(run, "identified dynamics", verdict, facts, run.model.outcome)
 
 
 def of_campaign(run: IdentifiedRun) -> Header:
@@ -70,10 +74,12 @@ def of_campaign(run: IdentifiedRun) -> Header:
     sessions = len(run.source.journal.sessions)
     took = duration(run.robot_time) + (f" in {sessions} sessions" if sessions > 1 else "")
     facts = (("Measurements", counts(run.campaign)), ("Robot time", took))
-    return _header(run, "identified dynamics", verdict(run), facts)
+    return _header(run, "identified dynamics", verdict(run), facts, run.model.outcome)
 
 
-def _header(run: ReportedRun, about: str, verdict: str, facts: Facts) -> Header:
+def _header(
+    run: ReportedRun, about: str, verdict: str, facts: Facts, outcome: Outcome | None
+) -> Header:
     journal = run.source.journal
     last = journal.sessions[-1] if journal.sessions else None
     began, bus = (when(last.started), last.bus) if last else ("unknown", "unknown")
@@ -82,6 +88,7 @@ def _header(run: ReportedRun, about: str, verdict: str, facts: Facts) -> Header:
     return Header(
         title=f"{run.robot.name}: {about}",
         verdict=verdict,
+        outcome=outcome,
         facts=(
             ("Imported" if run.source.imported else "Measured", began),
             ("From" if run.source.imported else "Bus", bus),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate, estimates
+from hil.estimation.mistakes.finding import find_mistake
 from hil.report.friction_of_run import friction_of_run
 from hil.results.advice import advice
 from hil.results.identification import model_of
@@ -132,7 +133,8 @@ def fitted(run: ReportedRun) -> FreeRun:
         Recordings that do not suffice.
     """
     with named(run.source):
-        model = model_of(run.source, estimate(run.robot, run.recordings, DEFAULT))
+        found = estimate(run.robot, run.recordings, DEFAULT)
+    model = model_of(run.source, found, mistake=find_mistake(run.robot, run.recordings))
     longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
     return FreeRun(
         source=run.source,
@@ -156,7 +158,8 @@ def identified(run: ReportedRun) -> IdentifiedRun:
     with named(run.source):
         found = estimates(run.robot, run.recordings)
     best = found["improved"]
-    prediction, model = predict(best, run.robot), model_of(run.source, best)
+    prediction = predict(best, run.robot)
+    model = model_of(run.source, best, mistake=find_mistake(run.robot, run.recordings))
     return IdentifiedRun(
         source=run.source,
         campaign=run.campaign,

@@ -8,6 +8,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.model.base_parameters import base_parameters
+from hil.results.tables.cells import probability
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -148,7 +149,7 @@ class ConsistentRobot(FileModel):
     def _distance(self) -> str:
         return (
             f"nearest robot that consists of bodies: distance {self.distance:.4g}, a chi-square of"
-            f" at most {self.degrees_of_freedom} degrees of freedom, p {self.p_value:.2g};"
+            f" at most {self.degrees_of_freedom} degrees of freedom, p {probability(self.p_value)};"
             f" {self.distance_complete:.4g} if the robot file left no link parameter out"
         )
 

@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
-from hil.estimation.friction.models import LAWS, UNIT, FrictionModel, Law
+from hil.estimation.friction.models import LAWS, FrictionModel, Law, units
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
@@ -140,7 +140,7 @@ def _axis(axis: int, result: FrictionResult) -> AxisRecord:
             kind=kind,
             a=tuple(model.a.tolist()),
             standard_error=tuple(None if np.isnan(e) else float(e) for e in model.standard_error),
-            units=UNIT[kind],
+            units=units(kind, turns=bool(result.robot.revolute[axis])),
             error=float(np.sqrt(model.mean_square)),
             held_out_error=float(np.sqrt(found.held_out[kind])),
             unidentifiable=model.unidentifiable,

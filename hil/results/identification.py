@@ -6,15 +6,18 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import default_method, estimate, prepared_for
+from hil.estimation.mistakes.finding import find_mistake
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.error_budget import error_budget
 from hil.results.model import Model
 from hil.results.model_file import Provenance
 from hil.results.naming import named
+from hil.results.outcome import outcome
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.estimate import Estimate
+    from hil.estimation.mistakes.mistake import Mistake
     from hil.runs.run import Run
 
 
@@ -46,16 +50,26 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
     UnknownName
         There is no such method.
     NotIdentifiable, NotEnoughData
-        Measurements that do not suffice.
+        Measurements that do not suffice; the likeliest mistake behind that is stated, if any is
+        found.
     """
     campaign = Pooled([run, *others])
     with named(run):
-        found = estimate(run.robot, campaign, method or method_for(run, others)[0])
+        try:
+            found = estimate(run.robot, campaign, method or method_for(run, others)[0])
+        except (NotIdentifiable, NotEnoughData) as error:
+            raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
     if found.free is None and found.friction_law is None:
         prepared = prepared_for(run.robot, found, campaign)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks))
-    return model_of(run, found, others)
+    return model_of(run, found, others, find_mistake(run.robot, campaign))
+
+
+def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
+    if mistake is None:
+        return error
+    return type(error)(f"{error}\nlikeliest cause: {mistake}; {mistake.remedy}")
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
@@ -63,9 +77,11 @@ def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
     return default_method([motion for each in (run, *others) for motion in each.motions])
 
 
-def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
-    """Return an estimate from a run, and others together with it, as a model."""
-    return Model(
+def model_of(
+    run: Run, found: Estimate, others: Sequence[Run] = (), mistake: Mistake | None = None
+) -> Model:
+    """Return an estimate from a run, and others together with it, as a model, and judge it."""
+    model = Model(
         robot=run.robot,
         values=found.p,
         scatter_covariance=found.covariance,
@@ -79,6 +95,7 @@ def model_of(run: Run, found: Estimate, others: Sequence[Run] = ()) -> Model:
         friction=found.free,
         friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
     )
+    return replace(model, outcome=outcome(model, mistake))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

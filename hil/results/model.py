@@ -13,15 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, load_yaml
+from checked_files.yaml_file import FileError
 from hil.errors import InvalidArray
 from hil.estimation.intervals import half_width
 from hil.model import dynamics
 from hil.model.base_parameters import base_parameters
 from hil.regression.uncertainty import correlation_of
-from hil.results.model_file import ModelFile, file_of
+from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.ripple import ripple_left_out
 from hil.results.samples import samples
+from hil.results.tables.campaign_friction import campaign_friction
 from hil.results.tables.free_motion import friction, left_by_free_motions, statements
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from hil.results.consistent_robot import ConsistentRobot
     from hil.results.error_budget import ErrorTerm
     from hil.results.model_file import Provenance
+    from hil.results.outcome import Outcome
     from hil.results.verdict import KeptVerdict
 
     Array = NDArray[np.float64]
@@ -74,6 +76,8 @@ class Model:
         Causes of error, the largest first; empty where nothing but noise matters.
     friction : FreeMotionFit, optional
         Friction of each axis and what was chosen, where free motions were identified.
+    outcome : Outcome, optional
+        What the identification is worth; None of a model that no version of this has judged.
     friction_law : FrictionLaw, optional
         Friction that the drives have to overcome, whatever the method; None where the model was
         read from a file of a version that found none.
@@ -94,6 +98,7 @@ class Model:
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    outcome: Outcome | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
     consistent: ConsistentRobot | None = None
@@ -105,12 +110,13 @@ class Model:
         Raises
         ------
         FileError
-            There is none, it was damaged, or it belongs to another robot than the one beside it.
+            There is none, it was cut off or edited, or it belongs to another robot than the one
+            beside it.
         """
         path = file_of(Path(path))
         if not path.exists():
             raise FileError(f"{path}: not there yet; make it with: hil identify {path.parent}")
-        kept = load_yaml(path, ModelFile)
+        kept = read_model_file(path)
         scatter, drives = kept.covariances()
         return cls(
             robot=kept.robot(path),
@@ -123,6 +129,7 @@ class Model:
             provenance=kept.provenance,
             error_budget=kept.error_budget,
             friction=kept.friction,
+            outcome=kept.outcome,
             friction_law=kept.law(),
             validations=kept.validations,
             consistent=kept.consistent,
@@ -204,7 +211,9 @@ class Model:
                 Reflected inertia of the rotors that the robot file states, eq. (7).
             friction
                 The law of friction (`friction_law`); at rest its offset alone, since what holds a
-                resting axis is no function of velocity.
+                resting axis is no function of velocity. Where rows are successive samples of a
+                motion, positions changing as velocities say, it turns round after a reversal over
+                the presliding distance that imported recordings showed.
 
         Returns
         -------
@@ -286,7 +295,8 @@ class Model:
             return Summary(tables, (*statements(self.friction), *remarks))
         if self.method == "improved" and (ripple := ripple_left_out(self.robot)):
             remarks = (*remarks, ripple)
-        return Summary((parameters(self), residuals(self)), remarks)
+        tables = parameters(self), residuals(self), campaign_friction(self)
+        return Summary(tuple(table for table in tables if table.parts), remarks)
 
     def __repr__(self) -> str:
         return (

@@ -9,13 +9,14 @@ degrees of freedom that explain them.
 
 from __future__ import annotations
 
+from math import isclose
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import yaml
 from pydantic import model_validator
 
-from checked_files.yaml_file import FileError, FileModel
+from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import degrees_behind
@@ -23,6 +24,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.consistent_robot import ConsistentRobot
 from hil.results.error_budget import ErrorTerm
+from hil.results.outcome import Outcome
 from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NAME = "model.yaml"
+_SAME = 1e-6
 
 
 class Parameter(FileModel):
@@ -92,6 +95,8 @@ class ModelFile(FileModel):
         The largest first.
     friction : FreeMotionFit, optional
         Friction and settings of an estimate from free motions.
+    outcome : Outcome, optional
+        What the identification is worth.
     friction_law : FrictionLaw, optional
         Friction over the campaign, of methods for strokes and trajectories; that of free motions
         stands in `friction`.
@@ -113,6 +118,7 @@ class ModelFile(FileModel):
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
+    outcome: Outcome | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
     consistent: ConsistentRobot | None = None
@@ -146,6 +152,7 @@ class ModelFile(FileModel):
             condition=model.condition,
             error_budget=model.error_budget,
             friction=model.friction,
+            outcome=model.outcome,
             friction_law=None if model.friction else model.friction_law,
             validations=model.validations,
             consistent=model.consistent,
@@ -191,7 +198,7 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        optional = ("friction", "friction_law", "validations", "consistent")
+        optional = ("friction", "friction_law", "outcome", "validations", "consistent")
         absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(
             self.model_dump(mode="json", exclude=absent),
@@ -199,6 +206,36 @@ class ModelFile(FileModel):
             sort_keys=False,
             width=200,
         )
+
+
+def read_model_file(path: Path) -> ModelFile:
+    """Read a model's file and refuse one that was cut off or edited, by its first problem.
+
+    Raises
+    ------
+    FileError
+        One line, with the remedy.
+    """
+    remedy = f"write the file anew with: hil identify {path.parent}"
+    text = read_text(path)
+    try:
+        kept = parse_yaml(text, ModelFile, str(path))
+    except FileError as error:
+        first, *_ = str(error).splitlines()
+        raise FileError(f"{first}, or {remedy}") from error
+    for number, each in enumerate(kept.parameters):
+        variance = kept.covariance[number][number]
+        low, high = each.interval_95
+        if not (
+            isclose((low + high) / 2, each.value, rel_tol=_SAME, abs_tol=_SAME * (high - low))
+            and isclose(variance, each.standard_error**2, rel_tol=_SAME)
+        ):
+            line = line_of(text, ("parameters", number, "value"))
+            raise FileError(
+                f"{path}:{line}: {each.name}: value, standard error and interval do not belong"
+                f" together, so the file was edited; {remedy}"
+            )
+    return kept
 
 
 def file_of(path: Path) -> Path:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.payload import Payload
+    from hil.estimation.payload_figures import Payload
     from hil.estimation.torque_constants import Gains
     from hil.model.robot import Robot
     from hil.runs.run import Run

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.payload import Quantity
+    from hil.estimation.payload_figures import Quantity
     from hil.estimation.torque_constants import Gains
     from hil.results.payload import FoundPayload
     from hil.runs.run import Run

@@ -13,7 +13,8 @@ from hil.estimation.free_motion.load import fit_load
 from hil.estimation.free_motion.methods import estimate_from
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.payload import ABSENT, MASS, Payload, load_columns, no_load, payload_names
+from hil.estimation.payload import ABSENT, load_columns, no_load, payload_names
+from hil.estimation.payload_figures import MASS, Payload
 from hil.estimation.torque_constants import Gains
 from hil.results.naming import named
 from hil.runs.pooling import Pooled

@@ -49,6 +49,8 @@ class PredictedTorque:
         Index from 0.
     time, qd, measured, predicted, standard_error : ndarray, shape (n,)
         [s], [rad/s or m/s], [N m or N]; samples that can be used.
+    parameter_error : ndarray, shape (n,)
+        What of the standard error comes from the base parameters [N m or N].
     stated : ndarray, shape (n,)
         What of the prediction the model states by itself, as far as nothing fitted in the recording
         can take its place [N m or N].
@@ -61,6 +63,7 @@ class PredictedTorque:
     measured: Array
     predicted: Array
     standard_error: Array
+    parameter_error: Array
     stated: Array
 
 
@@ -104,6 +107,11 @@ def _with_friction(model: Model, name: str, recording: Recording) -> Iterator[Pr
             measured=found.measured[:, axis],
             predicted=found.predicted[:, axis],
             standard_error=found.standard_error[:, axis],
+            parameter_error=np.sqrt(
+                (
+                    found.standard_error[:, axis] ** 2 - np.nan_to_num(model.residual[axis]) ** 2
+                ).clip(0.0)
+            ),
             stated=found.predicted[:, axis],
         )
 
@@ -127,5 +135,6 @@ def _of_axis(model: Model, name: str, each: Stacked, time: Array, qd: Array) -> 
         measured=y + motor,
         predicted=rigid + friction + motor,
         standard_error=np.sqrt(variance + noise**2),
+        parameter_error=np.sqrt(variance),
         stated=stated,
     )

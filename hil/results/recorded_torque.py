@@ -155,13 +155,15 @@ def processing_of(model: Model) -> Processing:
     taken = np.zeros(model.robot.n_joints, dtype=bool)
     taken[[axis - 1 for axis in model.friction.recorded_velocity]] = True
     speed = np.array([law.speed for law in model.friction.axes])
-    return Processing(model.friction.cut_off, model.friction.band, speed, taken)
+    presliding = np.array([law.presliding for law in model.friction.axes])
+    return Processing(model.friction.cut_off, model.friction.band, speed, taken, presliding)
 
 
 def _torque(model: Model, motion: Motion, rigid: Array) -> Array:
     assert model.friction_law is not None  # noqa: S101 - refused before
-    qd = np.where(motion.direction == 0, 0.0, motion.qd)
-    friction = friction_torque(model.robot, model.friction_law, motion.q, qd, rigid)
+    friction = friction_torque(
+        model.robot, model.friction_law, motion.q, motion.qd, rigid, motion.directions
+    )
     return rigid + friction + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from checked_files.yaml_file import FileModel
+from hil.results.outcome import data_reservations
 from hil.results.verdict import Word, judged
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ class AxisScore(FileModel):
         Residual over torque.
     naive : float
         The same where the mean torque is the prediction.
+    uncertain : float
+        What the base parameters' standard errors amount to, over the torque.
     inside : float
         Share of samples inside the predicted intervals of 95 %.
     gain, gain_error : float
@@ -74,6 +77,7 @@ class AxisScore(FileModel):
     residual: float
     relative: float
     naive: float
+    uncertain: float = 0.0
     inside: float
     gain: float
     gain_error: float
@@ -87,7 +91,7 @@ class _Sums:
 
     def __init__(self) -> None:
         self.n = 0
-        self.moments = np.zeros(5)
+        self.moments = np.zeros(6)
         self.by_direction = np.zeros((2, 2))
         self.inside = 0
         self.greatest: list[Array] = []
@@ -96,7 +100,8 @@ class _Sums:
         y, f = each.measured, each.predicted
         r = y - f
         self.n += len(y)
-        self.moments += [y.sum(), y @ y, r @ r, each.stated @ each.stated, r @ each.stated]
+        products = (y @ y, r @ r, each.stated @ each.stated, r @ each.stated)
+        self.moments += [y.sum(), *products, each.parameter_error @ each.parameter_error]
         for k, sign in enumerate((1.0, -1.0)):
             own = np.sign(each.qd) == sign
             self.by_direction[k] += [own.sum(), r[own].sum()]
@@ -104,7 +109,7 @@ class _Sums:
         self.greatest.append(np.abs(y))
 
     def score(self, axis: int, unit: str, identified: float) -> AxisScore:
-        y, yy, rr, ff, rf = self.moments / self.n
+        y, yy, rr, ff, rf, ee = self.moments / self.n
         torque, residual = np.sqrt(yy), np.sqrt(rr)
         forward, back = self.by_direction[:, 1] / np.maximum(self.by_direction[:, 0], 1.0)
         size = np.concatenate(self.greatest)
@@ -116,6 +121,7 @@ class _Sums:
             residual=float(residual),
             relative=float(residual / torque),
             naive=float(np.sqrt(max(yy - y**2, 0.0)) / torque),
+            uncertain=float(np.sqrt(ee) / torque),
             inside=self.inside / self.n,
             gain=float(1.0 + rf / ff) if ff > 0 else 1.0,
             gain_error=float(residual / np.sqrt(self.n * ff)) if ff > 0 else 0.0,
@@ -163,5 +169,6 @@ def validate(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
         for axis, each in enumerate(sums)
         if each.n >= FEWEST
     )
-    verdict, reason = judged(scores, model.robot.n_joints)
+    known = [str(each) for each in data_reservations(model)]
+    verdict, reason = judged(scores, model.robot.n_joints, known)
     return Validation(verdict=verdict, reason=reason, axes=scores)

@@ -32,6 +32,8 @@ GOOD = 0.05
 """Relative error that is no reason to warn, however small the identification's was."""
 GAIN = 0.1
 """By how much measured over predicted torque may differ from 1."""
+UNEXCITED = 0.1
+"""Error of the prediction by the parameters' own standard errors, as share of the torque."""
 ASYMMETRY = 0.5
 """Share of the residual that may be a level which changes with the direction."""
 LEVEL = 0.02
@@ -70,9 +72,18 @@ class KeptVerdict(FileModel):
     relative: float | None
 
 
-def judged(scores: Sequence[AxisScore], n_joints: int) -> Verdict:
-    """Return the worst of what speaks against a model; where nothing does, how well it predicts."""
-    found = sorted(_findings(scores, n_joints), key=lambda each: -WORDS.index(each.word))
+def judged(scores: Sequence[AxisScore], n_joints: int, reservations: Sequence[str] = ()) -> Verdict:
+    """Return the worst of what speaks against a model; where nothing does, how well it predicts.
+
+    Parameters
+    ----------
+    scores : sequence of AxisScore
+    n_joints : int
+    reservations : sequence of str
+        What its identification says against it, whatever it predicts.
+    """
+    against = [*_findings(scores, n_joints), *map(_warn, reservations)]
+    found = sorted(against, key=lambda each: -WORDS.index(each.word))
     return found[0] if found else Verdict("PASS", _praise(scores))
 
 
@@ -81,7 +92,7 @@ def _findings(scores: Sequence[AxisScore], n_joints: int) -> Iterator[Verdict]:
     if not scores:
         yield _refuse("no axis has enough samples that can be used; record a longer motion")
         return
-    for rule in (_naive, _limited, _gain, _generalises, _asymmetric, _intervals):
+    for rule in (_naive, _limited, _not_excited, _gain, _generalises, _asymmetric, _intervals):
         yield from rule(scores)
     missing = [k for k in range(1, n_joints + 1) if k not in [s.axis for s in scores]]
     if missing:
@@ -101,8 +112,9 @@ def _gain(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
     worst = max(scores, key=lambda s: abs(s.gain - 1.0))
     if abs(worst.gain - 1.0) > GAIN + SURE * worst.gain_error:
         yield _warn(
-            f"axis {worst.axis}: measured torques are {worst.gain:.2f} times those predicted, at"
-            f" most {GAIN:.0%} may be missing; torque constant or gain differ from those identified"
+            f"axis {worst.axis}: gains inconsistent, measured torques are {worst.gain:.2f} times"
+            f" those predicted, at most {GAIN:.0%} may be missing; torque constant or gain differ"
+            " from those identified"
         )
 
 
@@ -110,8 +122,18 @@ def _limited(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
     worst = max(scores, key=lambda s: s.limited)
     if worst.limited > LEVEL:
         yield _warn(
-            f"axis {worst.axis}: {worst.limited:.0%} of the samples are at one and the same"
-            " greatest torque; the drive was at its limit, record a slower motion"
+            f"axis {worst.axis}: saturated, {worst.limited:.0%} of the samples are at one and"
+            " the same greatest torque; the drive was at its limit, record a slower motion"
+        )
+
+
+def _not_excited(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
+    worst = max(scores, key=lambda s: s.uncertain)
+    if worst.uncertain > UNEXCITED:
+        yield _warn(
+            f"axis {worst.axis}: not excited, standard errors of the parameters amount to"
+            f" {worst.uncertain:.0%} of this motion's torque, at most {UNEXCITED:.0%} may be;"
+            " measure motions that show these parameters (hil plan --refine)"
         )
 
 
@@ -130,8 +152,8 @@ def _asymmetric(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
     for worst in sorted(scores, key=lambda s: -s.asymmetry)[:1]:
         if worst.asymmetry > ASYMMETRY and worst.relative > GOOD:
             yield _warn(
-                f"axis {worst.axis}: {worst.asymmetry:.0%} of the residual changes its sign with"
-                " the direction; friction is not that of the identification"
+                f"axis {worst.axis}: friction asymmetric, {worst.asymmetry:.0%} of the residual"
+                " changes its sign with the direction; friction is not that of the identification"
             )
 
 

@@ -26,7 +26,11 @@ from hil.runs.recording import UNITS, Recording
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from hil.model.robot import Robot
+
 FORMAT = 1
+PER_JOINT = ("q", "tau", "qd")
+"""Arrays with a column for each joint, in its own unit."""
 _measurement: TypeAdapter[RecordedMotion] = TypeAdapter(RecordedMotion)
 
 
@@ -55,8 +59,13 @@ class Measured:
     session: int = 0
 
 
-def write_measured(path: Path, measured: Measured) -> None:
+def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
     """Write a measurement, whole or not at all.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose joints turn or slide, which units depend on.
 
     Raises
     ------
@@ -75,7 +84,7 @@ def write_measured(path: Path, measured: Measured) -> None:
     image = io.BytesIO()
     with h5py.File(image, "w") as file:
         for name, array in arrays.items():
-            file.create_dataset(name, data=array).attrs["unit"] = UNITS[name]
+            file.create_dataset(name, data=array).attrs["unit"] = _units(name, robot)
         file.attrs.update(meta)
         file.attrs["checksum"] = _checksum(arrays, meta)
     write_file(path, image.getvalue())
@@ -101,6 +110,16 @@ def read_measured(path: Path) -> Measured:
         raise FileError(
             f"{path}: is damaged: {str(error).splitlines()[0]}; measure it again with --resume"
         ) from error
+
+
+def _units(name: str, robot: Robot) -> str | list[str]:
+    """Unit of an array; where joints turn and slide, that of each column."""
+    stated = UNITS[name]
+    if name not in PER_JOINT or robot.revolute.all():
+        return stated
+    slides = stated.replace("N m", "N").replace("rad", "m")
+    each = [stated if turns else slides for turns in robot.revolute]
+    return each if robot.revolute.any() else slides
 
 
 def _array(file: h5py.File, name: str) -> np.ndarray:

@@ -149,7 +149,7 @@ class RunFolder(Run):
     def write(self, measured: Measured) -> None:
         """Keep a recording, whole or not at all."""
         refuse_link(self.path / "recordings")
-        write_measured(self.recording_path(measured.measurement), measured)
+        write_measured(self.recording_path(measured.measurement), measured, self.robot)
 
     def set_aside_damaged(self) -> list[str]:
         """Prepare to resume: rename damaged recordings, remove unfinished ones.

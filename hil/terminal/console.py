@@ -2,9 +2,11 @@
 
 from rich.console import Console
 
+from hil.terminal.printable import printable
+
 out = Console()
 
 
 def say(text: str, style: str | None = None) -> None:
     """Print a line as it is: nothing in it is markup, and the terminal alone wraps it."""
-    out.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+    out.print(printable(text), style=style, highlight=False, markup=False, soft_wrap=True)

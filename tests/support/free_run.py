@@ -118,7 +118,7 @@ def write_free_run(path: Path, robot: Robot, data: FreeRecorded) -> Run:
     write_file(path / MOTIONS, plan.text().encode())
     write_file(path / "robot.yaml", robot.text.encode())
     for motion, recording in data:
-        write_measured(path / "recordings" / f"{motion.id}.h5", Measured(motion, recording))
+        write_measured(path / "recordings" / f"{motion.id}.h5", Measured(motion, recording), robot)
     journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest, drives_digest=None)
     write_journal(path / "run.json", journal)
     return Run.open(path)

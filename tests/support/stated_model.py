@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import LAWS
 from hil.estimation.free_motion.result import CoupledFriction, TermValue
 from hil.estimation.friction_law import AxisLaw, FrictionLaw
 from hil.model.base_parameters import base_parameters
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-def stated_model(robot: Robot, seed: int = 0, *, friction: Collection[str] = TERMS) -> Model:
+def stated_model(robot: Robot, seed: int = 0, *, friction: Collection[str] = LAWS["all"]) -> Model:
     """A model as if it had been identified, with these terms of friction; none without any."""
     rng = np.random.default_rng(seed)
     n = len(base_parameters(robot))

@@ -8,9 +8,10 @@ spread by at least a length t, the thickness, in every direction about its centr
 
 by Schur's complement the same as S - s s'/m >= t^2 m 1. With t > 0 and m > 0 the pseudo-inertia is
 positive definite, and so are the inertia about the centre and its triangle inequalities. Masses and
-centres of mass may be bounded (linear in mass and first moment). The motors' share of the mass
-matrix, known and identified, must be positive semidefinite (Sousa and Cortesao, Int. J. Robotics
-Research 33 (2014) 931-944, for the links).
+centres of mass may be bounded (linear in mass and first moment). No link is larger than the robot:
+its mass lies within a radius of its frame's origin, root mean square, tr S <= R^2 m. The motors'
+share of the mass matrix, known and identified, must be positive semidefinite (Sousa and Cortesao,
+Int. J. Robotics Research 33 (2014) 931-944, for the links).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import InvalidValue
+from hil.estimation.consistent.likely_bodies import reach_of
 from hil.model.added_parameters import added_inertias
 from hil.model.frames import UNIT_PSEUDO_INERTIAS
 
@@ -39,7 +41,10 @@ LEAST_MASS, MOST_MASS = 1e-3, 1e3
 """Of a link, unless other bounds are given [kg]."""
 ROOM = 1e-6
 """By which masses, first moments and rotor inertias stay off their bounds [kg, kg m, kg m^2]."""
+LARGEST, ROBOTS = 2.0, 2.0
+"""Radius within which a link's mass lies: this [m], or so many lengths of the robot if more."""
 _MASS, _MOMENT = 9, slice(6, 9)
+_HALF_TRACE = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
 _SPATIAL = np.diag([1.0, 1.0, 1.0, 0.0])
 
 
@@ -146,10 +151,13 @@ def _spread(robot: Robot, link: int, thickness: float) -> Condition:
 
 
 def _bounded(robot: Robot, link: int, bounds: BodyBounds) -> Iterator[Condition]:
-    """Scalar conditions on mass and centre of mass."""
+    """Scalar conditions on mass, size and centre of mass."""
     mass, least_and_most = np.eye(10)[_MASS], bounds.mass(link + 1)
     for sign, bound, word in zip((1.0, -1.0), least_and_most, ("least", "greatest"), strict=True):
         yield _scalar(robot, f"{word} mass of link {link + 1}", link, sign * mass, -sign * bound)
+    radius = max(LARGEST, ROBOTS * reach_of(robot))
+    size = radius**2 * mass - _HALF_TRACE
+    yield _scalar(robot, f"size of link {link + 1}", link, size, 0.0)
     if link + 1 in bounds.centres:
         for sign, corner in zip((1.0, -1.0), bounds.centres[link + 1], strict=True):
             for moment, x in zip(np.eye(10)[_MOMENT], corner, strict=True):

@@ -40,6 +40,7 @@ STEPS = 200
 """Of Newton's method, at most."""
 _DECREMENT = 1e-9
 _RIDGE = 1e-13
+_ROUNDING = 1e-9
 _SHORTEST_STEP = 1e-9
 
 
@@ -62,7 +63,8 @@ def likeliest(
     """
     weights = [1.0] * len(bodies) + [BARRIER] * len(others)
     slope = np.sum([np.einsum("kkn->n", each.weights) for each in bodies], axis=0)
-    return _newton(list(zip([*bodies, *others], weights, strict=True)), slope, pull, z)
+    inside = [_entered(each, z) for each in (*bodies, *others)]
+    return _newton(list(zip(inside, weights, strict=True)), slope, pull, z)
 
 
 def rescaled(likely: Array, bodies: Array) -> Array:
@@ -77,6 +79,12 @@ def rescaled(likely: Array, bodies: Array) -> Array:
     heavier = (spatial * u**2 + mixed * u + mass) / (4.0 * len(likely))
     powers = np.array([2.0] * 6 + [1.0] * 3 + [0.0])
     return np.asarray(heavier * likely * u**-powers)
+
+
+def _entered(block: Inequality, z: Array) -> Inequality:
+    """The inequality, widened by what the start lacks of it: a solver's rounding."""
+    lack = _ROUNDING - float(np.linalg.eigvalsh(block.constant + block.weights @ z)[0])
+    return block._replace(constant=block.constant + max(lack, 0.0) * np.eye(len(block.constant)))
 
 
 def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:

@@ -41,7 +41,7 @@ def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
     stated = robot.file.joints[link].capsule
     if stated is not None:
         return np.array(stated.ends[0]), np.array(stated.ends[1]), stated.radius
-    reach = _reach(robot)
+    reach = reach_of(robot)
     end = np.array([0.0, 0.0, 0.1 * reach])
     if link + 1 < robot.n_joints:
         pose = link_pose(robot, link + 1)
@@ -51,7 +51,7 @@ def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
     return np.zeros(3), end, max(SLENDERNESS * length, STOUTEST * reach)
 
 
-def _reach(robot: Robot) -> float:
+def reach_of(robot: Robot) -> float:
     """Length of the stretched robot, or `SHORTEST` [m]."""
     slides = np.where(robot.revolute, 0.0, np.maximum(np.abs(robot.q_min), np.abs(robot.q_max)))
     return max(float(np.sum(np.hypot(robot.d, robot.r) + slides)), SHORTEST)

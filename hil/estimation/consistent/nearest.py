@@ -20,9 +20,10 @@ over by taking their rows out of V = N^-1, which leaves N's Schur complement.
 That program decides p' and leaves z open; `hil.estimation.consistent.likeliest` chooses it. The
 program asks for twice the thickness, so that the choice has room.
 
-Since d^2 is the least over a convex set that holds the truth, where there is any, it exceeds what
-chance gives it at most as a chi-square variable does that has as many degrees of freedom as the
-conditions that bind: r (r + 1) / 2 of a matrix that has lost the rank r.
+If bodies are the truth d^2 is at most the distance to it, a chi-square of n_base degrees of
+freedom. Where errors are small against the curvature of the set only directions in which conditions
+bind count: d^2 is then a mixture of chi-squares of up to r (r + 1) / 2 degrees for each matrix that
+has lost the rank r, and the one of most degrees gives the greatest p-value.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
+from hil.errors import NotRealisable
 from hil.estimation.absent_parameters import complete
 from hil.estimation.consistent.conditions import BodyBounds, conditions, tightened
 from hil.estimation.consistent.likely_bodies import likely_bodies
@@ -54,6 +56,8 @@ BINDING = 1e-6
 """Share of the greatest multiplier from which on a condition binds."""
 INSIDE = 1e-4
 """Distance d below which the estimate meets all conditions as it is."""
+_ROUNDED = 0.25
+"""Share of the thickness that rounding must leave; it takes some of links of a few grams."""
 
 
 class Binding(NamedTuple):
@@ -143,7 +147,7 @@ def nearest_robot(
     Raises
     ------
     NotRealisable
-        No bodies meet the conditions.
+        No bodies meet the conditions, or none could be found in double precision.
     """
     bounds = bounds or BodyBounds()
     whole = complete(robot)
@@ -154,13 +158,19 @@ def nearest_robot(
     distance, nearest = space.distance(first), space.moved(first)
     phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
     bodies = phi[: 10 * robot.n_joints].reshape(-1, 10)
+    thickness = np.array([thickness_of(body) for body in bodies])
+    if thickness.min() < _ROUNDED * bounds.thickness:
+        raise NotRealisable(
+            f"the bodies that were found are {1e3 * thickness.min():.2g} mm thick instead of"
+            f" {1e3 * bounds.thickness:.2g} mm: the estimate is too far from any bodies"
+        )
     outside = distance > INSIDE**2
     return NearestRobot(
         p=nearest,
         change=(nearest - p) / np.sqrt(np.maximum(np.diag(covariance), 1e-300)),
         bodies=bodies,
         added=phi[bodies.size :],
-        thickness=np.array([thickness_of(body) for body in bodies]),
+        thickness=thickness,
         open_masses=space.open_masses,
         distance=distance,
         distance_complete=_distance(space.with_absent(robot), asked) if outside else distance,

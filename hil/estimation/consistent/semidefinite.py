@@ -9,6 +9,7 @@ elements beside the diagonal times the root of 2, which keeps inner products.
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-TOLERANCE = 1e-10
-"""Of residuals and gap, relative."""
+TOLERANCES = 1e-10, 1e-8
+"""Of residuals and gap, relative; the second where the first is not reached."""
 HELD = 1e-7
 """By which an inequality may fail, over its greatest element."""
 _NOISE = 1e-12
@@ -57,16 +58,20 @@ def least_squares(A: Array, b: Array, inequalities: Sequence[Inequality]) -> Sol
     """
     rows = np.vstack([_as_vectors(each.weights) for each in inequalities])
     lengths = np.maximum(np.linalg.norm(rows, axis=0), _NOISE)
-    found = [_solved(A, b, inequalities, unit) for unit in (np.ones(len(lengths)), 1.0 / lengths)]
-    usable = [each for each in found if each is not None]
-    if not usable:
-        raise NotRealisable(
-            "no bodies meet all conditions: widen the bounds of masses and centres of mass"
-        )
-    return min(usable, key=lambda each: float(np.sum((A @ each.u - b) ** 2)))
+    units = np.ones(len(lengths)), 1.0 / lengths, 1.0 / np.sqrt(lengths)
+    for tried, tolerance in product((units[:2], units[2:]), TOLERANCES):
+        found = [_solved(A, b, inequalities, unit, tolerance) for unit in tried]
+        usable = [each for each in found if each is not None]
+        if usable:
+            return min(usable, key=lambda each: float(np.sum((A @ each.u - b) ** 2)))
+    raise NotRealisable(
+        "no bodies meet all conditions: widen the bounds of masses and centres of mass"
+    )
 
 
-def _solved(A: Array, b: Array, inequalities: Sequence[Inequality], unit: Array) -> Solved | None:
+def _solved(
+    A: Array, b: Array, inequalities: Sequence[Inequality], unit: Array, tolerance: float
+) -> Solved | None:
     """Solution in given units of u, or None where the solver finds none that holds."""
     import clarabel  # noqa: PLC0415 - needed for this alone
     from scipy import sparse  # noqa: PLC0415 - as above
@@ -80,7 +85,7 @@ def _solved(A: Array, b: Array, inequalities: Sequence[Inequality], unit: Array)
         sparse.csc_matrix(_without_noise(-np.vstack([_as_vectors(each) for each in weights]))),
         _without_noise(np.concatenate([_as_vectors(each.constant) for each in inequalities])),
         [clarabel.PSDTriangleConeT(n) for n in sizes],
-        _settings(clarabel),
+        _settings(clarabel, tolerance),
     ).solve()
     u = unit * np.array(solution.x)
     if str(solution.status) not in {"Solved", "AlmostSolved"} or not _hold(inequalities, u):
@@ -99,10 +104,10 @@ def _hold(inequalities: Sequence[Inequality], u: Array) -> bool:
     )
 
 
-def _settings(clarabel: Any) -> Any:
+def _settings(clarabel: Any, tolerance: float) -> Any:
     settings = clarabel.DefaultSettings()
     settings.verbose, settings.max_threads = False, 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     settings.chordal_decomposition_enable = False  # matrices are small and full
     return settings
 

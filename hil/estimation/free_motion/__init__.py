@@ -9,5 +9,6 @@ filtered motion (`filtering`); samples are never all in memory at once. The meth
 `methods`.
 
 Standard errors (`uncertainty`) add up two things: what differs from one block to the next, and what
-differs from one part of the space of states to the next, which is where an incomplete model shows.
+differs from one part of the space of states to the next, which is where an incomplete model shows;
+the default method adds what other laws would have found (`alternatives`).
 """

@@ -26,9 +26,8 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
-from hil.estimation.free_motion.scaling import Scaling
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -144,20 +143,6 @@ def _middles(states: Array) -> Array:
     return found
 
 
-def accumulate(
-    robot: Robot,
-    recorded: Iterable[Recording],
-    processing: Processing,
-    divided: Division,
-    first: Array,
-    *,
-    instruments: bool = False,
-) -> Products:
-    """Condense recordings of torques in SI; parameters and errors as of `recorded_products`."""
-    found = recorded_products(robot, recorded, processing, divided, first, instruments=instruments)
-    return Scaling.known(robot.n_joints).applied(found)
-
-
 def recorded_products(
     robot: Robot,
     recorded: Iterable[Recording],
@@ -208,14 +193,14 @@ def _too_short(processing: Processing) -> NotEnoughData:
 
 
 class _Sums:
-    """What `accumulate` adds up."""
+    """What `recorded_products` adds up."""
 
     def __init__(
         self, robot: Robot, processing: Processing, divided: Division, first: Array
     ) -> None:
         self._robot, self._processing = robot, processing
         self._divided, self._first = divided, first
-        self._m, self._n_speeds = 2 + n_shared(robot) + len(TERMS), len(SPEEDS) + 1
+        self._m, self._n_speeds = 2 + n_shared(robot) + len(COLUMNS), len(SPEEDS) + 1
         n = robot.n_joints
         self.pieces: list[Array] = []
         self.counts: list[Array] = []

@@ -50,7 +50,7 @@ def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array
     rows = regressor(robot, q, qd, motion.qdd, joints=[axis])[:, 0]
     friction = friction_columns(
         qd[:, axis] / motion.processing.speed[axis],
-        motion.direction[:, axis],
+        motion.directions[axis],
         rows @ first,
         motor_angle(robot, q, axis),
         motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
@@ -60,8 +60,6 @@ def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array
 
 def motor_angle(robot: Robot, q: Array, axis: int) -> Array:
     """Angle of one axis's motor [rad], or its rate from joint velocities; 0 where unknown."""
-    if not robot.revolute[axis]:
-        return np.zeros(len(q))
     return np.asarray(np.nan_to_num(robot.gear_ratio[axis]) * q[:, axis])
 
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
-from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS, TERMS
+from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL, COLUMNS, LAWS
+from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import (
     AxisFriction,
     CoupledFriction,
@@ -47,18 +48,20 @@ def axis_friction(
     """Law and coefficients of each axis; `plain` is the solution with the classical law."""
 
     def values(found: Solution, axis: int, law: Sequence[str]) -> dict[str, TermValue]:
-        first = n_shared + axis * len(TERMS)
-        return {term: _value(found, first + TERMS.index(term)) for term in law}
+        first = n_shared + axis * len(COLUMNS)
+        return {term: _value(found, first + COLUMNS.index(term)) for term in law}
 
     def covariance(axis: int, law: Sequence[str]) -> tuple[tuple[float, ...], ...]:
-        first = n_shared + axis * len(TERMS)
-        places = [first + TERMS.index(term) for term in law]
+        first = n_shared + axis * len(COLUMNS)
+        places = [first + COLUMNS.index(term) for term in law]
         return tuple(map(tuple, solution.covariance[np.ix_(places, places)].tolist()))
 
     return tuple(
         AxisFriction(
             law=law,
             speed=float(processing.speed[axis]),
+            presliding=float(processing.presliding[axis]),
+            bend=values(solution, axis, (BENT,))[BENT],
             terms=values(solution, axis, LAWS[law]),
             plain=values(plain, axis, CLASSICAL),
             held_out=choice.held_out[axis],
@@ -99,22 +102,35 @@ def residuals(products: Products, solution: Solution) -> tuple[Array, Array, flo
     return np.sqrt(squares), relative, total
 
 
-def remarks(robot: Robot, products: Products, solution: Solution, found: Survey) -> tuple[str, ...]:
-    """What restricts the estimate: too little data, poor excitation, axes that stand still."""
+def remarks(
+    robot: Robot, products: Products, solution: Solution, found: Survey, condition: float
+) -> tuple[str, ...]:
+    """What restricts the estimate: too little data, poor excitation, axes that stand still.
+
+    `condition` is that with the classical law of friction: terms of richer ones resemble each
+    other, whatever the motion.
+    """
     said = []
     if found.duration < SHORT or len(products.pieces) < FEW:
         said.append(
             f"{found.duration:.3g} s of recordings are little: intervals show less than may be"
             f" wrong; add some, {SHORT:g} s or more"
         )
-    if solution.condition > POOR:
+    if condition > POOR:
         said.append(
-            f"condition number {solution.condition:.3g}: some combinations of parameters and"
+            f"condition number {condition:.3g}: some combinations of parameters and"
             " friction hardly show in the torque; add recordings of other motions"
         )
     if found.still:
         axes = ", ".join(str(axis + 1) for axis in found.still)
         said.append(f"axis {axes} stands still in all recordings: its friction is not identified")
+    if solution.offsets:
+        axes = ", ".join(str(axis + 1) for axis in solution.offsets)
+        said.append(
+            f"axis {axes}: weight and an offset of friction hardly differ in the torque; the offset"
+            f" was taken for 0 with a standard deviation of {100 * ASYMMETRY:g} % of friction; add"
+            " recordings with greater acceleration"
+        )
     if solution.moved >= FARTHEST:
         said.append(
             "no parameters with a positive definite mass matrix are near what the torques show"

@@ -15,6 +15,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.estimation.free_motion.bristles import Direction
+
     Array = NDArray[np.float64]
 
 SpeedTerm = Literal[
@@ -27,6 +29,10 @@ TERMS: tuple[str, ...] = (
     *(f"{wave} {order}" for order in ORDERS for wave in ("cosine", "sine")),
 )
 """Terms of friction, in the order of their columns."""
+BENT = "bend"
+"""What Coulomb's friction changes by with the logarithm of the presliding distance."""
+COLUMNS = (*TERMS, BENT)
+"""Unknowns of an axis's friction, in their order."""
 _RIPPLE = TERMS[len(get_args(SpeedTerm)) :]
 CLASSICAL = ("offset", "Coulomb", "viscous")
 """What most of the literature fits."""
@@ -51,15 +57,17 @@ BEND = 0.08
 """Share of the speed at which the arc tangent bends."""
 
 
-def friction_columns(u: Array, direction: Array, load: Array, angle: Array, rate: Array) -> Array:
-    """Columns of one axis's friction, shape (n, n_terms), in the order of `TERMS`.
+def friction_columns(
+    u: Array, direction: Direction, load: Array, angle: Array, rate: Array
+) -> Array:
+    """Columns of one axis's friction, shape (n, n_columns), in the order of `COLUMNS`.
 
     Parameters
     ----------
     u : ndarray, shape (n,)
         Velocity as a share of the axis's speed.
-    direction : ndarray, shape (n,)
-        Its sign; 0 at rest.
+    direction : Direction
+        The sign of the velocity, or what follows it over the presliding distance.
     load : ndarray, shape (n,)
         Torque that is transmitted [N m or N].
     angle : ndarray, shape (n,)
@@ -69,10 +77,10 @@ def friction_columns(u: Array, direction: Array, load: Array, angle: Array, rate
         what ripples faster, the low-pass takes away in any case.
     """
     speeds = (
-        np.ones(len(u)), direction, u, np.abs(u), np.cbrt(u), np.arctan(u / BEND), u * np.abs(u),
-        np.abs(load) * direction,
+        np.ones(len(u)), direction.sign, u, np.abs(u), np.cbrt(u), np.arctan(u / BEND),
+        u * np.abs(u), np.abs(load) * direction.sign,
     )  # fmt: skip
-    return np.column_stack([*speeds, *_ripple(angle, np.abs(rate))])
+    return np.column_stack([*speeds, *_ripple(angle, np.abs(rate)), direction.bend])
 
 
 def _ripple(angle: Array, rate: Array) -> list[Array]:

@@ -13,6 +13,7 @@ from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import choose, without_choice
 from hil.estimation.free_motion.first_estimate import first_estimate
+from hil.estimation.free_motion.presliding import with_presliding
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import survey
 from hil.estimation.free_motion.unknown_gains import first_scaling, refined
@@ -119,6 +120,9 @@ def gather(
     motions = FreeMotions(recorded)
     found = survey(motions)
     processing, reasons = processing_of(found)
+    chosen = variant.terms == "chosen"
+    if chosen:
+        processing = with_presliding(robot, found, processing)
     first, unknown = first_estimate(robot, found, processing, open_scale=open_scale)
     condensed = recorded_products(
         robot,
@@ -130,7 +134,6 @@ def gather(
     )
     scaling = first_scaling(robot, condensed, unknown)
     products = scaling.applied(condensed)
-    chosen = variant.terms == "chosen"
     choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
     scaling = refined(condensed, scaling, choice)
     return Gathered(found, processing, reasons, first, condensed, scaling, choice)

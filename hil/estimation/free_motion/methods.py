@@ -98,15 +98,21 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
         overall_residual=overall,
         bias_test=bias_test(robot, found, processing, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, solution.x[:n], visited),
-        remarks=remarks(robot, products, solution, found),
+        remarks=remarks(robot, products, solution, found, plain.condition),
         gains=found_gains(robot, scaling, solution),
     )
     gains = effect_of_gains(robot, gathered.recorded, scaling, choice, n)
-    return _estimate(name, solution, found, rms, fit, gains)
+    return _estimate(name, solution, found, rms, fit, gains, plain.condition)
 
 
 def _estimate(
-    name: str, solution: Solution, found: Survey, rms: Array, fit: FreeMotionFit, gains: Array
+    name: str,
+    solution: Solution,
+    found: Survey,
+    rms: Array,
+    fit: FreeMotionFit,
+    gains: Array,
+    condition: float,
 ) -> Estimate:
     n = len(gains)
     return Estimate(
@@ -117,7 +123,7 @@ def _estimate(
         drive_covariance=gains @ gains.T,
         drive_effect=gains,
         residual=rms,
-        condition={"all": solution.condition},
+        condition={"all": condition},
         local=(),
         left_out=tuple(LeftOut(each, "too few samples") for each in found.too_short),
         n_measurements=found.n_recordings,

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
 
+from hil.estimation.free_motion.bristles import bent, friction_direction, sign_of_velocity
 from hil.estimation.free_motion.filtering import Rates, low_passed, reach
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.estimation.free_motion.bristles import Direction
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
-
-STILL = 1e-3
-"""Share of an axis's speed below which it has no direction: what the filter rings on at rest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,19 +36,22 @@ class Processing:
         Speed that each axis hardly ever exceeds [rad/s or m/s]: the unit of friction's columns.
     recorded_velocity : ndarray of bool, shape (n_joints,)
         Axes whose velocity is taken as it was recorded, where it was, instead of from the position.
+    presliding : ndarray, shape (n_joints,)
+        Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
     """
 
     cut_off: float
     band: float
     speed: Array
     recorded_velocity: Mask
+    presliding: Array
 
     def spoilt(self, period: float) -> int:
         """Samples every `period` [s] at either end that reflected ones have reached."""
         return reach(period, self.cut_off) + reach(period, self.band)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """Filtered motion of one recording.
 
@@ -62,6 +65,8 @@ class Motion:
         Torque, filtered [N m or N], at `rates.coarse`.
     used : ndarray of bool, shape (n_used,)
         Samples that no reflected sample has reached.
+    smooth : ndarray, shape (n_recorded, n_joints)
+        Positions at the recording's own rate, filtered [rad or m].
     """
 
     processing: Processing
@@ -71,17 +76,32 @@ class Motion:
     qdd: Array
     tau: Array
     used: Mask
+    smooth: Array
 
     @property
     def period(self) -> float:
         """Between samples of the motion [s]."""
         return self.rates.period * self.rates.fine
 
-    @property
-    def direction(self) -> Array:
-        """Sign of each axis's velocity, shape (n, n_joints); 0 at rest."""
-        still = np.abs(self.qd) < STILL * self.processing.speed
-        return np.where(still, 0.0, np.sign(self.qd))
+    @cached_property
+    def directions(self) -> tuple[Direction, ...]:
+        """Direction of each axis's friction."""
+        return tuple(
+            bent(partial(self.direction_after, axis), float(distance))
+            for axis, distance in enumerate(self.processing.presliding)
+        )
+
+    def direction_after(self, axis: int, distance: float) -> Array:
+        """Direction of one axis's friction with some presliding distance, shape (n,).
+
+        With none it is the sign of the velocity, 0 at rest. Else it comes from the way at the
+        recording's own rate, for reversals are quick.
+        """
+        if distance == 0:
+            return sign_of_velocity(self.qd[:, axis], self.processing.speed[axis])
+        z = friction_direction(self.smooth[:, axis], distance)[:, np.newaxis]
+        rates = self.rates
+        return low_passed(z, rates.period, self.processing.cut_off, rates.fine)[0][:, 0]
 
     @property
     def slowest(self) -> Array:
@@ -117,7 +137,8 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     spoilt = processing.spoilt(period * rates.fine * rates.coarse)
     used = np.zeros(len(tau), dtype=bool)
     used[spoilt : len(tau) - spoilt] = True
-    return Motion(processing, rates, q, qd, qdd, tau, used)
+    smooth = low_passed(_every_other(recording.q, offset), period, processing.cut_off)[0]
+    return Motion(processing, rates, q, qd, qdd, tau, used, smooth)
 
 
 def _motion(

@@ -34,6 +34,10 @@ class AxisFriction(FileModel):
     plain : dict of str to TermValue
         What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
         comparison with other sources. The law that was chosen may share them out otherwise.
+    presliding : float
+        Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
+    bend : TermValue
+        Of what the direction changes with the logarithm of this distance [N m or N].
     held_out : dict of str to float
         Root mean square error of all axes on held-out blocks by law, over that of the law chosen;
         empty where no law was chosen.
@@ -41,6 +45,8 @@ class AxisFriction(FileModel):
 
     law: str
     speed: float
+    presliding: float = 0.0
+    bend: TermValue = TermValue(value=0.0, standard_error=0.0)
     terms: dict[str, TermValue]
     plain: dict[str, TermValue]
     held_out: dict[str, float]

@@ -70,7 +70,8 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     sources = velocity_sources(_long(found), cut_off)
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
-    return Processing(cut_off, cut_off / EQUATION, found.speed, recorded), reasons
+    sharp = np.zeros(len(found.speed))
+    return Processing(cut_off, cut_off / EQUATION, found.speed, recorded, sharp), reasons
 
 
 def _chosen(found: Survey) -> tuple[float, str]:

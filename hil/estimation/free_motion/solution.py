@@ -3,8 +3,11 @@
 least squares
     as it stands;
 positive
-    the same, and if that makes the mass matrix negative anywhere on the motion, the nearest
-    solution that does not (`hil.estimation.free_motion.positive`);
+    the same, with usual offsets of friction where these pass for weight
+    (`hil.estimation.free_motion.offsets`), and if that makes the mass matrix negative anywhere on
+    the motion, the nearest solution that does not (`hil.estimation.free_motion.positive`); its
+    covariance counts what other laws of friction would have found
+    (`hil.estimation.free_motion.alternatives`);
 robust
     pieces of time that fit worse than most count less (Huber's weights, found by iteration);
 total
@@ -16,13 +19,15 @@ instrumental
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.alternatives import covariance_of_choices
+from hil.estimation.free_motion.friction_terms import COLUMNS
+from hil.estimation.free_motion.offsets import with_usual_offsets
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.free_motion.system import embedded, normal, summed
 from hil.estimation.free_motion.uncertainty import uncertainty
@@ -64,13 +69,17 @@ class Solution:
     moved : float
         Change of the parameters that makes the mass matrix positive, over their standard errors;
         from `FARTHEST` on they were left as they were.
+    offsets : tuple of int
+        Axes, from 0, whose offset of friction passes for weight
+        (`hil.estimation.free_motion.offsets`).
     """
 
     x: Array
     covariance: Array
     degrees_of_freedom: Array
     condition: float
-    moved: float
+    moved: float = 0.0
+    offsets: tuple[int, ...] = ()
 
 
 def solve(
@@ -94,31 +103,47 @@ def solve(
         for each in (products.pieces, products.cells)
     )
     require_determined(robot, pieces)
-    equations, x = pieces, pieces.solution()
-    if solver == "robust":
-        equations, x = _robust(pieces)
-    elif solver == "total":
-        x = _total(pieces)
-    elif solver == "instrumental" and products.instruments is not None:
-        equations = normal(products.instruments, n_shared, choice.weights).only(kept)
-        x = equations.solution()
-    found = uncertainty(equations, cells, x)
-    covariance = found.covariance + _of_choices(products, choice, kept, x)
-    moved = 0.0
-    if solver == "positive":
-        nearest, moved = nearest_positive(robot, x, covariance, configurations)
-        # the data contradict a move that is larger: then something else is wrong
-        x = nearest if moved < FARTHEST else x
-    n = n_shared + products.n_joints * len(TERMS)
-    whole = np.zeros((n, n))
-    whole[np.ix_(kept, kept)] = covariance
-    return Solution(
-        x=embedded(x, kept, n),
-        covariance=whole,
-        degrees_of_freedom=embedded(found.degrees_of_freedom, kept, n),
+    equations, found = _by_solver(solver, pieces, products, choice)
+    error = uncertainty(equations, cells, found)
+    n = n_shared + products.n_joints * len(COLUMNS)
+    x, covariance = embedded(found, kept, n), np.zeros((n, n))
+    covariance[np.ix_(kept, kept)] = error.covariance
+    solution = Solution(
+        x=x,
+        covariance=covariance,
+        degrees_of_freedom=embedded(error.degrees_of_freedom, kept, n),
         condition=_condition(pieces),
-        moved=moved,
     )
+    if solver != "positive":
+        return solution
+    return _possible(robot, products, choice, solution, configurations)
+
+
+def _by_solver(
+    solver: Solver, pieces: Normal, products: Products, choice: Choice
+) -> tuple[Normal, Array]:
+    """Equations as a solver weights them, and their solution."""
+    if solver == "robust":
+        return _robust(pieces)
+    if solver == "total":
+        return pieces, _total(pieces)
+    if solver == "instrumental" and products.instruments is not None:
+        crossed = normal(products.instruments, products.n_shared, choice.weights)
+        pieces = crossed.only(choice.kept(products.n_shared))
+    return pieces, pieces.solution()
+
+
+def _possible(
+    robot: Robot, products: Products, choice: Choice, found: Solution, configurations: Array
+) -> Solution:
+    """Add what other choices would have found, usual offsets and positive mass matrices."""
+    covariance = found.covariance + covariance_of_choices(products, choice)
+    n_base = len(base_parameters(robot))
+    x, covariance, offsets = with_usual_offsets(found.x, covariance, n_base, products.n_shared)
+    nearest, moved = nearest_positive(robot, x, covariance, configurations)
+    # the data contradict a move that is larger: then something else is wrong
+    x = nearest if moved < FARTHEST else x
+    return replace(found, x=x, covariance=covariance, moved=moved, offsets=tuple(offsets))
 
 
 def require_determined(robot: Robot, pieces: Normal) -> None:
@@ -138,21 +163,6 @@ def require_determined(robot: Robot, pieces: Normal) -> None:
             " move through more of their ranges, or state in the robot file which link parameters"
             " are present"
         )
-
-
-def _of_choices(products: Products, choice: Choice, kept: NDArray[np.intp], x: Array) -> Array:
-    """Covariance of what the next wider and the next narrower dead zone would have found."""
-    others = {choice.slowest - 1, choice.slowest + 1} - {-1, 0, products.pieces.shape[2]}
-    if not choice.slowest:
-        return np.zeros((len(x), len(x)))
-    changes = [
-        normal(summed(products.pieces, each), products.n_shared, choice.weights)
-        .only(kept)
-        .solution()
-        - x
-        for each in sorted(others)
-    ]
-    return np.transpose(changes) @ np.array(changes) / len(changes)
 
 
 def _robust(pieces: Normal) -> tuple[Normal, Array]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import TERMS
+from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
 from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
@@ -72,20 +72,21 @@ class Normal:
         return found
 
 
-def axis_places(n_shared: int, n_joints: int) -> list[Indices]:
-    """Where the columns of each axis stand among all unknowns."""
-    shared, own = np.arange(n_shared), np.arange(len(TERMS))
-    return [
-        np.concatenate([shared, n_shared + axis * len(TERMS) + own]) for axis in range(n_joints)
-    ]
+def axis_places(n_shared: int, n_joints: int, n_own: int) -> list[Indices]:
+    """Where the columns of each axis, `n_own` of them its own, stand among all unknowns."""
+    shared, own = np.arange(n_shared), np.arange(n_own)
+    return [np.concatenate([shared, n_shared + axis * n_own + own]) for axis in range(n_joints)]
 
 
 def kept_unknowns(n_shared: int, laws: Sequence[Sequence[str]]) -> Indices:
-    """Unknowns that laws of friction, one for each axis, leave."""
+    """Unknowns that laws of friction, one for each axis, leave.
+
+    With Coulomb's friction there is how it bends, whose column is 0 where it turns round at once.
+    """
     own = [
-        n_shared + axis * len(TERMS) + TERMS.index(term)
+        n_shared + axis * len(COLUMNS) + COLUMNS.index(term)
         for axis, law in enumerate(laws)
-        for term in law
+        for term in ((*law, BENT) if "Coulomb" in law else law)
     ]
     return np.concatenate([np.arange(n_shared, dtype=np.intp), np.array(own, dtype=np.intp)])
 
@@ -100,7 +101,7 @@ def normal(products: Array, n_shared: int, weights: Array) -> Normal:
     weights : ndarray, shape (n_joints,)
         Of the axes' rows.
     """
-    places = axis_places(n_shared, products.shape[1])
+    places = axis_places(n_shared, products.shape[1], products.shape[-1] - 1 - n_shared)
     n_blocks, n = len(products), int(places[-1][-1]) + 1
     N, v, square = np.zeros((n_blocks, n, n)), np.zeros((n_blocks, n)), np.zeros(n_blocks)
     for axis, (place, weight) in enumerate(zip(places, weights, strict=True)):
@@ -112,7 +113,7 @@ def normal(products: Array, n_shared: int, weights: Array) -> Normal:
 
 def mean_squares(products: Array, counts: Array, n_shared: int, x: Array) -> Array:
     """Mean square of what `x`, of all unknowns, leaves of each axis's torque, shape (n_joints,)."""
-    places = axis_places(n_shared, products.shape[1])
+    places = axis_places(n_shared, products.shape[1], products.shape[-1] - 1 - n_shared)
     found = np.zeros(products.shape[1])
     for axis, place in enumerate(places):
         around = np.concatenate([[1.0], -x[place]])

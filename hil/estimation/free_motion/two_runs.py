@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import LAWS, TERMS
+from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.scaling import Scaling, recast
 from hil.estimation.free_motion.system import (
     Normal,
@@ -27,6 +27,7 @@ from hil.estimation.free_motion.system import (
     residual_weights,
     summed,
 )
+from hil.estimation.free_motion.unknown_gains import CONVERGED, ROUNDS, STRIDE
 from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
@@ -42,12 +43,6 @@ if TYPE_CHECKING:
 
 BLOCKS = 30
 """Of time, of each run, at most."""
-ROUNDS = 50
-"""Of Gauss and Newton's method, at most."""
-CONVERGED = 1e-9
-"""Relative change of the gains at which it ends."""
-STRIDE = 0.7
-"""Largest change of a gain's logarithm in one round."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,7 +186,7 @@ class TwoRuns:
         n, k = self.n_base, terms.columns.shape[1]
         p = state.x[:n] + s * (terms.known + terms.columns @ state.x[n : n + k])
         own = state.x[n + k + len(self.axes) + s * self.n_own :][: self.n_own]
-        friction = embedded(own[self._n_coupled :], self._own, self.n_joints * len(TERMS))
+        friction = embedded(own[self._n_coupled :], self._own, self.n_joints * len(COLUMNS))
         return np.concatenate([p, own[: self._n_coupled], friction])
 
     def _placed(self, system: Normal, s: int) -> tuple[Array, Array, Array]:

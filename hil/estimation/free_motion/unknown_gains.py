@@ -5,16 +5,18 @@ parameters that it shares with an axis of known gain, or rotors whose inertia th
 Where neither is there, parameters, gain and friction may all be multiplied alike and nothing in the
 torques changes; such a scale is refused rather than made up (`open_scale`).
 
-The solution is found by Gauss and Newton's method (`scaling`). It starts from the linear problem in
-which the signals of unknown gain are columns,
+The solution is found by Gauss and Newton's method (`scaling`), from two starts of which the better
+end counts: gains that make torques of usual size, and those of the linear problem in which the
+signals of unknown gain are columns,
 
     -Qm_i = A_i p + C_i c + F_i a_i - g_i y_i,
 
-which noise shifts, but not far.
+which noise and friction shift, at times far.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +33,13 @@ from hil.estimation.free_motion.open_scale import (
 )
 from hil.estimation.free_motion.result import GainValue
 from hil.estimation.free_motion.scaling import Scaling, recast
-from hil.estimation.free_motion.system import embedded, kept_unknowns, normal, summed
+from hil.estimation.free_motion.system import (
+    embedded,
+    kept_unknowns,
+    mean_squares,
+    normal,
+    summed,
+)
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -52,8 +60,8 @@ CONVERGED = 1e-10
 """Relative change of the gains at which it ends."""
 STRIDE = 0.7
 """Largest change of a gain's logarithm in one round."""
-STARTS = 5
-"""Times that weights and gains of the linear problem are found from each other."""
+FARTHEST = 1e3
+"""Factor between a gain that makes torques of usual size and one that the linear problem gives."""
 LOOSE = 0.2
 """Relative standard error of a gain from which on the recordings do not fix it."""
 
@@ -69,14 +77,49 @@ def first_scaling(robot: Robot, recorded: Products, unknown: tuple[int, ...]) ->
     if not unknown:
         return Scaling.known(robot.n_joints)
     require_scale(robot, recorded, unknown)
-    scaling = _start(recorded, unknown)
+    whole = _in_one_piece(recorded)
+    usual = _usual(whole, unknown)
+    starts = usual, _by_linear_problem(whole, unknown, usual)
+    found = [_converged(whole, unknown, gains) for gains in starts]
+    return min(found, key=lambda each: each[1])[0]
+
+
+def _in_one_piece(recorded: Products) -> Products:
+    """The same added up over time, which is all that a solution takes."""
+    return replace(
+        recorded,
+        pieces=recorded.pieces.sum(axis=0, keepdims=True),
+        counts=recorded.counts.sum(axis=0, keepdims=True),
+        cells=recorded.cells[:0],
+        instruments=None,
+    )
+
+
+def _converged(recorded: Products, unknown: tuple[int, ...], gains: Array) -> tuple[Scaling, float]:
+    """Gains from some to begin with, and the logarithm of what they leave of the signals."""
+    known = Scaling(gains, (), np.zeros(0)).applied(recorded)
+    scaling = Scaling(gains, unknown, _solution(known, without_choice(known, weighted=True)))
     for _ in range(ROUNDS):
         products = scaling.applied(recorded)
-        choice = without_choice(products, weighted=True)
-        scaling, change = _step(scaling, products, choice)
+        scaling, change = _step(scaling, products, without_choice(products, weighted=True))
         if change < CONVERGED**0.5:
             break
-    return scaling
+    return scaling, _misfit(recorded, scaling)
+
+
+def _misfit(recorded: Products, scaling: Scaling) -> float:
+    """Mean logarithm of the residual variances of the signals, up to a constant."""
+    products = Scaling(scaling.gains, (), np.zeros(0)).applied(recorded)
+    counts = products.counts.sum(axis=2)
+    left = mean_squares(summed(products.pieces), counts, products.n_shared, scaling.x)
+    floor = np.finfo(float).tiny
+    return float(counts.sum(axis=0) @ np.log(np.maximum(left / scaling.gains**2, floor)))
+
+
+def _solution(products: Products, choice: Choice) -> Array:
+    pieces, kept = summed(products.pieces, choice.slowest), choice.kept(products.n_shared)
+    system = normal(pieces, products.n_shared, choice.weights)
+    return embedded(system.only(kept).solution(), kept, system.v.shape[1])
 
 
 def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
@@ -84,8 +127,9 @@ def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
 
     Weights are of torques in SI; they are kept while the gains change.
     """
+    whole = _in_one_piece(recorded)
     for _ in range(ROUNDS if scaling.unknown else 0):
-        scaling, change = _step(scaling, scaling.applied(recorded), choice)
+        scaling, change = _step(scaling, scaling.applied(whole), choice)
         if change < CONVERGED:
             break
     return scaling
@@ -93,9 +137,7 @@ def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
 
 def _step(scaling: Scaling, products: Products, choice: Choice) -> tuple[Scaling, float]:
     """One round, and the largest change of a gain's logarithm."""
-    pieces, kept = summed(products.pieces, choice.slowest), choice.kept(products.n_shared)
-    system = normal(pieces, products.n_shared, choice.weights)
-    x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
+    x = _solution(products, choice)
     places = _places(products, scaling)
     change = np.clip(x[places], -STRIDE, STRIDE)
     gains = scaling.gains.copy()
@@ -109,18 +151,24 @@ def _places(products: Products, scaling: Scaling) -> NDArray[np.intp]:
     return np.arange(products.n_shared - n, products.n_shared, dtype=np.intp)
 
 
-def _start(recorded: Products, unknown: tuple[int, ...]) -> Scaling:
+def _usual(recorded: Products, unknown: tuple[int, ...]) -> Array:
+    """Gains that make the torques of all axes of usual size, shape (n_joints,)."""
+    axes, gains = list(unknown), np.ones(recorded.n_joints)
+    gains[axes] = np.sqrt(usual_torque(recorded, unknown) / mean_signal(recorded)[axes])
+    return gains
+
+
+def _by_linear_problem(recorded: Products, unknown: tuple[int, ...], usual: Array) -> Array:
+    """Gains by the linear problem, not too far from usual ones, shape (n_joints,)."""
     n, axes = recorded.n_joints, list(unknown)
     linear = _linear(recorded, axes)
     kept = kept_unknowns(linear.n_shared, [CLASSICAL] * n)
-    places = np.arange(linear.n_shared - len(axes), linear.n_shared)
-    mean, gains = mean_signal(recorded), np.ones(n)
-    gains[axes] = np.sqrt(usual_torque(recorded, unknown) / mean[axes])
-    for _ in range(STARTS):
-        system = normal(summed(linear.pieces), linear.n_shared, 1.0 / (gains**2 * mean))
-        x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
-        gains[axes] = np.where(x[places] > 0, x[places], gains[axes])
-    return Scaling(gains, unknown, np.delete(x, places))
+    weights = 1.0 / (usual**2 * mean_signal(recorded))
+    system = normal(summed(linear.pieces), linear.n_shared, weights)
+    x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
+    gains = usual.copy()
+    gains[axes] = x[linear.n_shared - len(axes) : linear.n_shared]
+    return np.clip(gains, usual / FARTHEST, usual * FARTHEST)
 
 
 def _linear(recorded: Products, axes: Sequence[int]) -> Products:

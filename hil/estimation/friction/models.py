@@ -48,6 +48,7 @@ UNIT: dict[Law, tuple[str, ...]] = {
     "arctan": ("N m s/rad", "N m", "N m", "s/rad"),
     "stribeck": ("N m s/rad", "N m", "N m", "rad/s"),
 }
+"""Of an axis that turns; `units` has those of any."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +60,7 @@ class FrictionModel:
     kind : str
         One of `LAWS`.
     a : ndarray, shape (n_parameters,)
-        Parameters in SI, units in `UNIT`.
+        Parameters in SI, units by `units`.
     standard_error : ndarray, shape (n_parameters,)
         From the scatter about the model; NaN where there are no degrees of freedom or the data do
         not determine the parameter.
@@ -111,6 +112,13 @@ def fit_model(kind: Law, v: Array, tau: Array, limit: float) -> FrictionModel:
     error = np.sqrt(np.diag(covariance)) * back
     error[np.isinf(error)] = np.nan
     return FrictionModel(kind, a * back, error, float(np.mean(left**2)) * scale**2, words)
+
+
+def units(kind: Law, *, turns: bool) -> tuple[str, ...]:
+    """Units of a model's parameters, for an axis that turns or one that slides."""
+    if turns:
+        return UNIT[kind]
+    return tuple(unit.replace("N m", "N").replace("rad", "m") for unit in UNIT[kind])
 
 
 def n_parameters(kind: Law) -> int:

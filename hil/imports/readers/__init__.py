@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import stat
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
+from hil.imports.readers.sound import SoundTable, sound
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -30,20 +32,24 @@ def open_table(path: Path, layout: Format) -> Table:
     FileError
         It cannot be read, is of no known format, or its package is not installed.
     """
+    with sound(path):
+        _refuse_unreadable(path)
+        return SoundTable(_reader(path)(path, layout))
+
+
+def _refuse_unreadable(path: Path) -> None:
     with file_errors(path, "read"):
         if path.is_dir() and not (path / "metadata.yaml").exists():
             raise FileError(
                 f"{path}: is a folder, and no rosbag2 without its metadata.yaml; name a file"
             )
-        if not path.is_dir():
-            _refuse_unreadable(path)
-    return _reader(path)(path, layout)
-
-
-def _refuse_unreadable(path: Path) -> None:
-    with path.open("rb") as file:
-        if not file.read(1):
-            raise FileError(f"{path}: is empty; name a file with a recording")
+        if path.is_dir():
+            return
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise FileError(f"{path}: is a pipe or a device, which is read but once; save a file")
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise FileError(f"{path}: is empty; name a file with a recording")
 
 
 def _reader(path: Path) -> Callable[[Path, Format], Table]:

@@ -35,7 +35,10 @@ def open_arrays(path: Path, _: Format) -> ArrayTable:
     try:
         with file_errors(path, "read"):
             loaded = np.load(path, mmap_mode="r", allow_pickle=False)
-            arrays = {"": loaded} if isinstance(loaded, np.ndarray) else dict(_unpacked(loaded))
+            if isinstance(loaded, np.ndarray):
+                return table_of(path, {"": loaded})
+            with loaded:
+                arrays = dict(_unpacked(loaded))
     except (ValueError, EOFError, zipfile.BadZipFile) as error:
         raise FileError(f"{path}: is no file of NumPy's arrays: {error}") from error
     return table_of(path, arrays)

@@ -19,6 +19,12 @@ MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _COMMENTS = ("%", "#", "//")
 _LOOKED_AT = 30
+_UNITS = {
+    *("", "-", "1", "%", "s", "ms", "us", "µs", "ns", "min", "rad", "deg", "°", "m", "mm"),
+    *("rad/s", "deg/s", "°/s", "rpm", "1/min", "m/s", "mm/s", "nm", "n*m", "n.m", "n", "a", "ma"),
+    *("v", "mv", "counts", "inc", "counts/s", "inc/s", "rad/s^2", "rad/s2", "m/s^2", "m/s2"),
+}
+_IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 
 class NoNumbers(Exception):
@@ -37,6 +43,8 @@ class Layout:
         Of the columns; empty where there is no header.
     skipped : int
         Lines before the first row.
+    width : int
+        Cells of the first row.
     """
 
     delimiter: str
@@ -44,6 +52,7 @@ class Layout:
     comment: str
     names: tuple[str, ...]
     skipped: int
+    width: int
 
 
 def layout_of(text: str, stated: Format) -> Layout:
@@ -67,10 +76,12 @@ def layout_of(text: str, stated: Format) -> Layout:
     rows = [(number, cells(line, delimiter)) for number, line in used]
     first = _first_row(rows, decimal, stated)
     width = len(rows[first][1])
-    names = _names(rows[first - 1][1]) if first else _in_comment(lines, rows[0][0], stated)
+    units_below = first > 1 and _are_units(rows[first - 1][1], rows[first - 2][1])
+    header = rows[first - 1 - units_below][1]
+    names = _names(header) if first else _in_comment(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
-    return Layout(delimiter, decimal, stated.comment, names or ("",) * width, rows[first][0])
+    return Layout(delimiter, decimal, stated.comment, names or ("",) * width, rows[first][0], width)
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -125,6 +136,13 @@ def _is_number(cell: str, decimal: str) -> bool:
     if DATE.match(cell):
         return True
     return bool(_NUMBER.fullmatch(cell)) and ("." if decimal == "," else ",") not in cell
+
+
+def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:
+    """Whether a row below a header has nothing but units."""
+    return len(row) == len(above) and all(
+        cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell) for cell in row
+    )
 
 
 def _names(row: Sequence[str]) -> tuple[str, ...]:

@@ -53,6 +53,7 @@ class TextTable:
         for text in _whole_lines(self.path, self._layout.skipped):
             try:
                 block = self._read(text, columns)
+                self._refuse_longer_rows(text, len(block), line)
             except ValueError:  # NumPy's reader knows no missing cells and states no lines
                 block = self._read_row_by_row(text, columns, row, line)
             row, line = row + len(block), line + text.count(b"\n")
@@ -76,6 +77,28 @@ class TextTable:
                 ndmin=2,
                 encoding="utf-8",
             )
+
+    def _refuse_longer_rows(self, text: bytes, n: int, line: int) -> None:
+        """Refuse rows with more cells than the first: a delimiter within a number shifts the rest.
+
+        Delimiters are counted; only where there are too many the lines are looked at.
+        """
+        layout = self._layout
+        if layout.delimiter == " " or b'"' in text:
+            return
+        if text.count(layout.delimiter.encode()) <= n * (layout.width - 1):
+            return
+        for number, content in enumerate(text.decode("utf-8", "replace").split("\n")):
+            stripped = content.strip()
+            if not stripped or stripped.startswith(layout.comment):
+                continue
+            extra = cells(content.partition(layout.comment)[0], layout.delimiter)[layout.width :]
+            if any(extra):
+                raise FileError(
+                    f"{self.path}:{line + number}: has {layout.width + len(extra)} cells, the first"
+                    f" row {layout.width}; a decimal comma or a separator of thousands shifts the"
+                    " columns: state delimiter and decimal in format, or remove it"
+                )
 
     def _read_row_by_row(self, text: bytes, columns: Sequence[int], row: int, line: int) -> Array:
         """Read cells one by one: an empty one is missing, another one is an error with its place.
@@ -135,6 +158,8 @@ def open_text(path: Path, stated: Format) -> TextTable:
     with _readable(path), _opened(path) as file:
         head = file.read(_HEAD)
     _refuse_binary(path, head)
+    if b"\r" in head and b"\n" not in head:
+        raise FileError(f"{path}: has lines that end in CR alone; convert them to LF or CR LF")
     if len(head) == _HEAD:
         head = head.rpartition(b"\n")[0]
     text = _decoded(head)

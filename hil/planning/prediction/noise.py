@@ -16,6 +16,11 @@ the estimator leaves samples out (`Differences`). The increments stand in the dr
 robot file as `encoder_resolution`; where they do not, there is no such term, and it is said. The
 inertia is not known before it is identified. Taken is the motor's, and what the limits leave for
 the links: `INERTIA` of the torque limit over the acceleration limit.
+
+Errors of the accelerations are errors in the columns of the regression too, and there they do not
+average out: least squares finds inertias too small, by the share that the errors have of the square
+of what it takes for acceleration. That is a shift and no scatter, so no standard deviation counts
+it; its size is stated where encoders are coarse.
 """
 
 from __future__ import annotations
@@ -49,6 +54,10 @@ MINUTE = 60.0
 INERTIA = 0.5
 """Share of the torque limit that inertia takes at the acceleration limit; the rest is for gravity,
 friction and the other axes."""
+
+
+ACCELERATION = 0.4
+"""Share of the acceleration limit that measurements of inertia use."""
 
 
 class Differences(NamedTuple):
@@ -101,6 +110,18 @@ class Noise:
         """Variance of a sample, shape (n_joints,) [(N m)^2]."""
         return self.torque**2
 
+    def lost(self, robot: Robot, period: float) -> Array:
+        """Share of an inertia that errors of its accelerations hide, shape (n_joints,).
+
+        Where an axis accelerates by `ACCELERATION` of its limit half of the time.
+        """
+        if self.rounding is None:
+            return np.zeros_like(self.torque)
+        error = self.rounding**2 * float(np.sum(rounding_window(period) ** 2))
+        square = (ACCELERATION * robot.acceleration_limit) ** 2 / 2
+        found: Array = error / (error + square)
+        return found
+
     @property
     def variance(self) -> Array:
         """By whose reciprocal the estimator weights an axis, shape (n_joints,) [(N m)^2]."""
@@ -123,7 +144,7 @@ class Noise:
         bound = JERK * robot.acceleration_limit / (jerk * math.sqrt(2.0))
         kept = np.array([math.erf(each) for each in bound])
         excess = left / (self.white * noise_gain(period))
-        source = self.source + _of_coarse(np.flatnonzero(excess > 1.0))
+        source = self.source + _of_coarse(np.flatnonzero(excess > 1.0), self.lost(robot, period))
         return replace(self, differences=Differences(period, kept), excess=excess, source=source)
 
     def mean(self, n: int) -> Noise:
@@ -163,14 +184,15 @@ def stated_noise(
     return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
 
 
-def _of_coarse(axes: NDArray[np.intp]) -> str:
-    """Say which encoders make more noise than torques have."""
+def _of_coarse(axes: NDArray[np.intp], lost: Array) -> str:
+    """Say which encoders make more noise than torques have, and what that does to inertias."""
     if not axes.size:
         return ""
     listed = ", ".join(str(axis + 1) for axis in axes)
+    shares = ", ".join(f"{100 * lost[axis]:.2g}" for axis in axes)
     return (
         f"; increments of the encoders make more of it at axis {listed}, where inertias come out"
-        " somewhat too small besides"
+        f" about {shares} % too small besides, which no standard deviation counts"
     )
 
 

@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hil.estimation.gravity_phase import Phase
+    from hil.model.robot import Robot
     from hil.results.diagnosis import Diagnosis
 
 _LONG = 40
 """Letters from which on names do not go into a legend."""
 
 
-def shifted_sinusoid(phase: Phase, found: str) -> Figure:
+def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Figure:
     """The paper's Fig. 7: a gravity torque by the robot file and by what was `found`."""
     figure, grid = fixed_grid(0.75 * WIDTH, 3.6, 1, 1)
     panel = figure.add_subplot(grid[0])
@@ -47,7 +48,7 @@ def shifted_sinusoid(phase: Phase, found: str) -> Figure:
                    markersize=4.5, elinewidth=0.9, label="measured")  # fmt: skip
     panel.set_xticks(range(-180, 181, 60))
     panel.set_xlabel(f"$q_{{{phase.over + 1}}}$ [deg]")
-    panel.set_ylabel(f"$g_{{{phase.axis + 1}}}$ [N m]")
+    panel.set_ylabel(f"$g_{{{phase.axis + 1}}}$ [{robot.torque_unit(phase.axis)}]")
     shift = signed(f"{np.degrees(phase.shift):.1f}")
     panel.set_title(f"phase offset {shift}°", color=INK)
     legend(figure, panel)
@@ -73,5 +74,5 @@ def _figures(found: Diagnosis) -> dict[str, Figure]:
     }
     if found.phase is not None:
         labels = ", ".join(c.label for c in found.errors.found)
-        figures["phase"] = shifted_sinusoid(found.phase, labels)
+        figures["phase"] = shifted_sinusoid(found.phase, labels, found.robot)
     return figures

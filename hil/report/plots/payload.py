@@ -16,12 +16,16 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.results.payload_file import ElementRecord
 
 
 def with_and_without_load(
-    without: Sequence[ElementRecord], loaded: Sequence[ElementRecord], kind: ElementKind
+    without: Sequence[ElementRecord],
+    loaded: Sequence[ElementRecord],
+    kind: ElementKind,
+    robot: Robot,
 ) -> Figure:
     """The paper's Figs. 5 and 6: elements of both runs over configuration number.
 
@@ -30,6 +34,7 @@ def with_and_without_load(
     without, loaded : sequence of ElementRecord
     kind : ElementKind
         Of the elements that are drawn.
+    robot : Robot
     """
     runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
     axes = sorted({each.axis for run in runs for each in run})
@@ -46,7 +51,7 @@ def with_and_without_load(
                        markerfacecolor="none", label=f"measured {state} load")  # fmt: skip
         panel.set_title(f"${kind.element(axis - 1, axis - 1)}$", fontsize=11)
         panel.set_xlabel("configuration number")
-        panel.set_ylabel(kind.label)
+        panel.set_ylabel(f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]")
         panel.margins(y=0.12)
         panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     if panels:

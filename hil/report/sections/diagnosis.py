@@ -12,6 +12,7 @@ from hil.results.diagnosis_file import NAME, load_diagnosis
 from hil.results.tables import diagnosis as tables
 
 if TYPE_CHECKING:
+    from hil.model.robot import Robot
     from hil.report.reported_run import IdentifiedRun
     from hil.results.diagnosis_file import DiagnosisFile
 
@@ -29,17 +30,17 @@ def section(run: IdentifiedRun) -> Section | None:
     if found is None and not note:
         return None
     values = {"found": found, "note": note, "tables": tables}
-    plots = _plots(found) if found else ()
+    plots = _plots(found, run.robot) if found else ()
     return Section("What the robot file leaves out", "diagnosis.html", values, plots)
 
 
-def _plots(found: DiagnosisFile) -> tuple[Plot, ...]:
+def _plots(found: DiagnosisFile, robot: Robot) -> tuple[Plot, ...]:
     if found.phase is None:
         return ()
     return (
         Plot(
             "phase",
-            partial(shifted_sinusoid, found.phase.phase(), ", ".join(found.found)),
+            partial(shifted_sinusoid, found.phase.phase(), ", ".join(found.found), robot),
             "A gravity torque over a joint angle: sinusoids of the robot file and with what was"
             " found, and measurements.",
             PHASE,

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def section(run: IdentifiedRun) -> Section | None:
     """Drive train of each axis; None where nothing of it was estimated."""
-    axes = drive_train(run.estimate)
+    axes = drive_train(run.estimate, run.robot)
     if not axes:
         return None
     return Section("Drive trains", "drive_train.html", {"axes": axes})

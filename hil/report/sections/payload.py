@@ -13,6 +13,7 @@ from hil.results.payload_file import DRAWN, NAME, read_payload
 from hil.results.tables import payload as tables
 
 if TYPE_CHECKING:
+    from hil.model.robot import Robot
     from hil.report.reported_run import FreeRun, IdentifiedRun
     from hil.results.payload_file import PayloadFile
 
@@ -23,17 +24,19 @@ def section(run: IdentifiedRun | FreeRun) -> Section | None:
     if load is None and not note:
         return None
     # of imported motions there are no elements by themselves to draw
-    plots = tuple(_plot(name, load) for name in DRAWN) if load and not load.imported else ()
+    plots = (
+        tuple(_plot(name, load, run.robot) for name in DRAWN) if load and not load.imported else ()
+    )
     values = {"load": load, "note": note, "tables": tables}
     return Section("The load", "payload.html", values, plots)
 
 
-def _plot(name: str, load: PayloadFile) -> Plot:
+def _plot(name: str, load: PayloadFile, robot: Robot) -> Plot:
     kind = ELEMENT_KINDS[name]
     elements = kind.elements.capitalize()
     return Plot(
         f"load-{name}",
-        partial(with_and_without_load, load.elements_without, load.elements_loaded, kind),
+        partial(with_and_without_load, load.elements_without, load.elements_loaded, kind, robot),
         f"{elements} without and with load over configuration number, one panel an axis.",
         f"{elements} without and with load, measured and modelled ({kind.figure}).",
     )

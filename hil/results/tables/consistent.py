@@ -28,13 +28,13 @@ def bodies(robot: Robot, found: ConsistentRobot) -> Table:
         title="Nearest robot that consists of bodies",
         columns=(
             Column("link"),
-            *figures("mass, kg", "centre, m", "spread, mm", "distance without"),
+            *figures("mass, kg", "centre, m", "spread, mm", "without"),
         ),
         parts=(Part(tuple(rows)),),
         explanation=(
             "Bodies whose base parameters are nearest to the estimate in the metric of its"
             " covariance. The mass spreads root mean square about its centre, in its three"
-            " principal directions. The last column states the distance if this link need not be a"
+            " principal directions. The last column: the distance if this link need not be a"
             " body, where that condition binds. What no torque decides, masses among it, is taken"
             f" from {found.likely}."
         ),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.drive_train import compliance_units
 from hil.estimation.simultaneous import SIGNIFICANT
 from hil.results.tables.cells import uncertain
 from hil.results.tables.table import Column, Marked, Part, Table, figures
@@ -15,10 +16,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
     from hil.results.tables.table import Row
 
 
-def drive_train(estimate: Estimate) -> Table:
+def drive_train(estimate: Estimate, robot: Robot) -> Table:
     """Each axis's drive train as measured; no rows where nothing of it was estimated.
 
     Marked are compliances and friction of the load that the estimate takes into account.
@@ -27,7 +29,14 @@ def drive_train(estimate: Estimate) -> Table:
         title="Drive trains, with standard errors",
         columns=(
             Column("axis"),
-            *figures("lag, ms", "±", "compliance, µrad/(N m)", "±", "load friction, %", "±"),
+            *figures(
+                "lag, ms",
+                "±",
+                f"compliance, {compliance_units(robot)}",
+                "±",
+                "load friction, %",
+                "±",
+            ),
         ),
         parts=(Part(tuple(_axes(estimate))),) if estimate.drive_train else (),
     )

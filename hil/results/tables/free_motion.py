@@ -42,7 +42,8 @@ def friction(model: Model) -> Table:
             "Terms of the velocity: viscous friction per unit of velocity, all others as the torque"
             " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
             " that none beats by more than chance on blocks held out; of others the error is stated"
-            " over that of the law chosen. Ripple of motors is not listed."
+            " over that of the law chosen. Presliding is the way over which friction turns round"
+            " after a reversal. Ripple of motors is not listed."
         ),
     )
 
@@ -56,6 +57,9 @@ def _axis(model: Model, axis: int) -> Row:
         for term, value in law.terms.items()
         if not term.startswith(("cosine", "sine"))
     ]
+    if law.presliding:
+        distance = significant(law.presliding, 2)
+        named.append(f"presliding over {distance} {model.robot.position_unit(axis)}")
     plain = [
         _coefficient(term, value, law, unit, model.robot.position_unit(axis))
         for term, value in law.plain.items()

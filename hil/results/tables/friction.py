@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.estimation.friction.models import UNIT
+from hil.estimation.friction.models import units
 from hil.results.rounding import signed, significant
 from hil.results.tables.cells import probability, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
@@ -33,7 +33,9 @@ def models(result: FrictionResult) -> Table:
             Column("chosen"),
             Column("parameters with std. errors", folds=True),
         ),
-        parts=tuple(Part(tuple(_models(fit))) for fit in result.axes),
+        parts=tuple(
+            Part(tuple(_models(fit, bool(result.robot.revolute[fit.axis])))) for fit in result.axes
+        ),
         explanation=(
             "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
             " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
@@ -53,7 +55,7 @@ def _title(result: FrictionResult) -> str:
     return f"{result.robot.name}: {measurements}, gravity by {result.gravity}"
 
 
-def _models(fit: AxisFriction) -> list[Row]:
+def _models(fit: AxisFriction, turns: bool) -> list[Row]:
     return [
         (
             "" if number else str(fit.axis + 1),
@@ -61,14 +63,14 @@ def _models(fit: AxisFriction) -> list[Row]:
             significant(model.mean_square**0.5, 3),
             significant(fit.held_out[kind] ** 0.5, 3),
             "yes" if kind == fit.chosen else "",
-            _parameters(model),
+            _parameters(model, turns),
         )
         for number, (kind, model) in enumerate(fit.models.items())
     ]
 
 
-def _parameters(model: FrictionModel) -> str:
-    each = zip(model.a, model.standard_error, UNIT[model.kind], strict=True)
+def _parameters(model: FrictionModel, turns: bool) -> str:
+    each = zip(model.a, model.standard_error, units(model.kind, turns=turns), strict=True)
     written = ((*uncertain(float(a), float(error)), unit) for a, error, unit in each)
     return ", ".join(
         f"a{k} {value} ± {error} {unit}" for k, (value, error, unit) in enumerate(written, start=1)

@@ -14,6 +14,7 @@ import pytest
 from small_run import write_run
 
 from hil.export.formats import FORMATS
+from hil.export.simulators import SIMULATORS
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
@@ -85,7 +86,7 @@ def test_the_how_to_s_commands_work_and_it_names_every_format(
     monkeypatch.chdir(tmp_path)
     shutil.copytree(run, "runs/first")
     commands = re.findall(r"(?m)^hil export runs/first [^#\n]*", HOW_TO)
-    assert {line.split()[4] for line in commands} == set(FORMATS)
+    assert {line.split()[4] for line in commands} == {*FORMATS, *SIMULATORS}
     for line in commands:
         status, _, err = hil(*line.split()[1:])
         assert (status, err) == (0, ""), line

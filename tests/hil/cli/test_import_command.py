@@ -84,3 +84,14 @@ def test_workers_of_this_machine_and_a_cluster_exclude_each_other(hil: Hil, fold
 
 def test_python_has_the_same() -> None:
     assert library.import_recordings is import_recordings
+
+
+def test_escape_sequences_in_names_do_not_reach_the_terminal(hil: Hil, folder: Path) -> None:
+    write_map(folder, a_map("\x1b[31mgone.csv"))
+    _, _, errors = hil("import", "map.yaml", "-o", "x")
+    assert r"\x1b[31mgone.csv: cannot be read" in errors
+    (folder / "\x1b[31mgone.csv").write_bytes((folder / "data.csv").read_bytes())
+    status, printed, _ = hil("import", "map.yaml", "-o", "x")
+    assert status == 0
+    assert r"\x1b[31mgone.csv: 801 rows" in printed
+    assert "\x1b" not in printed + errors

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("rosbags.typesys")
@@ -48,6 +48,7 @@ def rows(messages, *, cdr, read=general):
     return Rows(WANTED, read, cdr=cdr).of(messages, received)
 
 
+@settings(max_examples=50)
 @given(st.lists(joint_states(), min_size=1, max_size=12), st.booleans(), st.randoms())
 def test_at_once_is_as_one_by_one(states, little, random):
     messages = [bytes(ROS.serialize_cdr(s, TYPE, little_endian=little)) for s in states * 3]

@@ -91,7 +91,7 @@ MAPS = {
     "a rate that is none": (a_map(time={"rate": 0}), "time.rate: 0: "),
     "milliseconds for seconds": (
         a_map(time={"column": "t", "unit": "ms"}), "map.yaml:4: time: no stretch without a gap"),
-    "positions for time": (a_map(time={"column": "q1"}), "time: time runs backwards"),
+    "positions for time": (a_map(time={"column": "v1"}), "time: time runs backwards"),
     "an axis that is not there": (
         a_map(kind={"back_and_forth": 3}), "must be one of the 2 joints"),
     "an unknown kind": (a_map(kind="fast"), "'fast' must be free, or {back_and_forth: JOINT}"),

@@ -193,6 +193,15 @@ def test_a_rounded_quarter_turn_is_one_and_is_stated(tmp_path: Path) -> None:
 
 
 HEAD = "alpha [deg],a,d,theta,type\n"
+
+
+def test_whole_degrees_are_degrees(tmp_path: Path) -> None:
+    for begin in range(-360, 361, 30):
+        rows = [f"{angle},0,0,0,R\n" for angle in range(begin, begin + 30)]
+        frames = read(tmp_path, HEAD + "".join(rows), "modified").frames
+        assert np.degrees(frames.alpha) == pytest.approx(np.arange(begin, begin + 30))
+
+
 WRONG = {
     "nothing": ("", r"t.csv:1: has no rows"),
     "no rows": (HEAD, r"joints: "),

@@ -157,3 +157,11 @@ def test_a_plan_with_too_few_joints_is_refused(
     path.write_text(dump_plan(small_plan).replace("[0.0, -0.3, 0.2, 0.0, 0.5, 0.0]", "[0.0, 1.0]"))
     with pytest.raises(FileError, match=r"measurements.0.q: 2 values must be 6"):
         load_plan(path, manutec)
+
+
+def test_a_list_of_recorded_motions_is_no_plan(tmp_path):
+    listed = tmp_path / "motions.yaml"
+    listed.write_text("format: 1\nmap_digest: abc\nmeasurements: [{kind: free}]\n")
+    with pytest.raises(FileError, match=r"nothing left to measure; identify .* hil identify") as no:
+        load_plan(listed)
+    assert len(str(no.value).splitlines()) == 1

@@ -18,7 +18,7 @@ from hil.planning.prediction.noise import Differences, Noise, stated_noise
 from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
 from hil.planning.prediction.predicted_samples import forecast
 from hil.regression.terms import usable
-from hil.regression.window import noise_gain
+from hil.regression.window import noise_gain, weights
 from hil.runs.recording import IDLE, Recording
 
 PERIOD = 0.004
@@ -135,6 +135,25 @@ def test_coarse_encoders_on_direct_drives_make_a_plan_imprecise(manutec, plan):
     assert max(ratio) > 8
     source = predict(robot, plan.measurements, PERIOD, few).source
     assert "increments of the encoders make more of it at axis 1, 2, 3, 4, 5, 6" in source
+
+
+def test_what_coarse_encoders_hide_of_an_inertia_is_foreseen(manutec):
+    """Least squares over accelerations of rounded positions, half of the time at 0.4 of a limit."""
+    robot, increment = coarse(manutec), 2 * np.pi / 4096
+    noise, axis = stated_noise(robot), 1
+    limit = 0.4 * robot.acceleration_limit[axis]
+    a = limit * np.repeat(np.tile([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0], 20), 100)
+    q = np.cumsum(np.cumsum(a)) * PERIOD**2
+    exact, rounded = (
+        np.convolve(derivatives(x[:, np.newaxis], PERIOD)[1][:, 0], weights(PERIOD), "valid")
+        for x in (q, increment * np.round(q / increment))
+    )
+    found = 1.0 - (rounded @ exact) / (rounded @ rounded)
+    assert found > 0.005
+    assert noise.lost(robot, PERIOD)[axis] == pytest.approx(found, rel=0.5)
+    source = noise.sampled(robot, PERIOD).source
+    assert f"about {100 * noise.lost(robot, PERIOD)[0]:.2g}, " in source
+    assert not stated_noise(manutec).lost(manutec, PERIOD).any()
 
 
 def test_behind_gears_increments_hardly_count(manutec, plan):

@@ -68,6 +68,13 @@ class TestTorques:
         assert model.torque(*motion) == pytest.approx(sum(parts.values()), rel=1e-12)
         assert (np.abs(parts["friction"]).mean(axis=0) > 0).all()
 
+    def test_the_summary_states_the_law_of_friction_of_each_axis(self, model):
+        text = str(model.summary())
+        assert "Friction over the campaign" in text
+        for axis in model.friction_law.axes:
+            assert axis.law.split()[0] in text  # where it is folded, its first word
+        assert "Friction over" not in str(replace(model, friction_law=None).summary())
+
     def test_an_unknown_part_is_refused_and_all_are_named(self, model):
         with pytest.raises(UnknownName, match=r"'gear': .* rigid bodies, motors, friction"):
             model.torque(0.0, 0.0, 0.0, parts=["gear"])
@@ -209,7 +216,7 @@ class TestView:
             assert f" {name} " in f" {text} "
             assert f">{symbols(name)}</th>" in html
             assert expression[:12] in text
-        assert html.count("<table>") == html.count("</table>") == 2
+        assert html.count("<table>") == html.count("</table>") == 3
 
     def test_what_was_left_out_is_remarked_without_markup(self, model):
         origin = model.provenance.model_copy(update={"left_out": ("g02: <no> [red]sample",)})

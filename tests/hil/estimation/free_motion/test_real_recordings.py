@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from scipy import signal
 
+from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import estimate
 from hil.model.robot import load_robot
 from hil.planning.free_motion import FreeMotion
@@ -64,6 +66,7 @@ def model(robot: str, found: Estimate) -> Model:
     return Model(
         load_robot(robot), found.p, found.covariance, found.drive_covariance,
         found.degrees_of_freedom, found.residual, found.condition, where, friction=found.free,
+        friction_law=FrictionLaw.of_free_motions(found.free) if found.free else None,
     )  # fmt: skip
 
 
@@ -88,6 +91,31 @@ def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive() -> N
     assert len(found.p) + 2 * len(found.free.coupled) + 18 == 61
 
 
+def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds() -> None:
+    motion, each = tx40()
+    found = model(
+        "staubli-tx40", estimate(load_robot("staubli-tx40"), [(motion, each)], "free motion")
+    )
+    b, a = signal.butter(4, 2 * 100.0 * each.period)
+    q, tau = (signal.filtfilt(b, a, x, axis=0) for x in (each.q, each.tau))
+    qd = np.gradient(q, each.period, axis=0)
+    qdd = np.gradient(qd, each.period, axis=0)
+    q, qd, qdd, tau = (x[500:-500:10] for x in (q, qd, qdd, tau))
+    left = tau - found.torque(q, qd, qdd)
+    assert np.linalg.norm(left) < 0.082 * np.linalg.norm(tau)
+    assert (np.linalg.eigvalsh(found.mass_matrix(q[::50])).min(axis=1) > 0).all()
+
+
 def test_tx40_by_plain_least_squares_leaves_no_more_than_others_found() -> None:
     found = estimate(load_robot("staubli-tx40"), [tx40()], "least squares")
     assert (found.residual < [3.02, 3.79, 2.38, 0.95, 1.59, 0.99]).all()
+
+
+def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> None:
+    (motion, recording) = tx40()
+    unknown = motion.model_copy(update={"unknown_gains": (3,)})
+    found = estimate(load_robot("staubli-tx40"), [(unknown, recording)], "free motion").free
+    assert found is not None
+    (gain,) = found.gains
+    assert gain.standard_error < 0.05
+    assert abs(gain.value - 1.0) < 2 * gain.standard_error

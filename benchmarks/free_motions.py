@@ -1,0 +1,146 @@
+"""What `hil identify` makes of recordings that others made, robot by robot, truth known.
+
+Every case and seed is a machine of its own (`foreign_recordings`), imported from a CSV of positions
+and torques and identified by the default method. Stated is, for each robot, how far torques of the
+rigid bodies are off on a free motion, what the model leaves of the torque of another recording, and
+how many of the intervals of 95 % hold the truth; cases apart where --cases is given. No rule or
+constant of the method was set by the seeds from 201 on::
+
+    python benchmarks/free_motions.py [ROBOT ...] [--quick] [--cases] [--keep FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from foreign_recordings import CASES, NAMES, record
+
+from hil.errors import HilError
+from hil.estimation.identify import estimate
+from hil.imports.importing import import_recordings
+from hil.results.identification import model_of
+from hil.results.recorded_torque import predict_recording
+from hil.runs.pooling import Pooled
+from hil.study.comparison import comparison
+from hil.study.truth import true_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+FIRST_SEED, SEEDS = 201, 2
+"""The first seed of all, and how many each case has."""
+
+
+class Judged(NamedTuple):
+    """One estimate beside the truth: relative errors, z of each parameter, and what was said."""
+
+    torque: float
+    seen: float
+    unseen: float
+    inside: NDArray[np.bool_]
+    z: NDArray[np.float64]
+    warned: bool
+    said: str
+
+
+def judge(recorded: Path) -> Judged:
+    """Import and identify one recording, and judge by the truth and the other recording.
+
+    Raises
+    ------
+    HilError
+        Refused by import or identification.
+    """
+    for name in ("seen", "unseen"):
+        shutil.rmtree(recorded / name, ignore_errors=True)
+    run, other = (
+        import_recordings([recorded / f"{name}.yaml"], recorded / name)
+        for name in ("seen", "unseen")
+    )
+    found = estimate(run.robot, Pooled([run]), "free motion")
+    model, fit = model_of(run, found), found.free
+    assert fit is not None
+    judged = comparison(found, run.robot, true_parameters(run.robot, recorded / "plant.yaml"))
+    left = [predict_recording(model, measured.recording) for measured in other]
+    laws = ", ".join(axis.law for axis in fit.axes)
+    said = f"cut-off {fit.cut_off:.3g} Hz, dead zone {fit.dead_zone:g}; {laws}; {fit.remarks}"
+    unseen = float(np.mean([each.overall for each in left]))
+    return Judged(
+        judged.mean_torque_error, fit.overall_residual, unseen, judged.inside, judged.z,
+        bool(fit.remarks), said,
+    )  # fmt: skip
+
+
+class Found(NamedTuple):
+    """Estimates of one case or robot, and how many recordings were refused."""
+
+    judged: list[Judged]
+    refused: int
+
+
+def judge_all(folder: Path, name: str, case: str, seeds: Iterable[int]) -> Found:
+    """Record and judge some seeds of a case; a refusal is printed with its reason."""
+    judged, refused = [], 0
+    for seed in seeds:
+        recorded = record(folder, name, case, seed)
+        try:
+            judged.append(judge(recorded))
+        except HilError as error:
+            refused += 1
+            print(f"  {recorded}: {error}")
+    return Found(judged, refused)
+
+
+def line(name: str, of: Found) -> str:
+    """One line of the table."""
+    found, refused = of
+    if not found:
+        return f"{name:28} {refused} refused"
+    torque = 100 * np.sqrt(np.mean([each.torque**2 for each in found]))
+    seen, unseen = (
+        100 * float(np.mean([getattr(each, key) for each in found])) for key in ("seen", "unseen")
+    )
+    inside = np.concatenate([each.inside for each in found])
+    z = np.concatenate([each.z for each in found])
+    warned = sum(each.warned for each in found)
+    return (
+        f"{name:28} {torque:6.2f} %  {seen:5.1f} %  {unseen:5.1f} %  {100 * inside.mean():5.1f} %"
+        f" of {len(inside):4}  {np.sqrt(np.mean(z**2)):5.2f}  {len(found)}  {refused}  {warned}"
+    )
+
+
+def main() -> None:
+    """Record, import, identify, judge, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("robots", nargs="*", help=", ".join(NAMES))
+    parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")
+    parser.add_argument("--quick", action="store_true", help="the first seed of each case alone")
+    parser.add_argument("--case", action="append", choices=CASES, help="one of the cases [all]")
+    parser.add_argument("--cases", action="store_true", help="a line for every case, and why")
+    parser.add_argument("--keep", type=Path, help="folder for recordings; reused if there")
+    given = parser.parse_args()
+    print("robot: rms error of rigid-body torques, residual, of another recording, intervals of")
+    print("95 % that hold the truth, rms of error over standard error, estimates, refused, warned")
+    with tempfile.TemporaryDirectory() as temporary:
+        for name in given.robots or NAMES:
+            total = Found([], 0)
+            for case in given.case or CASES:
+                first = given.first + SEEDS * list(CASES).index(case)
+                seeds = range(first, first + (1 if given.quick else SEEDS))
+                found = judge_all(given.keep or Path(temporary), name, case, seeds)
+                if given.cases:
+                    print(line(f"  {name}, {case}", found), flush=True)
+                    print(*(f"      {each.said}" for each in found.judged), sep="\n", flush=True)
+                total = Found(total.judged + found.judged, total.refused + found.refused)
+            print(line(name, total), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""What other laws of friction and dead zones would have found, had they been chosen.
+
+A law that is chosen is not the truth. What it gets wrong repeats with the motion, and where the
+motion repeats itself, as exciting trajectories do, neither blocks of time nor cells of states show
+much of it. But another law gets something else wrong. So alternatives m are taken as draws: with
+weights w_m, the root mean square error on held-out blocks of the choice over theirs, they add
+
+    V = sum w_m (x_m - x)(x_m - x)' / sum w_m
+
+to the covariance of what all laws have, as averaging over models would (J. A. Hoeting et al.,
+Bayesian model averaging, Statistical Science 14 (1999) 382-417, eq. 3). An alternative that
+predicts badly counts little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.accumulation import SPEEDS
+from hil.estimation.free_motion.choice import HeldOut
+from hil.estimation.free_motion.friction_terms import COLUMNS
+from hil.estimation.free_motion.system import embedded, normal, summed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.accumulation import Products
+    from hil.estimation.free_motion.choice import Choice
+
+    Array = NDArray[np.float64]
+
+OTHER_LAWS = ("cube root", "arc tangent", "all speeds and load", "all")
+"""That hold most of what friction does with speed."""
+
+
+def covariance_of_choices(products: Products, choice: Choice) -> Array:
+    """Covariance from one choice to another, of base parameters, coupled motors and offsets.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Of all unknowns; 0 of the other terms of friction, which mean something else in each law.
+    """
+    zones = [replace(choice, slowest=k) for k in range(len(SPEEDS))]
+    laws = [replace(choice, laws=(law,) * products.n_joints) for law in OTHER_LAWS]
+    x, error = _solved(products, choice)
+    total, weights = np.zeros((len(x), len(x))), 1.0
+    for other in (*zones, *laws):
+        found, own = _solved(products, other)
+        change = np.where(_common(products), found - x, 0.0)
+        weight = min(1.0, np.sqrt(error / max(own, np.finfo(float).tiny)))
+        total += weight * np.outer(change, change)
+        weights += weight
+    return total / weights
+
+
+def _solved(products: Products, choice: Choice) -> tuple[Array, float]:
+    """Unknowns by a choice, and its squared error on held-out blocks at all speeds."""
+    n_shared, kept = products.n_shared, choice.kept(products.n_shared)
+    system = normal(summed(products.pieces, choice.slowest), n_shared, choice.weights)
+    whole = normal(summed(products.pieces), n_shared, choice.weights)
+    x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
+    return x, float(HeldOut(system, whole).error(kept).sum())
+
+
+def _common(products: Products) -> NDArray[np.bool_]:
+    """Unknowns that all laws have."""
+    own = np.array([term == "offset" for term in COLUMNS])
+    return np.append(np.ones(products.n_shared, dtype=bool), np.tile(own, products.n_joints))

@@ -1,0 +1,133 @@
+"""Friction after a reversal: its direction follows over a distance, not at once.
+
+Surfaces that touch bend their asperities before they slide, so that friction turns round over the
+presliding distance d. Dahl's model has its direction z, from -1 to 1, follow the way alone,
+
+    dz / dq = (1 - z sign(dq)) / d,      z = s - (s - z_0) exp(-|q - q_0| / d)
+
+while the axis moves in direction s from q_0 on, where it was z_0 (P. R. Dahl, Solid friction
+damping of mechanical vibrations, AIAA Journal 14 (1976) 1675-1682). With d = 0 it is the sign of
+the velocity. A slow or small motion is full of reversals: what the sign gets wrong there looks like
+inertia.
+
+The distance is what predicts held-out blocks of its axis best, all else being linear; the sign of
+the velocity, unless that is worse by more than chance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.choice import HeldOut, simplest
+from hil.estimation.free_motion.columns import coupled_friction, n_shared, rotor_torque
+from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.free_motion.system import normal, residual_weights
+from hil.model.dynamics import regressor
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.motion import Motion, Processing
+    from hil.estimation.free_motion.survey import Survey
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+DISTANCES = tuple(2.0**k for k in range(-18, -9))
+"""That are tried first, as ways at the axis's speed [s]."""
+FINER = (2.0**-0.5, 2.0**0.5)
+"""Times the best of them: tried then."""
+BLOCKS = 24
+"""Of a stretch, at most."""
+SHORTEST = 10.0
+"""Of a block, in periods of the equation's cut-off frequency."""
+
+
+def with_presliding(robot: Robot, found: Survey, processing: Processing) -> Processing:
+    """Settings with the presliding distance of every axis that moves.
+
+    Where gains are unknown there is none: axes that share parameters cannot be fitted together yet.
+    """
+    distances = np.zeros(robot.n_joints)
+    motions = [filtered_motion(each, processing) for each in found.stretches]
+    motions = [motion for motion in motions if motion.used.any()]
+    if found.unknown_gains or not motions:
+        return processing
+    search = _Search(robot, motions)
+    for axis in range(robot.n_joints):
+        if axis not in found.still:
+            distances[axis] = search.improve(axis, processing.speed[axis])
+    return replace(processing, presliding=distances)
+
+
+class _Search:
+    """Inner products of all axes, of which the direction's depend on the distance."""
+
+    def __init__(self, robot: Robot, motions: list[Motion]) -> None:
+        n = robot.n_joints
+        self._motions, self._n_shared = motions, n_shared(robot)
+        self._rows = [[_columns(robot, motion, axis) for motion in motions] for axis in range(n)]
+        self._parts = [_blocks(motion) for motion in motions]
+        self._products = np.stack([self._with(axis, 0.0) for axis in range(n)], axis=1)
+        self._weights = self._variances()
+
+    def improve(self, axis: int, speed: float) -> float:
+        """Find the distance of one axis, those of others being what they are; keep it."""
+        found = {0.0: (self._error(), self._products[:, axis].copy())}
+
+        def best(tried: list[float]) -> float:
+            for distance in tried:
+                self._products[:, axis] = self._with(axis, distance)
+                found[distance] = self._error(), self._products[:, axis].copy()
+            return min((d for d in found if d), key=lambda d: float(found[d][0].sum()))
+
+        nearest = best([speed * each for each in DISTANCES])
+        nearest = best([nearest * each for each in FINER])
+        chosen = simplest({str(d): found[d][0] for d in (0.0, nearest)})
+        self._products[:, axis] = found[float(chosen)][1]
+        return float(chosen)
+
+    def _with(self, axis: int, distance: float) -> Array:
+        """Products of one axis in each block, its direction following over a distance."""
+        shares = []
+        for motion, rows, parts in zip(self._motions, self._rows[axis], self._parts, strict=True):
+            z = motion.passed(motion.direction_after(axis, distance)[:, np.newaxis])
+            whole = np.hstack([rows, z[: len(rows)]])
+            shares += [whole[part].T @ whole[part] for part in parts]
+        return np.array(shares)
+
+    def _error(self) -> Array:
+        """Squared errors on blocks that were held out."""
+        system = normal(self._products, self._n_shared, self._weights)
+        heard = np.flatnonzero(np.einsum("bkk->k", system.N) > 0)
+        return HeldOut(system, system).error(heard)
+
+    def _variances(self) -> Array:
+        """Reciprocal residual variances of the axes, friction turning round at once."""
+        counts = np.ones(self._products.shape[:2])
+        every = np.arange(normal(self._products, self._n_shared, counts[0]).v.shape[1])
+        return residual_weights(self._products, counts, self._n_shared, every)
+
+
+def _columns(robot: Robot, motion: Motion, axis: int) -> Array:
+    """Torque, base parameters, coupled motors and friction of the speed's size, filtered."""
+    rows = regressor(robot, motion.q, motion.qd, motion.qdd, joints=[axis])[:, 0]
+    u = motion.qd[:, axis] / motion.processing.speed[axis]
+    friction = np.column_stack([np.ones(len(u)), u, np.cbrt(u)])
+    rotor = rotor_torque(robot, motion, axis)[:, np.newaxis]
+    columns = [rotor, rows, coupled_friction(robot, motion.qd, axis), friction]
+    passed = motion.passed(np.hstack(columns))[: len(motion.tau)]
+    y = motion.tau[: len(passed), axis, np.newaxis] - passed[:, :1]
+    return np.hstack([y, passed[:, 1:]])
+
+
+def _blocks(motion: Motion) -> list[slice]:
+    used = np.flatnonzero(motion.used)
+    duration = len(used) * motion.period * motion.rates.coarse
+    n = int(np.clip(duration * motion.processing.band / SHORTEST, 1, BLOCKS))
+    ends = np.linspace(used[0], used[-1] + 1, n + 1).round().astype(int)
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]

@@ -1,0 +1,1 @@
+"""Mistakes in what robot and drives files state, found as other readings of the recordings."""

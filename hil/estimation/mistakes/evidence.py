@@ -1,0 +1,164 @@
+"""A campaign thinned out: few samples of every measurement, on which readings are tried quickly.
+
+To try another reading of all recordings means another regressor at every sample. Some thousand
+samples decide between readings, so positions, velocities, accelerations and torques are smoothed
+first and thinned out; the regressor follows from what is left. That it is not quite the smoothed
+regressor is small against any mistake that is looked for.
+
+Friction is eliminated from every part of a measurement by itself, as in
+`hil.estimation.condensed`: a part is what belongs together (`condensed.periods_of`), and of longer
+motions some seconds, so that every campaign has parts that can contradict each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.condensed import periods_of
+from hil.regression.least_squares import orthonormal
+from hil.regression.terms import friction_columns, usable
+from hil.regression.thinned import smoothed_at
+from hil.regression.window import APART
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMotion
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+
+MOST = 6000
+"""Samples of all channels together, about."""
+FEWEST = 24
+"""Samples of a part below which it is left out."""
+LONGEST = 3.0
+"""Of a part of a streamed motion [s]."""
+_SAME = 1e-6
+"""As `rank` of `orthonormal`: columns of friction that one speed cannot tell apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Samples of one channel that share their friction.
+
+    Attributes
+    ----------
+    rows : slice
+        Where they stand among those of the channel.
+    time : float
+        Middle of the part since the bus was entered [s].
+    friction : ndarray, shape (n, r)
+        Orthonormal basis of what friction can be.
+    """
+
+    rows: slice
+    time: float
+    friction: Array
+
+    def without_friction(self, x: Array) -> Array:
+        """Rows of the part with friction projected out."""
+        own = x[self.rows]
+        return own - self.friction @ (self.friction.T @ own)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """What was recorded of one axis while it moved.
+
+    Attributes
+    ----------
+    axis : int
+        From 0, as recorded.
+    q, qd, qdd : ndarray, shape (n, n_joints)
+        Of all axes, smoothed [rad, rad/s, rad/s^2].
+    tau : ndarray, shape (n,)
+        Of this axis [N m].
+    time : ndarray, shape (n,)
+        [s].
+    parts : tuple of Part
+    """
+
+    axis: int
+    q: Array
+    qd: Array
+    qdd: Array
+    tau: Array
+    time: Array
+    parts: tuple[Part, ...]
+
+    def without_friction(self, x: Array) -> Array:
+        """All rows with friction projected out, part by part."""
+        return np.concatenate([part.without_friction(x) for part in self.parts])
+
+    @property
+    def degrees(self) -> int:
+        """Samples less what friction takes up."""
+        taken: int = sum(part.friction.shape[1] for part in self.parts)
+        return len(self.tau) - taken
+
+
+def channels(
+    robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]
+) -> tuple[Channel, ...]:
+    """Thin a campaign out; channels without enough samples are left out.
+
+    Parameters
+    ----------
+    prepared : sequence of (ParameterMotion, Signals)
+        As `hil.estimation.identify.prepare` makes them.
+    """
+    found: dict[int, list[tuple[Signals, Indices]]] = {}
+    for m, s in prepared:
+        for axis in range(robot.n_joints):
+            found.setdefault(axis, []).extend((s, index) for index in _parts(robot, m, s, axis))
+    total = sum(len(index) for parts in found.values() for _, index in parts)
+    every = max(1, total // MOST)
+    each = [_channel(robot, axis, parts, every) for axis, parts in sorted(found.items())]
+    return tuple(channel for channel in each if channel is not None)
+
+
+def _parts(robot: Robot, m: ParameterMotion, s: Signals, axis: int) -> Iterator[Indices]:
+    used = s.valid & usable(robot, s, axis)
+    apart = max(1, round(APART / s.period))
+    for period in periods_of(m, s):
+        index = np.flatnonzero(used & period)[::apart]
+        if not m.streamed:
+            yield index
+        elif index.size:
+            first = int(index[0])
+            number = (index - first) * s.period // LONGEST
+            yield from (index[number == k] for k in np.unique(number))
+
+
+def _channel(
+    robot: Robot, axis: int, given: Sequence[tuple[Signals, Indices]], every: int
+) -> Channel | None:
+    rows, parts, first = [], [], 0
+    for s, whole in given:
+        index = whole[:: max(1, min(every, len(whole) // FEWEST))]
+        if len(index) < FEWEST:
+            continue
+        rows.append(_smoothed(s, axis, index))
+        shapes = friction_columns(s, s.qd[:, axis] / robot.velocity_limit[axis])
+        basis, _ = orthonormal(smoothed_at(index, shapes, s.period), _SAME)
+        time = float(s.time[index].mean())
+        parts.append(Part(slice(first, first + len(index)), time, basis))
+        first += len(index)
+    if not rows:
+        return None
+    n, columns = robot.n_joints, np.concatenate(rows)
+    q, qd, qdd = (columns[:, k * n : (k + 1) * n] for k in range(3))
+    return Channel(axis, q, qd, qdd, columns[:, -2], columns[:, -1], tuple(parts))
+
+
+def _smoothed(s: Signals, axis: int, index: Indices) -> Array:
+    columns = np.column_stack([s.q, s.qd, s.qdd, s.tau[:, axis], s.time])
+    return smoothed_at(index, columns, s.period)

@@ -1,0 +1,187 @@
+"""The likeliest mistake: whether anything is off, and which reading explains it best.
+
+Quick tests come first: does one set of base parameters explain all parts of all measurements
+(`misfit`), are friction and kinetic energy positive, and does one step of any size take a share of
+the residual away that noise cannot. Where nothing is off that is all. Otherwise every candidate is
+tried, and of those that mechanics allows, that are large and significant, the one which leaves
+least is named. Where none of them explains the misfit, that is all that is stated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotEnoughData
+from hil.estimation.mistakes.candidates import (
+    INSTANTS,
+    of_missing_parameters,
+    of_order,
+    of_signs,
+    of_sizes,
+    of_slips,
+)
+from hil.estimation.mistakes.evidence import channels
+from hil.estimation.mistakes.misfit import Campaign
+from hil.estimation.mistakes.mistake import Mistake, MistakeName
+from hil.estimation.mistakes.reading import Reading
+from hil.estimation.mistakes.saturation import saturated
+from hil.estimation.mistakes.search import linear, tried
+from hil.estimation.signals import signals
+from hil.planning.measurement import shows_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from hil.estimation.mistakes.candidates import Candidate
+    from hil.estimation.mistakes.misfit import Explanation
+    from hil.estimation.mistakes.search import Tried
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMotion, RecordedMotion
+    from hil.runs.recording import Recording
+
+    Prepared = Sequence[tuple[ParameterMotion, Signals]]
+
+AGREES = 1.15
+"""Misfit of an axis up to which recordings agree with each other."""
+CONTRADICTS = 3.0
+"""Misfit from which on they do not, whatever the reason."""
+CERTAIN = 7.0
+"""Size over standard error from which on a mistake counts."""
+TAKEN = 0.005
+"""Share of the sum of squares that it must take away."""
+EXPLAINED = 0.5
+"""Share of the misfit that it must explain."""
+AS_GOOD = 0.003
+"""Share of the sum of squares by which two candidates are not distinguished."""
+PER_UNKNOWN = 0.001
+"""Share of the sum of squares that an unknown is worth, where candidates are compared."""
+
+
+def find_mistake(
+    robot: Robot, recorded: Iterable[tuple[RecordedMotion, Recording]]
+) -> Mistake | None:
+    """Find the likeliest mistake behind recordings; None where they agree with the robot.
+
+    None too for a robot whose limits are unknown, and where too little was recorded to contradict
+    itself.
+    """
+    limits = (robot.velocity_limit, robot.acceleration_limit, robot.torque_limit)
+    if not all(np.isfinite(limit).all() for limit in limits):
+        return None
+    prepared = list(_prepared(recorded))
+    found = channels(robot, prepared)
+    if not found:
+        return None
+    stated = Reading.stated(robot)
+    campaign = Campaign(found, stated)
+    explained = campaign.explain(stated)
+    if not _off(campaign, stated, explained):
+        return None
+    return saturated(robot, prepared) or _likeliest(campaign, stated, explained)
+
+
+def _prepared(
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+) -> Iterator[tuple[ParameterMotion, Signals]]:
+    for measurement, recording in recorded:
+        if shows_parameters(measurement):
+            try:
+                yield measurement, signals(recording)
+            except NotEnoughData:
+                continue
+
+
+def _off(campaign: Campaign, stated: Reading, explained: Explanation) -> bool:
+    """Whether anything speaks against what is stated."""
+    if explained.misfit.max() > AGREES or not _possible(campaign, stated, explained):
+        return True
+    steps = (linear(campaign, each, explained) for each in of_sizes(stated))
+    return any(taken > TAKEN and t > CERTAIN for taken, t in steps)
+
+
+def _likeliest(campaign: Campaign, stated: Reading, explained: Explanation) -> Mistake | None:
+    possible = _possible(campaign, stated, explained)
+    every = [tried(campaign, each, explained, wide=True) for each in _candidates(campaign, stated)]
+    counting = [
+        each
+        for each in every
+        if each.large and each.t > CERTAIN and (_explains(each, explained) or not possible)
+    ]
+    allowed = [each for each in counting if _allowed(campaign, each)]
+    if allowed or (counting and possible):
+        return _named(sorted(allowed or counting, key=_worth), explained)
+    return _contradiction(campaign, stated, explained)
+
+
+def _candidates(campaign: Campaign, stated: Reading) -> Iterator[Candidate]:
+    times = [part.time for channel in campaign.channels for part in channel.parts]
+    instants = np.quantile(times, np.arange(1, INSTANTS) / INSTANTS)
+    yield from of_signs(stated)
+    yield from of_order(stated)
+    yield from of_sizes(stated)
+    yield from of_slips(stated, instants.tolist())
+    yield from of_missing_parameters(stated)
+
+
+def _named(ranked: Sequence[Tried], explained: Explanation) -> Mistake:
+    """The best, with the next one of another name or axis if that is as good."""
+    best, *rest = ranked
+    others = [
+        _mistake(each, explained)
+        for each in rest
+        if _worth(each) < (1.0 + AS_GOOD) * _worth(best)
+        and (each.candidate.name, each.candidate.axes) != (best.candidate.name, best.candidate.axes)
+    ]
+    return replace(_mistake(best, explained), other=str(others[0]) if others else "")
+
+
+def _mistake(each: Tried, explained: Explanation) -> Mistake:
+    axes = tuple(axis + 1 for axis in each.candidate.axes)
+    left = each.explanation.chi_square / explained.chi_square
+    return Mistake(each.candidate.name, axes, each.candidate.words(each.theta, each.error), left)
+
+
+def _explains(each: Tried, explained: Explanation) -> bool:
+    """Whether a candidate takes enough of the residual and of the misfit away."""
+    before, after = explained.chi_square, each.explanation.chi_square
+    excess, left = (float((x.misfit - 1.0).clip(0.0).sum()) for x in (explained, each.explanation))
+    small = explained.misfit.max() < AGREES
+    return before - after > TAKEN * before and (small or left < (1 - EXPLAINED) * excess)
+
+
+def _worth(each: Tried) -> float:
+    return each.explanation.chi_square * (1.0 + PER_UNKNOWN * each.candidate.unknowns)
+
+
+def _possible(campaign: Campaign, reading: Reading, explained: Explanation) -> bool:
+    """Whether friction takes power everywhere, and all motion has a positive energy."""
+    p = explained.p
+    return not campaign.driving(reading, p) and not campaign.negative(reading, p)
+
+
+def _allowed(campaign: Campaign, each: Tried) -> bool:
+    """Whether mechanics allows it; parameters added, which hardly show, may have any sign."""
+    reading = each.candidate.reading(each.theta)
+    if each.candidate.more:
+        return not campaign.driving(reading, each.explanation.p)
+    return _possible(campaign, reading, each.explanation)
+
+
+def _contradiction(campaign: Campaign, stated: Reading, explained: Explanation) -> Mistake | None:
+    """What is off, where no candidate explains it."""
+    driven = campaign.driving(stated, explained.p)
+    worst = int(np.argmax(explained.misfit))
+    if driven:
+        axes = tuple(axis + 1 for axis in driven)
+        return Mistake(MistakeName.UNKNOWN, axes, "friction would drive it", 1.0)
+    if campaign.negative(stated, explained.p):
+        return Mistake(MistakeName.UNKNOWN, (), "some motions would have a negative energy", 1.0)
+    if explained.misfit[worst] > CONTRADICTS:
+        times = np.sqrt(explained.misfit[worst])
+        detail = f"all measurements together leave {times:.1f} times what each leaves by itself"
+        return Mistake(MistakeName.UNKNOWN, (campaign.channels[worst].axis + 1,), detail, 1.0)
+    return None

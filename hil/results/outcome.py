@@ -1,0 +1,187 @@
+"""What an identification is worth, in one word and one sentence: the first thing that one reads.
+
+good
+    Nothing speaks against the parameters.
+doubtful
+    They may be of use, but something does not hold, or too little was measured.
+failed
+    They should not be used: what is stated of robot or drives contradicts what was recorded, or
+    hardly anything was excited.
+
+The reason is the first cause to look at: a likely mistake (`hil.estimation.mistakes`) before
+anything that the parameters' own uncertainty shows, since that holds for the right model alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from checked_files.yaml_file import FileModel
+from hil.estimation.mistakes.mistake import MistakeName
+from hil.results.prediction import FreeTorques
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.mistakes.mistake import Mistake
+    from hil.results.error_budget import ErrorTerm
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+OutcomeWord = Literal["good", "doubtful", "failed"]
+OUTCOME_WORDS: tuple[OutcomeWord, ...] = ("good", "doubtful", "failed")
+"""From the best."""
+WHOLE = frozenset(
+    {
+        MistakeName.DIRECTION,
+        MistakeName.POSITION_SIGN,
+        MistakeName.TORQUE_SIGN,
+        MistakeName.EXCHANGED,
+    }
+)
+"""Mistakes that leave nothing of the parameters; others are of any size."""
+LEFT = 0.7
+"""Share of the residual that remains without a mistake, below which this spoils the parameters."""
+UNEXCITED = 0.1
+"""Standard error over torque from which on an axis is not excited."""
+NOTHING = 0.7
+"""And from which on nothing is known of it."""
+POOR = 1000.0
+"""Condition number from which on some parameters hardly show."""
+FEWEST = 2
+"""Measurements for each parameter below which errors are not known well enough to be stated."""
+LARGE = 0.02
+"""Error of the torques from which on a cause of error is doubt enough."""
+
+
+class Outcome(FileModel):
+    """What an identification is worth.
+
+    Attributes
+    ----------
+    word : {"good", "doubtful", "failed"}
+    reason : str
+        Why, a clause.
+    remedy : str
+        What to do about it; empty where nothing is to be done.
+    """
+
+    word: OutcomeWord
+    reason: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"{self.word}: {self.reason}{remedy}"
+
+
+def outcome(model: Model, mistake: Mistake | None = None) -> Outcome:
+    """Judge a model by itself: the worst of what speaks against it, the likeliest mistake first."""
+    found = [
+        *_mistaken(mistake), *_unexcited(model), *data_reservations(model),
+        *_causes(model.error_budget),
+    ]  # fmt: skip
+    # of equally bad ones the first, which Python's sort keeps in front
+    worst = sorted(found, key=lambda each: -OUTCOME_WORDS.index(each.word))
+    return worst[0] if worst else Outcome(word="good", reason=_precision(model))
+
+
+def data_reservations(model: Model) -> Iterator[Outcome]:
+    """What the measurements behind a model say against it, whatever it is used for."""
+    yield from _few(model)
+    yield from _ill_conditioned(model)
+
+
+def _mistaken(mistake: Mistake | None) -> Iterator[Outcome]:
+    if mistake is not None:
+        spoilt = mistake.name in WHOLE or mistake.left < LEFT
+        yield Outcome(
+            word="failed" if spoilt else "doubtful", reason=str(mistake), remedy=mistake.remedy
+        )
+
+
+def _few(model: Model) -> Iterator[Outcome]:
+    """Too little data for errors to be known; free motions say so by a test that cannot be made."""
+    n, needed = model.provenance.measurements, FEWEST * len(model.values)
+    if model.friction is not None:
+        if model.friction.bias_test is None:
+            yield Outcome(
+                word="doubtful",
+                reason="too little was recorded to know how wrong the parameters may be",
+                remedy="add recordings of other motions",
+            )
+    elif n < needed:
+        yield Outcome(
+            word="doubtful",
+            reason=f"{n} measurements of {len(model.values)} parameters are too few to know how"
+            f" wrong these may be; {needed} are needed at least",
+            remedy="measure more (hil plan)",
+        )
+
+
+def _unexcited(model: Model) -> Iterator[Outcome]:
+    relative = uncertainty(model)
+    if relative is None or not (relative > UNEXCITED).any():
+        return
+    worst = int(np.argmax(relative))
+    yield Outcome(
+        word="failed" if relative[worst] > NOTHING else "doubtful",
+        reason=f"axis {worst + 1} not excited: its torque on a free motion is uncertain by"
+        f" {relative[worst]:.0%}",
+        remedy="measure motions that show its parameters (hil plan --refine)",
+    )
+
+
+def _ill_conditioned(model: Model) -> Iterator[Outcome]:
+    group, worst = max(model.condition.items(), key=lambda each: each[1], default=("", 0.0))
+    if worst > POOR:
+        which = "all parameters" if group == "all" else f"the {group.replace('_', '-')} parameters"
+        yield Outcome(
+            word="doubtful",
+            reason=f"condition number {worst:.3g} of {which}: some combinations of them hardly"
+            " show in the torque",
+            remedy="measure motions that vary more joints (hil plan)",
+        )
+
+
+def _causes(budget: Sequence[ErrorTerm]) -> Iterator[Outcome]:
+    for term in budget:
+        if not term.accounted and term.torque > LARGE:
+            axes = f"axes {', '.join(map(str, term.axes))}: " if term.axes else ""
+            yield Outcome(
+                word="doubtful",
+                reason=f"{axes}{term.cause}, {term.found}",
+                remedy=term.remedy,
+            )
+
+
+def _precision(model: Model) -> str:
+    relative = uncertainty(model)
+    if relative is None:
+        return "nothing speaks against the parameters"
+    worst = int(np.argmax(relative))
+    return (
+        f"torques of a free motion are known within {relative[worst]:.2%} of their size on every"
+        f" axis, axis {worst + 1} being the worst (one standard error)"
+    )
+
+
+def uncertainty(model: Model) -> Array | None:
+    """Standard error of each axis's torque on a free motion over that torque, (n_joints,).
+
+    None for a robot whose limits are unknown, which has no such motion; 0 for an axis without
+    torque.
+    """
+    robot = model.robot
+    limits = (robot.q_min, robot.q_max, robot.velocity_limit, robot.acceleration_limit)
+    if not all(np.isfinite(limit).all() for limit in limits):
+        return None
+    free = FreeTorques(robot)
+    torque, error = free.rms(model.values), free.standard_error(model.covariance)
+    found: Array = np.where(torque > 0, error / np.where(torque > 0, torque, 1.0), 0.0)
+    return found

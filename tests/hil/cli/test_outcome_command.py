@@ -1,0 +1,41 @@
+"""An identification and its report begin with what it is worth, and the first cause to look at."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from free_run import TRUTH, arm, recorded, write_free_run
+from small_run import empty_plots
+
+from hil.results.model import Model
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+    from command_line import Hil
+
+
+def test_a_good_estimate_begins_with_that_word(hil: Hil, tmp_path: Path) -> None:
+    run = write_free_run(tmp_path / "run", arm(), recorded(arm(), TRUTH, n=3, duration=12.0))
+    status, out, _ = hil("identify", run.path)
+    method, first, *_ = out.splitlines()
+    assert (status, method.split(":")[0], first.split(":")[0]) == (0, "free motion method", "good")
+    kept = Model.load(run.path).outcome
+    assert kept is not None
+    assert str(kept) == first
+
+
+def test_a_wrong_sign_is_the_first_thing_that_identify_and_report_state(
+    hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    empty_plots(monkeypatch)
+    data = recorded(arm(), TRUTH, n=3, duration=12.0)
+    wrong = [(m, replace(r, tau=r.tau * np.array([-1.0, 1.0]))) for m, r in data]
+    run = write_free_run(tmp_path / "run", arm(), wrong)
+    assert "failed: axis 1: its torque has the wrong sign" in hil("identify", run.path)[1]
+    assert hil("report", run.path)[0] == 0
+    page = (run.path / "report.html").read_text(encoding="utf-8")
+    assert page.index('class="outcome failed"') < page.index('class="verdict"')

@@ -1,0 +1,52 @@
+"""What other laws of friction and dead zones would have found counts in the covariance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import COULOMB, TRUTH, arm, recorded
+
+from hil.estimation.free_motion.accumulation import accumulate, division
+from hil.estimation.free_motion.alternatives import covariance_of_choices
+from hil.estimation.free_motion.choice import choose
+from hil.estimation.free_motion.friction_terms import COLUMNS
+from hil.estimation.free_motion.settings import processing_of
+from hil.estimation.free_motion.survey import survey
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+N_BASE = len(TRUTH)
+
+
+def covariance(friction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Of the arm's unknowns from one choice to another."""
+    robot, data = arm(), recorded(arm(), TRUTH, friction, noise=0.05)
+    found = survey(data)
+    processing, _ = processing_of(found)
+    divided = division(processing, found.stretches, found.duration)
+    products = accumulate(robot, (each for _, each in data), processing, divided, np.zeros(N_BASE))
+    return covariance_of_choices(products, choose(products))
+
+
+@pytest.fixture(scope="module")
+def strange() -> np.ndarray:
+    """With a friction that no law holds."""
+    return covariance(
+        lambda qd: COULOMB * np.sign(qd) * (1 + 0.6 * np.exp(-((qd / 0.15) ** 2))) + np.sin(6 * qd)
+    )
+
+
+def test_laws_that_all_hold_agree_and_others_do_not(strange: np.ndarray) -> None:
+    simple = covariance(lambda qd: COULOMB * np.sign(qd) + 2.0 * qd)
+    assert (np.diag(simple)[:N_BASE] < 0.2 * np.diag(strange)[:N_BASE]).all()
+
+
+def test_it_is_a_covariance_of_what_all_laws_have(strange: np.ndarray) -> None:
+    assert np.linalg.eigvalsh(strange).min() > -1e-12
+    of_friction = np.diag(strange)[N_BASE:].reshape(-1, len(COLUMNS))
+    offset = COLUMNS.index("offset")
+    assert (of_friction[:, offset] > 0).all()
+    assert not np.delete(of_friction, offset, axis=1).any()

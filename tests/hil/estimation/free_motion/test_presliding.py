@@ -1,0 +1,100 @@
+"""Friction after a reversal: its direction follows over a distance, which the motion shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from free_run import COULOMB, PERIOD, TRUTH, VISCOUS, arm, recorded, some_motion
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.estimation.free_motion.bristles import are_successive, friction_direction
+from hil.estimation.friction_law import FrictionLaw, friction_torque
+from hil.estimation.identify import estimate
+
+DISTANCE = 2e-3
+"""Of the arm's friction [rad]."""
+
+
+@given(
+    steps=st.lists(st.floats(-0.02, 0.02), min_size=1, max_size=40),
+    distance=st.floats(1e-3, 1.0),
+)
+def test_the_direction_is_the_solution_of_dahls_equation(
+    steps: list[float], distance: float
+) -> None:
+    q = np.append(0.0, np.cumsum(steps))
+    z = 0.0
+    for k, step in enumerate(np.diff(q)):
+        # many small steps of Euler's method between two samples
+        for _ in range(400):
+            z += abs(step) / 400 * (np.sign(step) - z) / distance
+        assert friction_direction(q, distance)[k + 1] == pytest.approx(z, abs=0.02)
+
+
+def test_far_from_reversals_it_is_the_sign_of_the_velocity() -> None:
+    q = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)[1:]])
+    z = friction_direction(q, 1e-4)
+    assert z[1:50] == pytest.approx(1.0)
+    assert z[50:] == pytest.approx(-1.0)
+
+
+def test_an_axis_that_stands_still_has_no_direction() -> None:
+    assert not friction_direction(np.full(20, 0.7), 1e-3).any()
+
+
+def test_rows_are_successive_where_positions_change_as_velocities_say() -> None:
+    q, qd, _ = some_motion(PERIOD * np.arange(500))
+    assert are_successive(q, qd)
+    order = np.random.default_rng(0).permutation(500)
+    assert not are_successive(q[order], qd[order])
+    assert not are_successive(q[:1], qd[:1])
+
+
+def with_presliding() -> list:
+    """Recordings of small motions whose friction follows over `DISTANCE`."""
+    data = recorded(arm(), TRUTH, lambda qd: VISCOUS * qd, noise=0.1)
+    slow = []
+    for motion, each in data:
+        z = np.column_stack([friction_direction(x, DISTANCE) for x in each.q.T])
+        slow.append((motion, replace(each, tau=each.tau + COULOMB * z)))
+    return slow
+
+
+def test_the_distance_is_found_and_inertia_no_longer_takes_its_place() -> None:
+    data = with_presliding()
+    found, plain = (
+        estimate(arm(), data, name) for name in ("free motion", "weighted least squares")
+    )
+    assert found.free is not None
+    assert plain.free is not None
+    for axis in found.free.axes:
+        assert axis.presliding == pytest.approx(DISTANCE, rel=0.25)
+    assert found.free.overall_residual < 0.7 * plain.free.overall_residual
+    error, of_plain = (np.linalg.norm(each.p - TRUTH) for each in (found, plain))
+    assert error < 0.5 * of_plain
+
+
+def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
+    found = estimate(arm(), recorded(arm(), TRUTH), "free motion").free
+    assert found is not None
+    for axis in found.axes:
+        assert axis.presliding < 1e-3 * axis.speed
+        assert (axis.bend.standard_error > 0) == (axis.presliding > 0)
+
+
+def test_torques_follow_the_way_where_rows_are_samples_of_a_motion() -> None:
+    found = estimate(arm(), with_presliding(), "free motion").free
+    assert found is not None
+    law = FrictionLaw.of_free_motions(found)
+    q, qd, _ = some_motion(PERIOD * np.arange(500))
+    load = np.zeros_like(q)
+    in_order = friction_torque(arm(), law, q, qd, load)
+    alone = np.array(
+        [friction_torque(arm(), law, *row, np.zeros(2)) for row in zip(q, qd, strict=True)]
+    )
+    reversed_lately = np.abs(qd) < 0.02
+    assert np.abs(in_order - alone)[reversed_lately].max() > 0.5 * COULOMB.min()
+    assert in_order[np.abs(qd) > 0.5] == pytest.approx(alone[np.abs(qd) > 0.5], rel=0.05, abs=0.2)
