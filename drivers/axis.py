@@ -90,6 +90,14 @@ class AxisScale:
         """Acceleration in the drive's unit (6083..6085), never above the one asked for."""
         return _floor(acceleration / self.acceleration)
 
+    def velocity_offset_to_counts(self, velocity: Number) -> Number:
+        """Joint velocity in the drive's unit and direction (60B1), not rounded."""
+        return velocity / math.copysign(self.velocity, self.position)
+
+    def torque_offset_to_counts(self, torque: Number) -> Number:
+        """Joint torque in per mille of rated torque, in the drive's direction (60B2), unrounded."""
+        return torque / math.copysign(self.torque_limit, self.position)
+
     def torque_limit_to_counts(self, torque: float) -> int:
         """Torque limit in per mille of rated torque (6072), never above the one asked for."""
         return _floor(torque / self.torque_limit)

@@ -64,6 +64,8 @@ class CanopenDriveBus:
         Power on also where an axis stands outside its limits, as before homing.
     keeper : SettingsKeeper, optional
         Keeps what the drives hold before they are written to; by default in memory only.
+    feed_forward : bool
+        Set the drives up to take offsets of velocity and torque, for `stream`.
 
     Attributes
     ----------
@@ -83,6 +85,7 @@ class CanopenDriveBus:
         owns_bus: bool = False,
         anywhere: bool = False,
         keeper: SettingsKeeper | None = None,
+        feed_forward: bool = False,
     ) -> None:
         self.notes: tuple[str, ...] = ()
         self._bus = bus
@@ -93,6 +96,7 @@ class CanopenDriveBus:
         self._owns_bus = owns_bus
         self._anywhere = anywhere
         self._keeper = keeper or SettingsKeeper()
+        self._feed_forward = feed_forward
         self._inside = False
         self._connection: Connection | None = None
         self._session: Session | None = None  # the last one, if it has ended
@@ -145,7 +149,13 @@ class CanopenDriveBus:
             raise DriveRefused("the bus has been entered already; leave it first")
         try:
             self._inside, self._session = True, None
-            self._connection = Connection.on(self._bus, self._drives, self._period, self._pacing)
+            self._connection = Connection.on(
+                self._bus,
+                self._drives,
+                self._period,
+                self._pacing,
+                feed_forward=self._feed_forward,
+            )
             self._session = self._configured(self._connection)
             self._session.start()
         except BaseException as error:
@@ -173,9 +183,14 @@ class CanopenDriveBus:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         self._opened().move(moves)
 
-    def stream(self, path: Sequence[Sequence[float]]) -> None:
+    def stream(
+        self,
+        path: Sequence[Sequence[float]],
+        velocity: Sequence[Sequence[float]] | None = None,
+        torque: Sequence[Sequence[float]] | None = None,
+    ) -> None:
         """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
-        self._opened().stream(path)
+        self._opened().stream(path, velocity, torque)
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
@@ -224,6 +239,7 @@ class CanopenDriveBus:
             limits,
             self._note,
             anywhere=self._anywhere,
+            feed_forward=self._feed_forward,
         )
 
     def _note(self, notes: Iterable[str]) -> None:

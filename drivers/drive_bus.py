@@ -223,7 +223,12 @@ class DriveBus(Protocol):
 class StreamingBus(DriveBus, Protocol):
     """A `DriveBus` whose axes also follow set-points that the master sends at every SYNC."""
 
-    def stream(self, path: Sequence[Sequence[float]]) -> None:
+    def stream(
+        self,
+        path: Sequence[Sequence[float]],
+        velocity: Sequence[Sequence[float]] | None = None,
+        torque: Sequence[Sequence[float]] | None = None,
+    ) -> None:
         """Begin to send a path of set-points, the next of which goes out with every `sample`.
 
         The whole path is checked before any set-point is sent; some SYNCs may pass while the drives
@@ -234,11 +239,17 @@ class StreamingBus(DriveBus, Protocol):
         ----------
         path : array_like, shape (n, n_axes)
             A set-point of each axis every `period`, beginning where the axes stand [rad or m].
+        velocity, torque : array_like, shape (n, n_axes), optional
+            What is fed forward with each set-point and counts until the next [rad/s or m/s], [N m
+            or N]; zero at both ends, for at rest the loops hold the axes by themselves. Where
+            either is given drives feed nothing forward by themselves, and what is left out is
+            zero. A stop or halt takes both back.
 
         Raises
         ------
         LimitExceeded
-            The path leaves the limits, or does not begin where the axes stand.
+            The path leaves the limits, or does not begin where the axes stand; what is fed forward
+            is beyond the limits or does not begin and end with zero.
         DriveRefused
-            A drive has no mode for it.
+            A drive has no mode for it, or was not set up to take what is fed forward.
         """

@@ -131,6 +131,15 @@ class ProcessData(Protocol):
     def command(self, axis: int, target: int, controlword: int) -> None:
         """Send target position [increments] and controlword to one axis."""
 
+    def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
+        """Send offsets of velocity [the drive's unit] and torque [per mille of rated] to one axis.
+
+        They count until the next ones; only for drives that were set up to take them.
+        """
+
+    def withdraw(self, axis: int) -> None:
+        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
+
     def sync(self) -> float:
         """Send the next SYNC when it is due and collect its answers; return its instant [s].
 

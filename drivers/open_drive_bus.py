@@ -25,6 +25,8 @@ def open_drive_bus(
     pacing: PacingName = "auto",
     frame_log: Path | None = None,
     keeper: SettingsKeeper | None = None,
+    *,
+    feed_forward: bool = False,
 ) -> CanopenDriveBus:
     """Open a python-can bus and put a `CanopenDriveBus` on it, which shuts it down when left.
 
@@ -41,6 +43,7 @@ def open_drive_bus(
     frame_log : path, optional
         Where to log all frames (see `drivers.can_bus.frame_log`).
     keeper : SettingsKeeper, optional
+    feed_forward : bool
         See `CanopenDriveBus`.
 
     Raises
@@ -55,7 +58,14 @@ def open_drive_bus(
     if frame_log is not None:
         bus = logged(bus, frame_log)
     try:
-        return CanopenDriveBus(bus, drives, pacing=pacing, owns_bus=True, keeper=keeper)
+        return CanopenDriveBus(
+            bus,
+            drives,
+            pacing=pacing,
+            owns_bus=True,
+            keeper=keeper,
+            feed_forward=feed_forward,
+        )
     except BaseException:
         bus.shutdown()
         raise

@@ -79,6 +79,12 @@ class Axis(Protocol):
     def follow(self, target: float, period: float) -> None:
         """Lead the demand towards `target` [inc] over `period` [s], one of a stream."""
 
+    def feed_forward(self, velocity: float, torque: float) -> None:
+        """Add to the commands of velocity [inc/s] and of torque [per mille of rated]."""
+
+    def withhold(self, share: float) -> None:
+        """Feed forward this much less of the demand's velocity, 0 to 1."""
+
     def hold(self) -> None:
         """Freeze the demand at the present measured position (stop at the current limit)."""
 

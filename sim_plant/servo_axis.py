@@ -92,6 +92,15 @@ class ServoAxis:
         profile_generator.load(self._profile, self._clock(), segments, None)
         self._moving()
 
+    def feed_forward(self, velocity: float, torque: float) -> None:
+        """Add to the commands of velocity [inc/s] and of torque [per mille of rated]."""
+        self._profile[st.VELOCITY_OFFSET] = velocity / self._scale
+        self._profile[st.TORQUE_OFFSET] = torque * self._const[st.TORQUE_PER_MILLE]
+
+    def withhold(self, share: float) -> None:
+        """Feed forward this much less of the demand's velocity, 0 to 1."""
+        self._profile[st.WITHHELD] = share
+
     def hold(self) -> None:
         """Freeze the demand at the present measured position."""
         self._profile[st.DEMAND], self._profile[st.DEMAND_V] = self._state[st.Q], 0.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen.frame_length import frame_bits
-from drivers.canopen.pdo_mapping import received, transmitted
+from drivers.canopen.pdo_mapping import fed_forward, received, transmitted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,6 +27,7 @@ def cycle_time(
     sent: Sequence[Sequence[Pdo]] | None = None,
     *,
     streamed: bool = False,
+    feed_forward: bool = False,
 ) -> float:
     """How long SYNC and all that belongs to it occupy the bus [s].
 
@@ -38,11 +39,15 @@ def cycle_time(
         The TPDOs of each axis; by default those that we would have.
     streamed : bool
         Whether each axis gets a set-point in every cycle too.
+    feed_forward : bool
+        Whether each axis gets offsets of velocity and torque too.
     """
     pdos = [transmitted(axis) for axis in drives.axes] if sent is None else sent
     sizes = [pdo.size for own in pdos for pdo in own]
     if streamed:
         sizes += [received(axis).size for axis in drives.axes]
+    if feed_forward:
+        sizes += [fed_forward(axis).size for axis in drives.axes]
     return time_on_bus(sizes, drives.bitrate)
 
 

@@ -47,6 +47,8 @@ class Communication:
         TPDOs that we do not use and that go on.
     guarded : bool
         It watches our guarding requests instead of our heartbeat.
+    feed_forward : bool
+        It is to take offsets of velocity and torque.
     """
 
     label: str
@@ -55,11 +57,13 @@ class Communication:
     emergency: int | None
     others: tuple[OtherTpdo, ...] = field(default=())
     guarded: bool = False
+    feed_forward: bool = False
 
     @classmethod
-    def predefined(cls, axis: AxisDrive, label: str) -> Self:
+    def predefined(cls, axis: AxisDrive, label: str, *, feed_forward: bool = False) -> Self:
         """Return what a drive does whose communication is as we write it."""
-        return cls(label, axis.node, transmitted(axis), 0x80 + axis.node)
+        node = axis.node
+        return cls(label, node, transmitted(axis), 0x80 + node, feed_forward=feed_forward)
 
     def claims(self) -> Iterator[tuple[int, str]]:
         """Yield the identifiers that it uses, and for what."""

@@ -101,6 +101,12 @@ def received(axis: AxisDrive) -> Pdo:
     return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, RPDO_TYPES, COMMAND)
 
 
+def fed_forward(axis: AxisDrive) -> Pdo:
+    """Return the RPDO that carries what is fed forward, sent before the target of its cycle."""
+    offsets = objects.OFFSETS
+    return Pdo("RPDO 2", 0x1401, 0x1601, 0x300 + axis.node, ON_EVENT, RPDO_TYPES, offsets)
+
+
 def mapping_word(entry: Entry) -> int:
     """Return how a mapping names an object: index, sub-index and length in bits."""
     return entry.index << 16 | entry.subindex << 8 | int(entry.type[1:])

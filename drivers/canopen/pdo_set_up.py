@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from drivers.canopen.pdo_mapping import (
     arrangements,
+    fed_forward,
     mapped,
     mapping_count,
     mapping_slot,
@@ -68,9 +69,18 @@ class _Unsuitable(DriveRefused):
 
 
 def set_up_pdos(
-    server: RemoteDictionary, axis: AxisDrive
+    server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool = False
 ) -> tuple[tuple[Pdo, ...], tuple[OtherTpdo, ...]]:
     """Map and switch on what we use, switch off the drive's other TPDOs.
+
+    Parameters
+    ----------
+    server : RemoteDictionary
+        The drive's object dictionary.
+    axis : AxisDrive
+        What the drives file states.
+    feed_forward : bool
+        RPDO 2 carries the offsets of velocity and torque.
 
     Returns
     -------
@@ -87,6 +97,8 @@ def set_up_pdos(
     sent = _set_up_sending(server, axis)
     _compare(server, axis, sent)
     _set_up(server, received(axis))
+    if feed_forward:
+        _set_up_offsets(server, fed_forward(axis))
     others = [_switch_off(server, number) for number in range(len(sent), PDOS)]
     return sent, tuple(other for other in others if other is not None)
 
@@ -103,6 +115,16 @@ def _set_up_sending(server: RemoteDictionary, axis: AxisDrive) -> tuple[Pdo, ...
         if not rest or not _carries(server, rest[0][-1]):
             raise
     return tuple(_set_up(server, pdo) for pdo in rest[0])
+
+
+def _set_up_offsets(server: RemoteDictionary, pdo: Pdo) -> None:
+    for entry in pdo.entries:
+        if server.find(entry) is None:
+            raise DriveRefused(
+                f"{server.label}: no object {entry}, so nothing can be fed forward to it; stream"
+                " without feed-forward (hil run), or use a drive or firmware that has it"
+            )
+    _set_up(server, pdo)
 
 
 def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:

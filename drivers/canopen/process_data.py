@@ -21,7 +21,7 @@ import can
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.can_bus.frame_block import FrameBlock, messages, unpacking
 from drivers.canopen.network import SEND_ATTEMPTS
-from drivers.canopen.pdo_mapping import current_entry, received, transmitted
+from drivers.canopen.pdo_mapping import current_entry, fed_forward, received, transmitted
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.drive_bus import DriveError, SampleFlag
 
@@ -46,6 +46,7 @@ DOUBT = 5
 """SYNCs with one answer each after which a TPDO that is owed counts as lost."""
 
 _COMMAND = struct.Struct("<iH")
+_OFFSETS = struct.Struct("<ih")
 _CODES = {"u16": "H", "i16": "h", "i32": "i"}
 """Types of what is read; bytes of other types are skipped."""
 _NOTHING: Iterator[can.Message] = iter(())
@@ -63,6 +64,8 @@ class SyncProcessData:
         In joint order.
     clock : SyncClock
         Where SYNC's time comes from.
+    feed_forward : bool
+        The drives take offsets of velocity and torque.
 
     Attributes
     ----------
@@ -77,13 +80,21 @@ class SyncProcessData:
         The last SYNC's instant [s].
     """
 
-    def __init__(self, network: PumpedNetwork, axes: Sequence[AxisDrive], clock: SyncClock) -> None:
+    def __init__(
+        self,
+        network: PumpedNetwork,
+        axes: Sequence[AxisDrive],
+        clock: SyncClock,
+        *,
+        feed_forward: bool = False,
+    ) -> None:
         self._network = network
         self._clock = clock
         self._synchronous = clock.synchronous
         self._receive = network.channel.recv
         self._blocks = capabilities_of(network.channel).blocks
         self._commands = [received(drive).cob_id for drive in axes]
+        self._offsets = [fed_forward(drive).cob_id for drive in axes] if feed_forward else []
         self._wanted = [(STATUSWORD, POSITION, current_entry(drive)) for drive in axes]
         self._slots: dict[int, int] = {}
         self._regular = (0,) * len(axes)
@@ -130,6 +141,15 @@ class SyncProcessData:
     def command(self, axis: int, target: int, controlword: int) -> None:
         """Send target position [increments] and controlword to one axis."""
         self._network.send_message(self._commands[axis], _COMMAND.pack(target, controlword))
+
+    def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis."""
+        self._network.send_message(self._offsets[axis], _OFFSETS.pack(velocity, torque))
+
+    def withdraw(self, axis: int) -> None:
+        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
+        if self._offsets:
+            self.feed_forward(axis, 0, 0)
 
     def sync(self) -> float:
         """Send the next SYNC when it is due and collect its answers; return its instant [s].

@@ -7,8 +7,12 @@ concluded from an object of another vendor at the same place.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drivers.fieldbus import Entry
+
+if TYPE_CHECKING:
+    from drivers.drives_file import AxisDrive
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,3 +65,14 @@ MAKERS = {
     )
 }
 """By vendor."""
+
+VELOCITY_FEED_FORWARDS = {
+    0x4D2: Entry(0x2010, 0, "u16", "velocity feed-forward of the position loop"),  # the plant's
+}
+"""By vendor: how much of a demand's velocity the drive feeds forward by itself, 0 for nothing."""
+
+
+def own_feed_forward(axis: AxisDrive) -> tuple[Entry, ...]:
+    """Return the object of a drive's own feed-forward, which ours would double; none if unknown."""
+    own = VELOCITY_FEED_FORWARDS.get(axis.identity.vendor)
+    return () if own is None else (own,)

@@ -7,6 +7,10 @@ that follows it at once stays where it is. When a stream has ended its last set-
 for many drives fault when their set-points stay out, until `CyclicPosition.leave` changes the mode
 back.
 
+Velocity and torque may be fed forward with each set-point (`drivers.cia402.feed_forward`). They go
+out before the target of the same cycle. Offsets that an earlier master left behind are set to zero
+before the mode is entered.
+
 Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
 of `drivers.safety.trips` moves along with the stream.
 """
@@ -20,8 +24,10 @@ import numpy as np
 
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
+from drivers.cia402.feed_forward import FeedForward
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import MODE_TIME, Mode
+from drivers.cia402.stop import STOP_MARGIN
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:
@@ -30,7 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import Objects, ProcessData
+    from drivers.fieldbus import Entry, Objects, ProcessData
     from drivers.safety.trips import Trips
 
 DELAY = 5
@@ -56,6 +62,8 @@ class CyclicPosition:
         Time between two SYNCs [s].
     cycle : callable
         Lets one SYNC pass under supervision.
+    own : sequence of sequence of Entry
+        The objects of each drive's own feed-forward; none where unknown.
 
     Attributes
     ----------
@@ -73,6 +81,7 @@ class CyclicPosition:
         trips: Trips,
         period: float,
         cycle: Callable[[], object],
+        own: Sequence[Sequence[Entry]] = (),
     ) -> None:
         self.cyclic = self.moving = False
         self._process_data = process_data
@@ -84,13 +93,23 @@ class CyclicPosition:
         self._cycle = cycle
         self._next = 0
         self._points: list[list[int]] = []
+        self._feed_forward = FeedForward(process_data, servers, own)
 
-    def begin(self, path: NDArray[np.float64]) -> None:
-        """Send set-points, shape (n, n_axes) [rad or m], that have passed their checks."""
+    def begin(self, path: NDArray[np.float64], offsets: NDArray[np.int64] | None = None) -> None:
+        """Send set-points that have passed their checks, and what is fed forward with each.
+
+        Parameters
+        ----------
+        path : ndarray, shape (n, n_axes)
+            [rad or m].
+        offsets : ndarray, shape (n, n_axes, 2), optional
+            See `drivers.cia402.feed_forward.FeedForward.begin`.
+        """
         columns = zip(self._scales, path.T, strict=True)
         points = np.column_stack([np.rint(q / s.position).astype(int) + s.zero for s, q in columns])
         if not self.cyclic:
             self._enter(points[0].tolist())
+        self._feed_forward.begin(offsets)
         windows = np.array(
             [
                 round(axis.following_error_window / abs(scale.position))
@@ -127,9 +146,35 @@ class CyclicPosition:
         steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
         return max(steps, default=0) * abs(self._scales[axis].position) / self._period
 
+    def halt(self, decelerations: Sequence[float]) -> None:
+        """Send nothing more and let the axes go on as far as a halt takes them.
+
+        Parameters
+        ----------
+        decelerations : sequence of float, length n_axes
+            Of the ramps by which the drives halt [rad/s^2 or m/s^2].
+        """
+        for axis, (scale, deceleration) in enumerate(zip(self._scales, decelerations, strict=True)):
+            speed = self.velocity(axis)
+            if self.moving and speed:
+                here = self._process_data.positions[axis]
+                way = STOP_MARGIN * speed**2 / (2 * deceleration)
+                target = scale.position_from_counts(here) + self._direction(axis) * way
+                self._trips.expect(axis, here, target, moving=True)
+        self.withdraw()
+        self.abandon()
+
     def abandon(self) -> None:
         """Send nothing more; the drives stay in their mode."""
         self._points, self._next, self.moving = [], 0, False
+
+    def withdraw(self) -> None:
+        """Take back what is fed forward."""
+        self._feed_forward.withdraw()
+
+    def give_back(self) -> None:
+        """Let drives feed forward by themselves, as for a ramp of their own."""
+        self._feed_forward.give_back()
 
     def leave(self) -> None:
         """Change back to profile position, where the axes rest.
@@ -139,11 +184,18 @@ class CyclicPosition:
         DriveRefused
             A drive does not change its mode.
         """
+        self.withdraw()
+        self.give_back()
         self.abandon()
         for axis, position in enumerate(self._process_data.positions):
             self._process_data.command(axis, position, ENABLED)
         self._change(Mode.PROFILE_POSITION)
         self.cyclic = False
+
+    def _direction(self, axis: int) -> float:
+        """Sign of the velocity with which the stream leads an axis."""
+        first, last = self._points[max(0, self._next - DELAY - 1)], self._points[self._next - 1]
+        return float(np.sign((last[axis] - first[axis]) * self._scales[axis].position))
 
     def _enter(self, points: Sequence[int]) -> None:
         for server in self._servers:
@@ -155,6 +207,9 @@ class CyclicPosition:
                     " of strokes instead, or use a drive or firmware that has it"
                 )
             self._set_interpolation(server)
+            for entry in objects.OFFSETS:
+                if server.find(entry):
+                    server.put(entry, 0)
         for axis, point in enumerate(points):
             self._process_data.command(axis, point, ENABLED)
         self._change(Mode.CYCLIC_POSITION)
@@ -187,12 +242,14 @@ class CyclicPosition:
         number = self._next
         self._next = number + 1
         for axis, target in enumerate(self._points[number]):
+            self._feed_forward.send(number, axis)
             self._process_data.command(axis, target, ENABLED)
         self._trips.follow(self._lows[number], self._highs[number])
 
     def _repeat(self) -> None:
         if self._points:
             for axis, target in enumerate(self._points[-1]):
+                self._feed_forward.send(len(self._points), axis)
                 self._process_data.command(axis, target, ENABLED)
 
     def _settle(self) -> MoveFailed | None:

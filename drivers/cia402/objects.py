@@ -56,6 +56,8 @@ HOMING_ACCELERATION = Entry(0x609A, 0, "u32", "homing acceleration")
 POSITION_UNIT = Entry(0x60A8, 0, "u32", "SI unit position")
 VELOCITY_UNIT = Entry(0x60A9, 0, "u32", "SI unit velocity")
 ACCELERATION_UNIT = Entry(0x60AA, 0, "u32", "SI unit acceleration")
+VELOCITY_OFFSET = Entry(0x60B1, 0, "i32", "velocity offset")
+TORQUE_OFFSET = Entry(0x60B2, 0, "i16", "torque offset")
 INTERPOLATION_PERIOD = Entry(0x60C2, 1, "u8", "interpolation time period")
 INTERPOLATION_POWER = Entry(0x60C2, 2, "i8", "interpolation time index")
 MAX_ACCELERATION = Entry(0x60C5, 0, "u32", "max acceleration")
@@ -65,5 +67,7 @@ SUPPORTED_MODES = Entry(0x6502, 0, "u32", "supported drive modes")
 
 INTERPOLATION = (INTERPOLATION_PERIOD, INTERPOLATION_POWER)
 """Written where a path is streamed."""
+OFFSETS = (VELOCITY_OFFSET, TORQUE_OFFSET)
+"""Sent beside set-points where velocity and torque are fed forward."""
 HOMING = (HOMING_METHOD, HOME_OFFSET, HOMING_SPEED, HOMING_CREEP, HOMING_ACCELERATION)
 """Written where a drive homes."""

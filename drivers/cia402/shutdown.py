@@ -2,6 +2,7 @@
 
 Every SYNC each axis that does not yet show that it obeys is commanded again
 (`drivers.cia402.stop`), and a command that the bus does not take keeps no other from being sent.
+Before each of them what is fed forward to the axis is taken back.
 All that come to rest wait for their brakes (`drivers_file.AxisDrive.brake_delay`), then their
 voltage is disabled; an axis that runs on is switched off at once. If a drive shows that even this
 has no effect, or if nobody can know, our heartbeat ceases, so that the drives' own watchdogs end
@@ -228,6 +229,8 @@ class Shutdown:
                 self._command(axis, stop, command)
 
     def _command(self, axis: int, stop: AxisStop, command: Command) -> None:
+        with suppress(Exception):  # the command itself shows whether the bus takes anything
+            self._process_data.withdraw(axis)
         try:
             for word in command.value:
                 self._process_data.command(axis, self._process_data.positions[axis], word)

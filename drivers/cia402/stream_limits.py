@@ -75,6 +75,72 @@ def check_path(
             _check_range(place, what, values, (low, high), unit + per, period, whose)
 
 
+def check_feed_forward(
+    path: Array,
+    velocity: Array,
+    torque: Array,
+    axes: Sequence[AxisDrive],
+    period: float,
+    own: Sequence[Mapping[str, str]] = (),
+) -> None:
+    """Refuse what is fed forward beyond the limits, or without beginning and ending with zero.
+
+    Parameters
+    ----------
+    path, velocity, torque : ndarray, shape (n, n_axes)
+        Set-points, and what goes with each [rad or m], [rad/s or m/s], [N m or N].
+    axes, period, own
+        See `check_path`.
+
+    Raises
+    ------
+    LimitExceeded
+        With axis, instant, value, bound and remedy.
+    """
+    for what, values in (("velocity", velocity), ("torque", torque)):
+        if values.shape != path.shape:
+            raise LimitExceeded(
+                f"{what} fed forward, of shape {values.shape}, must have the shape {path.shape} of"
+                " the path; give one for each set-point"
+            )
+    for number, axis in enumerate(axes):
+        place, whose = f"joint {number + 1} ({axis.name})", own[number] if own else NONE
+        for what, values, limit, unit in (
+            ("velocity", velocity[:, number], axis.limits.velocity, f"{axis.unit}/s"),
+            ("torque", torque[:, number], axis.limits.torque, axis.effort_unit),
+        ):
+            _check_fed_range(place, what, values, limit, unit, period, whose)
+            _check_ends(place, what, values, limit, unit)
+
+
+def _check_fed_range(
+    place: str,
+    what: str,
+    values: Array,
+    limit: float,
+    unit: str,
+    period: float,
+    own: Mapping[str, str],
+) -> None:
+    outside = np.flatnonzero(~(np.abs(values) <= limit * (1 + ROUNDING)))
+    if outside.size:
+        first = int(outside[0])
+        raise LimitExceeded(
+            f"{place}: {what} {values[first]:.5g} {unit} fed forward after {first * period:.3g} s"
+            f" of the path must be in [{-limit:.5g}, {limit:.5g}] {unit}; plan a slower motion,"
+            f" check the model that it comes from, or {where_to_widen(own, what)}"
+        )
+
+
+def _check_ends(place: str, what: str, values: Array, limit: float, unit: str) -> None:
+    for end, value in (("begins", values[0]), ("ends", values[-1])):
+        if abs(value) > limit * ROUNDING:
+            raise LimitExceeded(
+                f"{place}: {what} fed forward {end} with {value:.5g} {unit}, it must be zero where"
+                " the axes rest and their loops hold them; feed forward what the motion adds"
+            )
+
+
 def _about(limit: float) -> tuple[float, float]:
     return -limit * (1 + ROUNDING), limit * (1 + ROUNDING)
 

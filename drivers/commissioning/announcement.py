@@ -17,6 +17,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 from drivers.canopen.communication import Communication
 from drivers.canopen.pdo_mapping import arrangements, mapping_count
 from drivers.canopen.pdo_set_up import set_up_pdos
+from drivers.canopen.vendor_objects import own_feed_forward
 from drivers.cia402 import objects
 from drivers.commissioning.configure import check_identity, commission
 from drivers.commissioning.consistency import compare_statements
@@ -99,6 +100,8 @@ def announce(
     period: float,
     find: Callable[[Entry], int | None] | None = None,
     later: Sequence[Entry] = (),
+    *,
+    feed_forward: bool = False,
 ) -> Announcement:
     """Find out what start-up will write to a drive; nothing is written.
 
@@ -114,6 +117,8 @@ def announce(
         What an object held before any of our writes; by default what it holds.
     later : sequence of Entry
         What will be written after start-up beside `LATER`.
+    feed_forward : bool
+        Velocity and torque will be fed forward.
 
     Raises
     ------
@@ -124,15 +129,16 @@ def announce(
     usual = _Rehearsal(server, _Layer)
     compare_statements(usual.shown, axis)  # a limit in a wrong unit says nothing
     limits = effective_limits(find or server.find, axis, server.label)
-    communication = Communication.predefined(axis, server.label)
+    communication = Communication.predefined(axis, server.label, feed_forward=feed_forward)
     commission(usual.shown, axis, drives, period, lambda holds, _: holds(), limits, communication)
-    for entry in (*LATER, *later):
+    own = own_feed_forward(axis) if feed_forward else ()
+    for entry in (*LATER, *later, *own):
         usual.found.update(before(usual.shown, entry))
     changes = list(usual.changes())
     if FURTHEST in usual.written and len(arrangements(axis)) > 1:
         shorter = _Rehearsal(server, usual.layer.shorter)
         with suppress(DriveRefused):  # without it there is no other arrangement
-            set_up_pdos(shorter.shown, axis)
+            set_up_pdos(shorter.shown, axis, feed_forward=feed_forward)
             changes += [each.only(IF_SHORT) for each in shorter.changes(besides=usual.written)]
         usual.found.update({e: v for e, v in shorter.found.items() if e not in usual.found})
     return Announcement(limits, usual.found, tuple(changes))

@@ -80,19 +80,22 @@ def check_and_configure(
     """
     keeper.open(drives)
     pairs = list(zip(servers, drives.axes, strict=True))
+    at = {server.node: place for place, server in enumerate(servers)}
 
     def look(server: RemoteDictionary, axis: AxisDrive) -> Announcement:
         server.enter_pre_operational()
         power.make_safe(server, reset_fault=reset_faults)
         held = partial(keeper.found, server)
-        announcement = announce(server, axis, drives, period, held, keeper.later)
+        feeds = communications[at[server.node]].feed_forward
+        announcement = announce(
+            server, axis, drives, period, held, keeper.later, feed_forward=feeds
+        )
         planned = {change.entry: change.value for change in announcement.changes}
         keeper.take(server, axis, announcement.found, planned)
         return announcement
 
     expected = tuple(each.limits for each in _all(look, pairs))
     keeper.announced(servers)
-    at = {server.node: place for place, server in enumerate(servers)}
 
     def configure(server: RemoteDictionary, axis: AxisDrive) -> tuple[AxisInfo, EffectiveLimits]:
         place = at[server.node]

@@ -44,7 +44,9 @@ def set_up_communication(
         Why the drive cannot take part.
     """
     _set_up_sync(server, period)
-    communication.transmitted, communication.others = set_up_pdos(server, axis)
+    communication.transmitted, communication.others = set_up_pdos(
+        server, axis, feed_forward=communication.feed_forward
+    )
     _note_others(server, communication.others, drives.bitrate, period)
     communication.emergency = _find_emergency(server)
     communication.guarded = set_up_watch(server, axis, drives)

@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from checked_files.yaml_file import FileModel, load_yaml
 from drivers.canopen import objects as cia301
+from drivers.canopen.vendor_objects import VELOCITY_FEED_FORWARDS
 from drivers.cia402 import objects
 from drivers.commissioning.requirement import Use
 from drivers.commissioning.requirements import REQUIREMENTS
@@ -43,6 +44,7 @@ SETTINGS = frozenset(
         *(row.entry.index for row in _SET),
         *_PDOS,
         *(entry.index for entry in (*objects.HOMING, *objects.INTERPOLATION)),
+        *(entry.index for entry in VELOCITY_FEED_FORWARDS.values()),
     }
 )
 """Index of every object that start-up, motions, streaming or homing write, beside commands."""

@@ -73,7 +73,15 @@ class Connection:
     written: list[RemoteDictionary] = field(default_factory=list)
 
     @classmethod
-    def on(cls, bus: can.BusABC, drives: DrivesFile, period: float, pacing: PacingName) -> Self:
+    def on(
+        cls,
+        bus: can.BusABC,
+        drives: DrivesFile,
+        period: float,
+        pacing: PacingName,
+        *,
+        feed_forward: bool = False,
+    ) -> Self:
         """Build everything on an open bus, or nothing.
 
         Parameters
@@ -85,20 +93,30 @@ class Connection:
             Time between two SYNCs [s].
         pacing : {"auto", "lock-step", "wall-clock"}
             See `drivers.canopen.sync_clock.choose_sync_clock`.
+        feed_forward : bool
+            The drives are to take offsets of velocity and torque.
         """
         expected = [cob_id for axis in drives.axes for cob_id in answers(axis)]
         kernel = kernel_sync(bus, pacing, period, expected)
         if kernel is None:
-            return cls._through(bus, None, choose_sync_clock(bus, pacing, period), drives)
+            clock = choose_sync_clock(bus, pacing, period)
+            return cls._through(bus, None, clock, drives, feed_forward=feed_forward)
         try:
-            return cls._through(kernel, kernel, KernelClock(kernel, period), drives)
+            paced = KernelClock(kernel, period)
+            return cls._through(kernel, kernel, paced, drives, feed_forward=feed_forward)
         except BaseException:
             kernel.shutdown()
             raise
 
     @classmethod
     def _through(
-        cls, channel: can.BusABC, kernel: KernelSync | None, clock: SyncClock, drives: DrivesFile
+        cls,
+        channel: can.BusABC,
+        kernel: KernelSync | None,
+        clock: SyncClock,
+        drives: DrivesFile,
+        *,
+        feed_forward: bool,
     ) -> Self:
         network = PumpedNetwork(channel, synchronous=clock.synchronous)
         if kernel is not None:
@@ -108,7 +126,7 @@ class Connection:
             for axis in drives.axes
         )
         supervision = Supervision(servers)
-        process_data = SyncProcessData(network, drives.axes, clock)
+        process_data = SyncProcessData(network, drives.axes, clock, feed_forward=feed_forward)
         heartbeats = Heartbeats(
             network,
             drives.master_node,
@@ -124,7 +142,7 @@ class Connection:
             network=network,
             servers=servers,
             communications=tuple(
-                Communication.predefined(axis, server.label)
+                Communication.predefined(axis, server.label, feed_forward=feed_forward)
                 for axis, server in zip(drives.axes, servers, strict=True)
             ),
             supervision=supervision,

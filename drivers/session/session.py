@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import AxisScale
+from drivers.canopen.vendor_objects import own_feed_forward
 from drivers.cia402.cyclic_position import CyclicPosition
+from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
 from drivers.cia402.set_point_limits import check_move
 from drivers.cia402.states import State
-from drivers.cia402.stream_limits import check_path
-from drivers.drive_bus import DriveError, MoveFailed, Tripped
+from drivers.cia402.stream_limits import check_feed_forward, check_path
+from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
 from drivers.safety.missing_telegrams import MissingTelegrams
 from drivers.safety.trips import Trips
@@ -29,6 +31,8 @@ from drivers.session.stopping import Stopping
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drive_bus import AxisInfo, Move, Sample
@@ -58,6 +62,8 @@ class Session:
         Takes what the operator should know though it stops nothing.
     anywhere : bool
         Power on also where an axis stands outside its limits.
+    feed_forward : bool
+        The drives were set up to take offsets of velocity and torque.
 
     Attributes
     ----------
@@ -81,6 +87,7 @@ class Session:
         note: Callable[[Iterable[str]], None],
         *,
         anywhere: bool,
+        feed_forward: bool = False,
     ) -> None:
         self.connection = connection
         self.axes = axes
@@ -92,6 +99,7 @@ class Session:
         self._period = period
         self._note = note
         self._anywhere = anywhere
+        self._feed_forward = feed_forward
         self._clock, self._servers = connection.clock, connection.servers
         self._process_data = data = connection.process_data
         self._heartbeats, self._power = connection.heartbeats, connection.power
@@ -104,7 +112,13 @@ class Session:
         self._profile_position = ProfilePosition(data, self._servers, limited, period)
         self._trips = Trips(limited, period)
         self._cyclic_position = CyclicPosition(
-            data, self._servers, limited, self._trips, period, self.follow
+            data,
+            self._servers,
+            limited,
+            self._trips,
+            period,
+            self.follow,
+            [own_feed_forward(axis) for axis in drives.axes],
         )
         self.stopping = Stopping(
             connection, drives, period, limits, self._profile_position, self._cyclic_position
@@ -153,7 +167,12 @@ class Session:
         except DriveError as error:
             self.stopping.fail(error)
 
-    def stream(self, path: Sequence[Sequence[float]]) -> None:
+    def stream(
+        self,
+        path: Sequence[Sequence[float]],
+        velocity: Sequence[Sequence[float]] | None = None,
+        torque: Sequence[Sequence[float]] | None = None,
+    ) -> None:
         """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
         self.stopping.refuse()
         if self._moving:
@@ -162,8 +181,9 @@ class Session:
         points = np.asarray(path, dtype=float)
         own = [limits.own for limits in self.limits]
         check_path(points, self.limited, here, self._period, own)
+        offsets = self._offsets(points, velocity, torque)
         try:
-            self._cyclic_position.begin(points)
+            self._cyclic_position.begin(points, offsets)
         except DriveError as error:
             self.stopping.fail(error)
 
@@ -217,9 +237,12 @@ class Session:
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
         self.stopping.refuse()
-        self._cyclic_position.abandon()
         try:
-            self._profile_position.halt()
+            profile = self._profile_position
+            decelerations = [profile.deceleration(axis) for axis in range(len(self.axes))]
+            self._cyclic_position.halt(decelerations)
+            profile.halt()
+            self._cyclic_position.give_back()
         except DriveError as error:
             self.stopping.fail(error)
 
@@ -246,6 +269,26 @@ class Session:
     @property
     def _moving(self) -> bool:
         return bool(self._profile_position.active) or self._cyclic_position.moving
+
+    def _offsets(
+        self,
+        points: NDArray[np.float64],
+        velocity: Sequence[Sequence[float]] | None,
+        torque: Sequence[Sequence[float]] | None,
+    ) -> NDArray[np.int64] | None:
+        """Return what is fed forward as the drives take it, once it has passed its checks."""
+        if velocity is None and torque is None:
+            return None
+        if not self._feed_forward:
+            raise DriveRefused(
+                "the drives were not set up to take what is fed forward; open the bus with"
+                " feed_forward=True"
+            )
+        v = np.zeros_like(points) if velocity is None else np.asarray(velocity, dtype=float)
+        tau = np.zeros_like(points) if torque is None else np.asarray(torque, dtype=float)
+        own = [limits.own for limits in self.limits]
+        check_feed_forward(points, v, tau, self.limited, self._period, own)
+        return offsets_in_counts(v, tau, self._scales)
 
     def _attend(self, words: tuple[int, ...]) -> None:
         self._words = words

@@ -40,6 +40,10 @@ PANELS = {
     },
     "Run": {
         "run": _Command("measuring", "Measure a plan into a folder; the robot moves."),
+        "track": _Command(
+            "tracking",
+            "Follow trajectories with neither, velocity and both fed forward; the robot moves.",
+        ),
         "import": _Command(
             "importing",
             "Turn recordings of any robot into a run folder; a map states which column is what.",

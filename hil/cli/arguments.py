@@ -32,6 +32,9 @@ RobotName = Annotated[
     str, typer.Argument(help="Name of a robot that comes along, or path of a robot file.")
 ]
 PlanFile = Annotated[Path, typer.Argument(help="Plan as a YAML file.")]
+ModelPath = Annotated[
+    Path, typer.Option("--model", help="Model: its file, or the folder of the run that gave it.")
+]
 NewPlan = Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")]
 RobotOption = Annotated[
     str | None,

@@ -18,7 +18,12 @@ FULL = 8
 
 
 def bus_cycle(
-    plan: Plan, n_axes: int, drives: DrivesFile | None, bitrate: int | None = None
+    plan: Plan,
+    n_axes: int,
+    drives: DrivesFile | None,
+    bitrate: int | None = None,
+    *,
+    feeds: bool = False,
 ) -> BusCycle:
     """What a cycle takes of the bus while `plan` is measured.
 
@@ -30,9 +35,11 @@ def bus_cycle(
         None where none is known: one full TPDO an axis is assumed.
     bitrate : int, optional
         Instead of the drives file's [bit/s].
+    feeds : bool
+        Velocity and torque are fed forward to the drives of the file.
     """
     streamed = any(measurement.streamed for measurement in plan.measurements)
-    set_points = f" and {n_axes} RPDOs" if streamed else ""
+    set_points = f" and {(1 + feeds) * n_axes} RPDOs" if streamed else ""
     if drives is None:
         rate = bitrate or BITRATE
         sizes = [FULL] * n_axes * (2 if streamed else 1)
@@ -42,4 +49,5 @@ def bus_cycle(
         drives = drives.model_copy(update={"bitrate": bitrate})
     count = sum(len(transmitted(axis)) for axis in drives.axes)
     frames = f"SYNC, {count} TPDOs{set_points} by the drives file"
-    return BusCycle(cycle_time(drives, streamed=streamed), drives.bitrate, frames, MAX_LOAD)
+    time = cycle_time(drives, streamed=streamed, feed_forward=feeds)
+    return BusCycle(time, drives.bitrate, frames, MAX_LOAD)

@@ -29,6 +29,9 @@ from hil.runs import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
@@ -119,6 +122,7 @@ def measure(
     how: OnBus,
     resume: bool = False,
     rehearsal: float | None = None,
+    feeding: Callable[[DriveBus], DriveBus] | None = None,
 ) -> None:
     """Measure a plan into a folder.
 
@@ -128,22 +132,37 @@ def measure(
         Names the plan in messages.
     rehearsal : float, optional
         Share of the speed limits, to pass all ways at it instead of measuring.
+    feeding : callable, optional
+        Puts a bus that feeds forward in front of one whose drives take it.
     """
     from drivers.open_drive_bus import open_drive_bus
     from hil.cli import bus_access, drive_settings
     from hil.cli.run_session import carry_out, prepare_folder
     from hil.runs.journal import BusName
 
-    drives, text = _checked_drives(the_plan, the_robot, source, how)
+    feeds = feeding is not None
+    drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.options)
+
+    def bus() -> DriveBus:
+        found = open_drive_bus(
+            drives,
+            how.interface,
+            channel,
+            options,
+            how.pacing.value,
+            how.frame_log,
+            keeper,
+            feed_forward=feeds,
+        )
+        return found if feeding is None else feeding(found)
+
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
         folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
         carry_out(
             folder,
-            lambda: open_drive_bus(
-                drives, how.interface, channel, options, how.pacing.value, how.frame_log, keeper
-            ),
+            bus,
             BusName(how.interface, channel),
             out,
             rehearsal,
@@ -164,7 +183,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
 
 
 def _checked_drives(
-    the_plan: Plan, the_robot: Robot, source: Path, how: OnBus
+    the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
     """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
     from hil.cli.bus_cycle import bus_cycle
@@ -176,7 +195,7 @@ def _checked_drives(
     drives_file = how.drives_file or packaged_drives(the_robot)
     drives, text = load_robots_drives(drives_file, the_robot)
     drives = narrowed_drives(drives, the_plan.workspace)
-    cycle = bus_cycle(the_plan, the_robot.n_joints, drives)
+    cycle = bus_cycle(the_plan, the_robot.n_joints, drives, feeds=feeds)
     refuse_problems(dry_run(the_plan, the_robot, cycle), source)
     return drives, text
 

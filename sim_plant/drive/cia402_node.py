@@ -309,6 +309,7 @@ class Cia402Node(CanopenNode):
         self._controlword = 0
         self._motion.apply_torque_limit()
         self._motion.apply_following_window()
+        self._motion.apply_own_feed_forward()
         self._refresh()
 
     def _lags(self, personality: Personality) -> StatusLags:
@@ -329,6 +330,7 @@ class Cia402Node(CanopenNode):
             dictionary.react(index, lambda _subindex, _value: motion.apply_following_window())
         for index in (0x6072, 0x6073):
             dictionary.react(index, lambda _subindex, _value: motion.apply_torque_limit())
+        dictionary.react(0x2010, lambda _subindex, _value: motion.apply_own_feed_forward())
         for index in (0x6073, 0x6080):
             dictionary.guard(index, self._only_without_power)
 

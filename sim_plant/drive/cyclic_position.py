@@ -6,6 +6,9 @@ that stays out brings the demand to rest at the last one within a further period
 one has come the axis holds where it is, whatever 607Ah said before. Targets outside 607Dh are
 clipped, and halt (bit 8) stops as 605Dh says. Statusword bit 12 reports that
 set-points are followed.
+
+The velocity offset (60B1h) and the torque offset (60B2h) are added to the commands of the loops as
+long as the mode is followed, under halt too: each counts from when it is written until the next.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
     from sim_plant.machine_protocol import Reading
 
 PERIOD = 0x60C2
+OFFSETS = (0x60B1, 0x60B2)
 _FOLLOWED = int(Status.SET_POINT_ACKNOWLEDGE)
 _CLIPPED = int(Status.INTERNAL_LIMIT | Status.WARNING)
 
@@ -30,11 +34,14 @@ class CyclicPosition:
     def __init__(self, dictionary: ObjectDictionary, motion: Motion) -> None:
         self._dictionary = dictionary
         self._motion = motion
+        self._active = False
         self._halted = False
         self._clipped = False
         self._load()
         dictionary.react(PERIOD, lambda _subindex, _value: self._load())
         dictionary.react(0x607D, lambda _subindex, _value: self._load())
+        for offset in OFFSETS:
+            dictionary.react(offset, lambda _subindex, _value: self._feed_forward())
 
     def show(self) -> int:
         """Return the mode's bits of the statusword."""
@@ -47,10 +54,14 @@ class CyclicPosition:
         self.abandon()
         self._load()
         self._halted = bool(controlword & Control.HALT)
+        self._active = True
+        self._feed_forward()
 
     def abandon(self) -> None:
-        """Forget what was followed."""
-        self._halted = self._clipped = False
+        """Forget what was followed and fed forward."""
+        if self._active:
+            self._motion.feed_forward(0, 0)
+        self._active = self._halted = self._clipped = False
 
     def control(self, controlword: int) -> None:
         """Take a new controlword while operation is enabled."""
@@ -72,6 +83,10 @@ class CyclicPosition:
 
     def progress(self) -> None:
         """Take note that the axis's events have changed, which decides nothing here."""
+
+    def _feed_forward(self) -> None:
+        if self._active:
+            self._motion.feed_forward(*map(self._dictionary.get, OFFSETS))
 
     def _load(self) -> None:
         dictionary = self._dictionary

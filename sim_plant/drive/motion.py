@@ -85,6 +85,10 @@ class Motion:
         self._forget()
         self._axis.follow(target, period)
 
+    def feed_forward(self, velocity: int, torque: int) -> None:
+        """Add to the commands of velocity [the drive's unit] and torque [per mille of rated]."""
+        self._axis.feed_forward(velocity * self._units.velocity, torque)
+
     def stop(self, ramp: Ramp) -> None:
         """Come to rest; nothing to do at rest."""
         if self.at_rest:
@@ -125,6 +129,10 @@ class Motion:
         off = window == 0xFFFF_FFFF
         timeout = self._dictionary.get(0x6066) / 1000
         self._axis.set_following_window(float("inf") if off else float(window), timeout)
+
+    def apply_own_feed_forward(self) -> None:
+        """Hand on 2010h, by which the position loop feeds the demand's velocity forward."""
+        self._axis.withhold(1 - self._dictionary.get(0x2010) / 1000)
 
     def _limited(self, index: int, maximum: int) -> int:
         return min(self._dictionary.get(index), self._dictionary.get(maximum))

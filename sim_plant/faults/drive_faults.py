@@ -164,6 +164,19 @@ class AxisWeak(NodeInjection):
         return []
 
 
+class Pushed(NodeInjection):
+    """Something pushes the axis from outside."""
+
+    def begin(self) -> None:
+        """Push."""
+        self.machine.push(self.axis, self.fault.size or 0.0)
+
+    def end(self) -> list[CanFrame]:
+        """Let go."""
+        self.machine.push(self.axis, 0.0)
+        return []
+
+
 class _Disobedient(NodeInjection):
     """The drive does not do all that its controlword commands.
 

@@ -76,6 +76,8 @@ class What(StrEnum):
     """On an axis that is energised."""
     AXIS_WEAK = "axis-weak"
     """No more than `size` per mille of rated torque: the axis does not follow."""
+    PUSH = "push"
+    """From outside on the joint, with `size` N m or N."""
     QUICK_STOP_IGNORED = "quick-stop-ignored"
     """By controlword: the drive stays in OPERATION ENABLED and goes on with its move."""
     DISABLE_VOLTAGE_IGNORED = "disable-voltage-ignored"
@@ -93,7 +95,13 @@ _WITHOUT_AXIS = {
     What.CABLE_CUT,
 }
 _WITH_CODE = {What.SDO_ABORTED, What.WARNING, What.FAULT}
-_WITH_SIZE = {What.ENCODER_JUMP, What.CURRENT_OFFSET, What.CURRENT_CLIPPED, What.AXIS_WEAK}
+_WITH_SIZE = {
+    What.ENCODER_JUMP,
+    What.CURRENT_OFFSET,
+    What.CURRENT_CLIPPED,
+    What.AXIS_WEAK,
+    What.PUSH,
+}
 
 
 class When(FileModel):

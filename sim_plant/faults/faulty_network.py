@@ -50,6 +50,7 @@ _INJECTIONS: dict[What, type[Injection]] = {
     What.CURRENT_STUCK: drive_faults.CurrentStuck,
     What.BRAKE_CLOSED: drive_faults.BrakeClosed,
     What.AXIS_WEAK: drive_faults.AxisWeak,
+    What.PUSH: drive_faults.Pushed,
     What.QUICK_STOP_IGNORED: drive_faults.QuickStopIgnored,
     What.DISABLE_VOLTAGE_IGNORED: drive_faults.DisableVoltageIgnored,
     What.STOP_WITHOUT_EFFECT: drive_faults.StopWithoutEffect,

@@ -57,6 +57,14 @@ class FaultyAxis:
         """Go on towards what the encoder shows as `target`."""
         self._axis.follow(target - self.jump, period)
 
+    def feed_forward(self, velocity: float, torque: float) -> None:
+        """Add to the commands of velocity and torque."""
+        self._axis.feed_forward(velocity, torque)
+
+    def withhold(self, share: float) -> None:
+        """Feed forward less of the demand's velocity."""
+        self._axis.withhold(share)
+
     def stop(self, deceleration: float) -> None:
         """Come to rest."""
         self._axis.stop(deceleration)
@@ -157,6 +165,10 @@ class FaultyMachine:
         self.axes[axis].jump += increments
         angle = increments / self.plant.const[axis, st.COUNTS_PER_RAD]
         self.plant.profile[axis, [st.P0, st.TARGET, st.DEMAND]] -= angle
+
+    def push(self, axis: int, torque: float) -> None:
+        """Push an axis from outside with a torque [N m or N]; 0 lets it go."""
+        self.plant.state[axis, st.PUSH] = torque
 
     def press_brake(self, axis: int, times: int) -> None:
         """Add the brake's friction to that of an axis so many times; -1 takes it away."""

@@ -88,7 +88,7 @@ def run(  # noqa: C901 - the compiler decides what depends on flaws
             if state[i, st.ENABLED] != 0.0:
                 tau += servo.ripple(const, i, middle[0, i])
             state[i, st.LOAD] = tau - state[i, st.FRICTION]
-            rhs[i] = state[i, st.LOAD] - rhs[i]
+            rhs[i] = state[i, st.LOAD] - rhs[i] + state[i, st.PUSH]
             mass[i, i] += const[i, st.MOTOR_INERTIA]
         if flaws is not None:
             fl.couple(const, state, flaws, middle, link, mass, rhs)

@@ -1,10 +1,12 @@
 """Control loops, power stage and sensors of one servo, compiled.
 
 A cascade as in industrial drives: a position loop gives a velocity command, a velocity loop with
-integral part gives a torque, the torque saturates. The current loop reaches its command within one
-control period, so the motor's torque is a polygon in time and has one value at every instant: what
-the current sensor reads at a SYNC belongs to in_order that SYNC. The loops see the shaft's angle
-finer than the increments that the drive reports, as drives with interpolated encoders do.
+integral part gives a torque, the torque saturates. The demand's velocity is fed forward, as far as
+the drive is set to do so, and so are the offsets of velocity and torque that the master sends. The
+current loop reaches its command within one control period, so the motor's torque is a polygon in
+time and has one value at every instant: what the current sensor reads at a SYNC belongs to that
+SYNC. The loops see the shaft's angle finer than the increments that the drive reports, as drives
+with interpolated encoders do.
 
 `position` and `torque` readings are quantised as the object dictionary wants them: increments and
 per mille, the current with white noise before quantisation.
@@ -38,9 +40,12 @@ def command(const: Array, state: Array, profile: Array, i: int, h: float) -> flo
     if state[i, st.ENABLED] == 0.0:
         state[i, st.INTEGRAL] = 0.0
         return 0.0
-    v = profile[i, st.DEMAND_V] + const[i, st.KP] * (profile[i, st.DEMAND] - state[i, st.Q])
+    lead = (1.0 - profile[i, st.WITHHELD]) * profile[i, st.DEMAND_V] + profile[
+        i, st.VELOCITY_OFFSET
+    ]
+    v = lead + const[i, st.KP] * (profile[i, st.DEMAND] - state[i, st.Q])
     error = v - state[i, st.QD]
-    u = const[i, st.KV] * error + state[i, st.INTEGRAL]
+    u = const[i, st.KV] * error + state[i, st.INTEGRAL] + profile[i, st.TORQUE_OFFSET]
     limit = state[i, st.TORQUE_LIMIT]
     if abs(u) < limit or u * error < 0.0:
         state[i, st.INTEGRAL] += h * const[i, st.KI] * error

@@ -70,6 +70,8 @@ ENABLED = next(_c)
 WINDOW, WINDOW_TIME, OUTSIDE = next(_c), next(_c), next(_c)
 """Following error window [rad], the time that it may last, the time that it has lasted [s]."""
 EVENTS = next(_c)
+PUSH = next(_c)
+"""Torque from outside on the joint [N m or N]."""
 N_STATE = next(_c)
 
 _c = count()
@@ -82,4 +84,8 @@ END = SEGMENTS + 2 * N_SEGMENTS
 """Instant at which the profile ends [s]."""
 TARGET = END + 1
 DEMAND, DEMAND_V = TARGET + 1, TARGET + 2
-N_PROFILE = TARGET + 3
+WITHHELD = TARGET + 3
+"""Share of the demand's velocity that the position loop does not feed forward by itself."""
+VELOCITY_OFFSET, TORQUE_OFFSET = TARGET + 4, TARGET + 5
+"""What the master feeds forward: added to the commands of velocity [rad/s] and torque [N m]."""
+N_PROFILE = TARGET + 6

@@ -138,6 +138,8 @@ class FakeFieldbus:
         Our sign of life has not ceased.
     commanded : Counter of (int, int)
         How often an axis was sent a controlword.
+    fed : list of (int, int, int)
+        Axis, and offsets of velocity and torque that it was sent.
     """
 
     def __init__(self, axes: int) -> None:
@@ -151,6 +153,7 @@ class FakeFieldbus:
         self.silent: set[int] = set()
         self.alive = True
         self.commanded: Counter[tuple[int, int]] = Counter()
+        self.fed: list[tuple[int, int, int]] = []
 
     def now(self) -> float:
         """Time [s]."""
@@ -163,6 +166,15 @@ class FakeFieldbus:
         drive = self.drives[axis]
         if not drive.deaf:
             drive.control(controlword, target)
+
+    def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
+        """Send offsets to one axis."""
+        self._carry()
+        self.fed.append((axis, velocity, torque))
+
+    def withdraw(self, axis: int) -> None:
+        """Send zero offsets to one axis."""
+        self.feed_forward(axis, 0, 0)
 
     def sync(self) -> float:
         """Let one period pass; latch what all axes show."""

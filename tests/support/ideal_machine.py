@@ -50,6 +50,12 @@ class IdealAxis:
         self.demand, self.velocity = target, 0.0
         self.calls.append(("follow", target, period))
 
+    def feed_forward(self, velocity: float, torque: float) -> None:
+        self.calls.append(("feed forward", velocity, torque))
+
+    def withhold(self, share: float) -> None:
+        self.calls.append(("withhold", share))
+
     def stop(self, deceleration: float) -> None:
         self._goal, self._stopping = None, deceleration
         self.calls.append(("stop", deceleration))

@@ -108,6 +108,27 @@ def test_axes_follow_a_path_in_cyclic_position_and_their_corridor_with_them(
     assert {drive.get(MODE_DISPLAY) for drive in bus.drives} == {Mode.PROFILE_POSITION}
 
 
+def test_what_is_fed_forward_goes_with_each_set_point_and_is_taken_back_by_a_stop(
+    bus: FakeFieldbus,
+) -> None:
+    powered(bus)
+    trips = Trips(AXES, PERIOD)
+    trips.arm(bus.time, bus.positions)
+    motion = CyclicPosition(bus, bus.drives, AXES, trips, PERIOD, bus.sync)
+    here = SampleReader(AXES).sample(bus.time, bus, reached=True).q
+    offsets = np.zeros((20, len(AXES), 2), dtype=np.int64)
+    offsets[1:-1, 1] = 30, -7
+    motion.begin(np.tile(here, (20, 1)), offsets)
+    for _ in range(3):
+        bus.sync()
+        motion.advance()
+    assert bus.fed == [(0, 0, 0), (1, 0, 0), (2, 0, 0)] + 3 * [(0, 0, 0), (1, 30, -7), (2, 0, 0)]
+    motion.abandon()
+    stopped(bus)
+    assert not np.any(np.array(bus.fed[12:])[:, 1:])
+    assert {axis for axis, _, _ in bus.fed[12:]} == {0, 1, 2}
+
+
 def test_axes_in_motion_are_stopped_and_switched_off(bus: FakeFieldbus) -> None:
     powered(bus)
     motion = ProfilePosition(bus, bus.drives, AXES, PERIOD)

@@ -236,6 +236,27 @@ def test_a_stream_can_be_halted(bus: CanopenDriveBus) -> None:
     reach(bus, *(0.0,) * 6)
 
 
+@pytest.mark.parametrize("fed", [False, True])
+def test_a_stream_at_full_speed_is_halted_where_the_ramp_ends(fed: bool) -> None:
+    """Farther on than the stream has led, and behind by no more than drives allow."""
+    drives, speed = load_drives(ROBOTS / "manutec-r15.drives.yaml"), 2.4
+    with open_drive_bus(drives, "sim_plant", "manutec-r15", feed_forward=fed) as bus:
+        reach(bus, *(0.0,) * 6)
+        turn = round(2 * np.pi * 0.7 / speed / PERIOD)
+        phase = 2 * np.pi * np.linspace(0, 1, turn + 1)
+        path, velocity = np.tile(bus.sample().q, (turn + 1, 1)), np.zeros((turn + 1, 6))
+        path[:, 4] += 0.7 * (1 - np.cos(phase))
+        velocity[:, 4] = speed * np.sin(phase)
+        bus.stream(path.tolist(), velocity.tolist() if fed else None)
+        samples(bus, turn // 4)
+        before = bus.sample().q[4]
+        bus.halt()
+        while not bus.sample().reached:
+            pass
+        way = bus.sample().q[4] - before
+        assert way == pytest.approx(speed**2 / (2 * 5.0), rel=0.1)
+
+
 def test_a_bus_that_cannot_stream_is_refused() -> None:
     with pytest.raises(DriveRefused, match="follow no stream"):
         stream(SimpleNamespace(period=PERIOD), TRAJECTORY)  # type: ignore[arg-type]

@@ -162,5 +162,9 @@ CASES = (
         " the fault reaction", (fault(What.AXIS_WEAK, size=10),),
         DriveFault, "8611 (following error too large)", signs.trouble,
     ),
+    Case(
+        "push from outside", "goes on: the axis is held, and its recording shows the push",
+        (fault(What.PUSH, size=50.0, lasts=Span(time=0.05)),), None, "",
+    ),
     *STOP_CASES,
 )  # fmt: skip

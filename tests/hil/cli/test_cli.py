@@ -31,7 +31,7 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 @pytest.fixture
 def bus(ideal_bus, monkeypatch: pytest.MonkeyPatch):
     """Have the command line find ideal axes behind any bus."""
-    monkeypatch.setattr(open_drive_bus, "open_drive_bus", lambda *_: ideal_bus)
+    monkeypatch.setattr(open_drive_bus, "open_drive_bus", lambda *_, **__: ideal_bus)
     return ideal_bus
 
 
@@ -261,7 +261,7 @@ def test_a_fault_in_the_middle_is_one_message(
 def test_a_run_in_which_nothing_was_measured_leaves_no_folder(
     hil: Hil, plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def nobody(*_: object) -> None:
+    def nobody(*_: object, **__: object) -> None:
         raise NodeSilent("joint 2 (node 2) does not answer; check its power and node number")
 
     monkeypatch.setattr(open_drive_bus, "open_drive_bus", nobody)

@@ -116,7 +116,7 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
         printed = capsys.readouterr()
         return int(left.value.code or 0), printed.out + printed.err
 
-    monkeypatch.setattr(open_drive_bus, "open_drive_bus", lambda *_: ideal_bus)
+    monkeypatch.setattr(open_drive_bus, "open_drive_bus", lambda *_, **__: ideal_bus)
     folder = tmp_path / "first"
     status, printed = hil(plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
     assert (status, len(RunFolder.open(folder).missing)) == (0, 3)

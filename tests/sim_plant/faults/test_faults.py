@@ -309,6 +309,20 @@ def test_an_encoder_that_jumps_back_shows_the_old_angle() -> None:
     assert [round(value - shown[0], -2) for value in shown] == [0, 500, 500, 0]
 
 
+def test_a_push_from_outside_is_met_by_motor_and_friction_until_it_is_over() -> None:
+    faulty = network(
+        "{what: push, axis: 1, size: 189, at: {sync: 20}, lasts: {syncs: 60}}"  # 600 per mille
+    )
+    faulty.machine.axes[0].enable()
+    shown = []
+    for _ in range(200):
+        faulty.receive(*SYNC)
+        shown.append(readings(faulty, 3)[0])
+    before, during, after = (sum(shown[a:b]) / (b - a) for a, b in ((5, 19), (60, 79), (180, 200)))
+    assert abs(during - before + 600) < 150  # the friction of the axis
+    assert abs(after - before) < 150
+
+
 # The plant served with a plan
 
 

@@ -1,0 +1,157 @@
+"""`hil track`: how closely axes follow a trajectory with neither, velocity and both fed forward."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hil.cli.arguments import (
+    BusOptions,
+    Interface,
+    ModelPath,
+    PlanFile,
+    RealTime,
+    RobotOption,
+    RobotsChannel,
+    RobotsDrives,
+    WorkspaceOption,
+)
+from hil.cli.measuring import OnBus
+from hil.runs import SIMULATED
+from hil.terminal.console import out, say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+    Predict = Callable[[Array, Array, Array], Array]
+
+commands = typer.Typer()
+
+
+@commands.command()
+def track(
+    plan_file: PlanFile,
+    model_path: ModelPath,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder of the three runs and of what they show.")
+    ],
+    interface: Interface = SIMULATED,
+    channel: RobotsChannel = None,
+    drives_file: RobotsDrives = None,
+    bus_option: BusOptions = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Measure the passes that are missing in the folder.")
+    ] = False,
+    delay: Annotated[
+        float,
+        typer.Option(
+            min=0, max=10, help="Delay by which drives follow their set-points \\[SYNC periods]."
+        ),
+    ] = 1.5,
+    loop: Annotated[
+        float,
+        typer.Option("--loop-period", min=0, max=0.1, help="Period of the drives' loops \\[s]."),
+    ] = 0.001,
+    robot_file: RobotOption = None,
+    workspace: WorkspaceOption = None,
+    realtime: RealTime = False,
+) -> None:
+    """Follow trajectories with neither, velocity and both fed forward; the robot moves."""
+    from hil.cli.plan_files import load
+    from hil.results.drive_torque import drive_torque
+    from hil.results.model import Model
+    from hil.results.model_file import file_of
+
+    the_plan, the_robot = load(plan_file, robot_file, workspace)
+    model = Model.load(model_path)
+
+    def predict(q: Array, qd: Array, qdd: Array) -> Array:
+        return drive_torque(model, q, qd, qdd)
+
+    _refuse(the_plan, the_robot, plan_file, model, model_path, predict)
+    how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
+    _pass_all(the_plan, the_robot, plan_file, output, how, resume, predict, delay, loop)
+    _show(output, str(file_of(model_path)), delay)
+
+
+def _refuse(
+    the_plan: Plan,
+    the_robot: Robot,
+    plan_file: Path,
+    model: Model,
+    model_path: Path,
+    predict: Predict,
+) -> None:
+    """Refuse before anything moves what cannot be fed forward."""
+    from checked_files.yaml_file import FileError
+    from hil.errors import Mismatch
+    from hil.measuring.feeding import refuse_beyond_torque
+    from hil.planning.trajectory import Trajectory
+
+    if model.robot.digest != the_robot.digest:
+        raise Mismatch(
+            f"{model_path}: was identified with another robot file than {plan_file} was made for"
+            f" ({model.robot.name} {model.robot.digest[:12]}, {the_robot.name}"
+            f" {the_robot.digest[:12]}); give the model of this robot with --model"
+        )
+    for measurement in the_plan.measurements:
+        if not isinstance(measurement, Trajectory):
+            raise FileError(
+                f"{plan_file}: {measurement.id} is of kind {measurement.kind}, and only"
+                " trajectories are streamed; make a plan of them with: hil trajectory plan"
+            )
+        refuse_beyond_torque(measurement, the_robot, predict)
+
+
+def _pass_all(
+    the_plan: Plan,
+    the_robot: Robot,
+    plan_file: Path,
+    output: Path,
+    how: OnBus,
+    resume: bool,
+    predict: Predict,
+    delay: float,
+    loop: float,
+) -> None:
+    from functools import partial
+
+    from hil.cli.measuring import measure
+    from hil.measuring.feeding import FeedingBus
+
+    once = the_plan.model_copy(update={"attempts": 1})  # an error of following is the result
+    for name, velocity, torque in (
+        ("both", True, predict),
+        ("velocity", True, None),
+        ("neither", False, None),
+    ):
+        feeding = partial(FeedingBus, velocity=velocity, predict=torque, delay=delay, loop=loop)
+        say(f"{name}:")
+        folder = output / name
+        measure(
+            once, the_robot, plan_file, folder, how, resume and folder.exists(), feeding=feeding
+        )
+
+
+def _show(output: Path, model: str, delay: float) -> None:
+    from hil.report.plots.tracking import write_tracking_plot
+    from hil.results.tables.terminal import show
+    from hil.results.tables.tracking import tracking
+    from hil.results.tracking import PASSES, tracked, write_tracking
+    from hil.runs.run import Run
+
+    runs = {name: Run.open(output / name) for name in PASSES}
+    found = tracked(runs, model, delay)
+    show(tracking(found), out)
+    file = write_tracking(output, found)
+    say(f"following errors in {file}, plot in {write_tracking_plot(output, runs, delay)}")

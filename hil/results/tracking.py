@@ -1,0 +1,186 @@
+"""How closely axes follow a trajectory, with what is fed forward: following errors, kept as a file.
+
+The following error is what was planned less what was measured, at the same instant. A drive
+follows its set-points late by the time that its interpolation takes, whatever is fed forward
+(`hil.measuring.feeding`), and that is no error of following. So what was planned is taken by that
+delay earlier, by the same for every axis and every pass. What delay the pass with velocity and
+torque shows by itself is stated beside it: where the two differ the stated one is wrong.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+
+from checked_files.yaml_file import FileModel, load_yaml
+from hil.errors import NotEnoughData
+from hil.planning.strokes import REST
+from hil.planning.trajectory import Trajectory
+from hil.runs.atomic_file import write_file
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.runs.recording import Recording
+    from hil.runs.run import Run
+
+    Array = NDArray[np.float64]
+
+NAME = "tracking.yaml"
+PASSES = ("neither", "velocity", "both")
+"""What is fed forward, in the order of the table."""
+
+
+class AxisErrors(FileModel):
+    """Following errors of one axis, by pass.
+
+    Attributes
+    ----------
+    axis : int
+        From 1.
+    unit : {"rad", "m"}
+    rms, peak : dict
+        By name of the pass [rad or m].
+    """
+
+    axis: int
+    unit: str
+    rms: dict[str, float]
+    peak: dict[str, float]
+
+
+class Tracking(FileModel):
+    """Following errors of all axes.
+
+    Attributes
+    ----------
+    robot_digest, plan_digest, model : str
+        Of what was tracked, and the path of the model's file.
+    delay : float
+        By which what was planned is taken earlier [SYNC periods].
+    shown_delay : float
+        The one that fits the pass with velocity and torque best [SYNC periods].
+    axes : tuple of AxisErrors
+    """
+
+    robot_digest: str
+    plan_digest: str
+    model: str
+    delay: float
+    shown_delay: float
+    axes: tuple[AxisErrors, ...]
+
+    def gain(self, before: str, after: str) -> float:
+        """By how much smaller the rms error is in one pass than in another, median over axes."""
+        return float(np.median([axis.rms[before] / axis.rms[after] for axis in self.axes]))
+
+
+def tracked(runs: dict[str, Run], model: str, delay: float) -> Tracking:
+    """Find the following errors of the passes.
+
+    Parameters
+    ----------
+    runs : dict
+        By name of the pass; all of the same plan, of trajectories.
+    model : str
+        Path of the model's file, to be kept.
+    delay : float
+        [SYNC periods].
+
+    Raises
+    ------
+    NotEnoughData
+        A pass has no sample of a motion.
+    """
+    run = runs[PASSES[0]]
+    found = {name: _errors(each, delay) for name, each in runs.items()}
+    return Tracking(
+        robot_digest=run.robot.digest,
+        plan_digest=run.plan.digest,
+        model=model,
+        delay=delay,
+        shown_delay=delay + _left_delay(runs["both"], delay, run.robot.velocity_limit),
+        axes=tuple(
+            AxisErrors(
+                axis=axis + 1,
+                unit=run.robot.position_unit(axis),
+                rms={name: float(np.sqrt(np.mean(e[:, axis] ** 2))) for name, e in found.items()},
+                peak={name: float(np.abs(e[:, axis]).max()) for name, e in found.items()},
+            )
+            for axis in range(run.robot.n_joints)
+        ),
+    )
+
+
+def following_error(
+    recording: Recording, trajectory: Trajectory, delay: float
+) -> tuple[Array, Array, Array]:
+    """Following errors while the trajectory is in motion.
+
+    Returns
+    -------
+    time : ndarray, shape (n,)
+        Since the motion began, as it was planned [s].
+    error, qd : ndarray, shape (n, n_joints)
+        What was planned less what was measured [rad or m], and the planned velocity.
+    """
+    period = round(recording.period, 9)
+    index = np.rint((recording.time - recording.time[0]) / period)
+    # the first sample comes with the SYNC that follows the first set-point
+    t = (index + 1 - delay - round(REST / period)) * period
+    q, qd, _ = trajectory.motion(np.clip(t, 0.0, trajectory.cycles * trajectory.period))
+    error = q - recording.q
+    shown = (recording.stroke >= 0) & np.isfinite(error).all(axis=1)
+    return t[shown], error[shown], qd[shown]
+
+
+def trajectories(run: Run) -> list[tuple[Trajectory, Recording]]:
+    """Return the trajectories of a run and their recordings."""
+    return [
+        (each.measurement, each.recording)
+        for each in run
+        if isinstance(each.measurement, Trajectory)
+    ]
+
+
+def _errors(run: Run, delay: float) -> Array:
+    parts = [following_error(recording, t, delay)[1] for t, recording in trajectories(run)]
+    errors = np.vstack([np.empty((0, run.robot.n_joints)), *parts])
+    if not len(errors):
+        raise NotEnoughData(f"{run.path}: no sample of a motion was recorded; measure it again")
+    return errors
+
+
+def _left_delay(run: Run, delay: float, velocity: Sequence[float] | Array) -> float:
+    """Delay that is left in the errors of all axes, by least squares [SYNC periods]."""
+    speeds, errors, period = [], [], 1.0
+    for trajectory, recording in trajectories(run):
+        _, error, qd = following_error(recording, trajectory, delay)
+        speeds.append((qd / velocity).ravel())
+        errors.append((error / velocity).ravel())
+        period = recording.period
+    v, e = np.concatenate(speeds), np.concatenate(errors)
+    return float(e @ v / (v @ v)) / period
+
+
+def write_tracking(folder: Path, found: Tracking) -> Path:
+    """Keep following errors in a folder; return the file's path."""
+    path = folder / NAME
+    write_file(path, yaml.safe_dump(found.model_dump(), sort_keys=False, width=200).encode())
+    return path
+
+
+def load_tracking(folder: Path) -> Tracking:
+    """Read what `write_tracking` has kept.
+
+    Raises
+    ------
+    FileError
+        It is not there or damaged.
+    """
+    return load_yaml(folder / NAME, Tracking)
