@@ -66,6 +66,10 @@ PANELS = {
             "results",
             "Find a load from two runs, without and with it; writes payload.yaml into the second.",
         ),
+        "history": _Command(
+            "history",
+            "Show parameters and friction of one machine over many runs, and mark what changed.",
+        ),
         "export": _Command("exporting", "Write an identified model as files of other tools."),
     },
     "Drives and commissioning": {

@@ -103,6 +103,7 @@ def _law(products: Array, limit: float, speeds: tuple[float, float]) -> AxisLaw 
         covariance=tuple(tuple(row) for row in covariance.tolist()),
         wander=_wander(products, _LAWS[name], values),
         speeds=speeds,
+        measurements=len(products),
     )
 
 

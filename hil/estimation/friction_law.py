@@ -51,10 +51,14 @@ class AxisLaw(AxisFriction):
         counts as one standard deviation: in a measurement the level is a mean already.
     speeds : tuple of two floats, optional
         Slowest and fastest samples that the law was found from [rad/s or m/s].
+    measurements : int, optional
+        That the law was found from, each of which counts as one draw; None of free motions, and in
+        files of earlier versions.
     """
 
     wander: float = 0.0
     speeds: tuple[float, float] | None = None
+    measurements: int | None = None
 
     @property
     def values(self) -> Array:

@@ -1,0 +1,89 @@
+"""False alarms and marked changes of `hil history`, on campaigns of the virtual plant.
+
+    python benchmarks/history.py FOLDER [--runs N]
+
+Makes N campaigns of 39 measurements of the manutec-r15 that differ by the plant's seed alone
+(noise, drift of the friction, lubricant), five with 15 % more Coulomb friction of axis 3 and five
+with p5 smaller by 2 %, all in FOLDER; those that are there already are not made again. Printed is
+in how many new runs of an unchanged machine anything is marked, each against the first run and the
+one before, and what is named first of each change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+from hil.results.history import read_history
+
+PLANT = Path(__file__).parents[1] / "sim_plant" / "plants" / "manutec-r15.yaml"
+COUNTS = ("--gravity", "12", "--inertia", "24", "--coupling", "3")
+CHANGES = {
+    "unchanged": (),
+    "friction": (("creep: 42, full_speed: 71,", "creep: 48.3, full_speed: 77.3,"),),
+    "p5": (("sx: 48.491", "sx: 47.5212"),),
+}
+FIRST_SEED = 210
+UNCHANGED_FROM = 300
+CHANGED = 5
+"""Campaigns of each change."""
+
+
+def main() -> None:
+    """Make what is not there yet, and judge all of it."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--runs", type=int, default=101)
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    plan = given.folder / "plan.yaml"
+    if not plan.exists():
+        hil("plan", "manutec-r15", *COUNTS, "-o", plan)
+    changed = {
+        name: [made(given.folder, name, FIRST_SEED + k) for k in range(CHANGED)]
+        for name in ("friction", "p5")
+    }
+    unchanged = [made(given.folder, "unchanged", UNCHANGED_FROM + k) for k in range(given.runs)]
+    judge(unchanged, changed)
+
+
+def made(folder: Path, change: str, seed: int) -> Path:
+    """Folder of an identified campaign on a plant with a seed and a change."""
+    run, plant = folder / f"{change}-{seed}", folder / f"{change}-{seed}.yaml"
+    if (run / "model.yaml").exists():
+        return run
+    text = PLANT.read_text().replace("\nseed: 1\n", f"\nseed: {seed}\n")
+    for before, after in CHANGES[change]:
+        assert text.count(before) == 1, before
+        text = text.replace(before, after)
+    plant.write_text(text)
+    hil("run", folder / "plan.yaml", "-o", run, "--channel", plant)
+    hil("identify", run)
+    return run
+
+
+def hil(*arguments: object) -> None:
+    """Call the command line, silently."""
+    command = [sys.executable, "-m", "hil", *map(str, arguments)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def judge(unchanged: list[Path], changed: dict[str, list[Path]]) -> None:
+    """Print false alarms, and what is named first of each change."""
+    found = read_history(unchanged)
+    alarms = {each.run: each for each in found.changes if each.marked}
+    print(f"unchanged: {len(alarms)} of {len(unchanged) - 1} new runs marked")
+    for each in found.changes:
+        if each.marked:
+            print(f"    {each.sentence}")
+    for name, runs in changed.items():
+        for run in runs:
+            after = read_history([*unchanged[:2], run], reference=unchanged[0])
+            marked = [each for each in after.changes if each.marked and each.run == str(run)]
+            print(f"{name}: {marked[0].sentence if marked else 'nothing marked'}")
+
+
+if __name__ == "__main__":
+    main()

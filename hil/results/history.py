@@ -1,0 +1,200 @@
+"""The condition of one machine over time: many runs, and what changed significantly between them.
+
+Every run is compared with a reference, the first one by default, and with the one before; what is
+tested of a run counts together (`hil.results.changes`). Nothing but the models is read, so that
+hundreds of runs take seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.errors import InvalidValue, Mismatch
+from hil.results.changes import Change, adjusted, change
+from hil.results.model import Model
+from hil.results.quantities import quantities, reading
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+    from hil.results.quantities import Quantity, Reading
+
+_OF_DRIVE = ("rotor_inertia_uncertainty", "torque_constant_uncertainty", "encoder_resolution")
+_OF_JOINT = (
+    "q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit", "capsule",
+    "torque_noise", "friction_wander",
+)  # fmt: skip
+_FREE_TO_DIFFER: dict[str, bool | dict[str, bool]] = {
+    **dict.fromkeys(_OF_JOINT, True),
+    "drive": dict.fromkeys(_OF_DRIVE, True),
+}
+"""Keys of a joint that no parameter depends on."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRun:
+    """A run and what its model says of each quantity, in their order; None of what it does not."""
+
+    label: str
+    model: Model
+    readings: tuple[Reading | None, ...]
+
+    @property
+    def measured(self) -> str:
+        """When its last session began; of an imported run when it was imported."""
+        return self.model.provenance.measured
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Runs of one machine and the changes between them.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+    runs : tuple of KnownRun
+        In the order in which they were measured.
+    reference : str
+        Label of the run that all others are compared with.
+    changes : tuple of Change
+        All that was tested, run by run, of each run the least probable first.
+    notes : tuple of str
+        What restricts the comparison.
+    """
+
+    quantities: tuple[Quantity, ...]
+    runs: tuple[KnownRun, ...]
+    reference: str
+    changes: tuple[Change, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """Robot of all runs."""
+        return self.runs[0].model.robot
+
+    @property
+    def marked(self) -> tuple[Change, ...]:
+        """Changes that are no chance."""
+        return tuple(each for each in self.changes if each.marked)
+
+    def of(self, run: KnownRun) -> tuple[Change, ...]:
+        """What was tested of a run."""
+        return tuple(each for each in self.changes if each.run == run.label)
+
+
+def read_history(
+    paths: Sequence[Path], reference: Path | None = None, least_wander: float = 0.0
+) -> History:
+    """Read the models of runs of one machine and compare them.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Folders of identified runs, or models' files.
+    reference : Path, optional
+        Run that all others are compared with; it need not be among `paths`. By default the first.
+    least_wander : float
+        Share of friction's level that temperature may move it by, whatever a campaign showed.
+
+    Raises
+    ------
+    FileError
+        A run without a model, or a damaged one.
+    Mismatch
+        Runs of different robots, or the same one twice.
+    InvalidValue
+        A share that is not from 0 up to less than 1.
+    """
+    if not 0 <= least_wander < 1:
+        raise InvalidValue(
+            f"least wander {least_wander:g} must be from 0 up to less than 1: 0.05 stands for 5 %"
+        )
+    every = list(paths)
+    if reference is not None and reference.resolve() not in {path.resolve() for path in paths}:
+        every.append(reference)
+    loaded = [(str(path), Model.load(path)) for path in every]
+    _refuse_others(loaded)
+    chosen = next(
+        (str(path) for path in every if reference and path.resolve() == reference.resolve()), None
+    )
+    return history_of(loaded, chosen, least_wander)
+
+
+def history_of(
+    loaded: Sequence[tuple[str, Model]],
+    reference: str | None = None,
+    least_wander: float = 0.0,
+) -> History:
+    """Compare models of one robot, each with its label; parameters as of `read_history`."""
+    dated = all(model.provenance.measured for _, model in loaded)
+    in_time = sorted(loaded, key=lambda each: each[1].provenance.measured) if dated else loaded
+    found = quantities([model for _, model in in_time])
+    runs = tuple(
+        KnownRun(label, model, tuple(reading(model, each, least_wander) for each in found))
+        for label, model in in_time
+    )
+    first = next((run for run in runs if run.label == reference), runs[0])
+    tests = tuple(each for k in range(len(runs)) for each in _tested(found, runs, k, first))
+    return History(found, runs, first.label, tests, tuple(_notes(runs, dated=dated)))
+
+
+def _tested(
+    found: Sequence[Quantity], runs: Sequence[KnownRun], k: int, first: KnownRun
+) -> tuple[Change, ...]:
+    """All tests of one run, p-values of all of them together."""
+    run, others = runs[k], [first]
+    if k and runs[k - 1] is not first:
+        others.append(runs[k - 1])
+    return adjusted([
+        change(quantity, (run.label, new), (other.label, old))
+        for other in others if other is not run
+        for quantity, new, old in zip(found, run.readings, other.readings, strict=True)
+        if new is not None and old is not None and new.stands_for == old.stands_for
+    ])  # fmt: skip
+
+
+def _refuse_others(loaded: Sequence[tuple[str, Model]]) -> None:
+    """Refuse runs of different robots, and one run twice."""
+    (label, first), seen = loaded[0], dict[bytes, str]()
+    for other, model in loaded:
+        if different := _difference(first.robot, model.robot):
+            raise Mismatch(
+                f"{other}: is no run of the machine of {label}: the robot files differ in"
+                f" {different}; give runs of one machine, identified with the same robot file"
+            )
+        content = model.values.tobytes() + model.scatter_covariance.tobytes()
+        if content in seen:
+            raise Mismatch(f"{other}: is the same run as {seen[content]}; give each run once")
+        seen[content] = other
+
+
+def _difference(one: Robot, other: Robot) -> str:
+    """Keys of robot files that differ and that parameters depend on; empty if none does."""
+    if one.digest == other.digest:
+        return ""
+    first, second = _essence(one), _essence(other)
+    return ", ".join(key for key in first if first[key] != second[key])
+
+
+def _essence(robot: Robot) -> dict[str, object]:
+    joints = [joint.model_dump(mode="json", exclude=_FREE_TO_DIFFER) for joint in robot.file.joints]
+    return robot.file.model_dump(mode="json", exclude={"joints"}) | {"joints": joints}
+
+
+def _notes(runs: Sequence[KnownRun], *, dated: bool) -> Iterator[str]:
+    if len(runs) == 1:
+        yield "one run alone: there is nothing to compare it with; give more runs"
+    if not dated:
+        yield "not every run states when it was measured, so their order is that of the arguments"
+    if len(methods := sorted({run.model.method for run in runs})) > 1:
+        yield (
+            f"identified by different methods ({', '.join(methods)}), whose own errors may show as"
+            " changes; identify all with the same one: hil identify RUN --method"
+            f" {runs[0].model.method!r}"
+        )
+    if any(run.model.friction_law is None for run in runs):
+        yield "models of earlier versions know no friction; identify these runs anew to compare it"

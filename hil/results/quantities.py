@@ -1,0 +1,172 @@
+"""What of a model can be followed over months: base parameters, levels of friction, offsets.
+
+A quantity is compared between models of one robot. Errors that all of them share (torque constants
+and rotor inertias, as uncertain as the robot file states) do not count: they are the same in every
+run and leave no difference. Friction is read from the model's law, at no load and at stated speeds:
+its level is what changes its sign with the direction,
+
+    F(v) = (f(v) - f(-v)) / 2,
+
+so that the law may be another in each model. By how much temperature alone moved the level within
+a campaign, the law's wander, is its allowance.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from hil.estimation.free_motion.bristles import at_once
+from hil.estimation.free_motion.friction_terms import TERMS, friction_columns
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.estimation.friction_law import AxisLaw
+    from hil.results.model import Model
+
+Kind = Literal["gravity", "inertia", "friction", "offset"]
+SHARES = (0.1, 0.7)
+"""Where in the range of speeds that all models know levels are stated."""
+ASSUMED = (0.1, 0.8)
+"""Range of speeds of a law that states none, as shares of its speed."""
+UNKNOWN_WANDER = 0.05
+"""Share of the level that stands in for the wander of a law that knows none, of free motions."""
+FEWEST = 2.0
+"""Degrees of freedom of a law that does not state its measurements."""
+
+
+class Quantity(NamedTuple):
+    """Something that every model of a robot may know.
+
+    Attributes
+    ----------
+    name : str
+        ``p5``, ``friction of axis 3 at 0.5 rad/s`` or ``offset of axis 3``.
+    kind : {"gravity", "inertia", "friction", "offset"}
+    unit : str
+    about : str
+        Expression of a parameter; else empty.
+    axis : int or None
+        From 1, of friction and offset.
+    speed : float or None
+        Of a level of friction [rad/s or m/s].
+    """
+
+    name: str
+    kind: Kind
+    unit: str
+    about: str = ""
+    axis: int | None = None
+    speed: float | None = None
+
+
+class Reading(NamedTuple):
+    """Value of a quantity in one model.
+
+    Attributes
+    ----------
+    value, standard_error : float
+        Of errors that are the run's own [unit of the quantity].
+    degrees : float
+        Effective degrees of freedom of the standard error.
+    allowance : float
+        By how much the value may differ between runs without any change of the machine.
+    stands_for : str
+        Sum that was identified in place of the parameter; empty where it is the parameter itself.
+    """
+
+    value: float
+    standard_error: float
+    degrees: float
+    allowance: float = 0.0
+    stands_for: str = ""
+
+
+def quantities(models: Sequence[Model]) -> tuple[Quantity, ...]:
+    """All that models of one robot can be compared by, parameters first."""
+    return (*_parameters(models[0]), *_friction(models))
+
+
+def reading(model: Model, quantity: Quantity, least_wander: float = 0.0) -> Reading | None:
+    """Value of a quantity in a model; None where the model does not know it.
+
+    Parameters
+    ----------
+    model : Model
+    quantity : Quantity
+    least_wander : float
+        Share of friction's level that temperature may move it by, whatever the campaign showed.
+    """
+    if quantity.axis is None:
+        return _parameter(model, model.names.index(quantity.name))
+    law = None if model.friction_law is None else model.friction_law.axes[quantity.axis - 1]
+    if law is None:
+        return None
+    degrees = _degrees(model, law)
+    if quantity.speed is None:
+        offset = law.terms.get("offset")
+        return None if offset is None else Reading(offset.value, offset.standard_error, degrees)
+    level, error = level_at(law, quantity.speed)
+    wander = max(law.wander or UNKNOWN_WANDER, least_wander)
+    return Reading(level, error, degrees, wander * abs(level))
+
+
+def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
+    """Level of friction at a speed [rad/s or m/s], and its standard error [N m or N]."""
+    qd, none = np.array([speed, -speed]), np.zeros(2)
+    columns = friction_columns(qd / law.speed, at_once(qd, law.speed), none, none, none)
+    forward, back = columns[:, [TERMS.index(term) for term in law.terms]]
+    row = (forward - back) / 2
+    return float(row @ law.values), float(np.sqrt(max(row @ law.uncertainty @ row, 0.0)))
+
+
+def _parameters(model: Model) -> Iterator[Quantity]:
+    base = base_parameters(model.robot)
+    for k, name in enumerate(base.names):
+        kind: Kind = "gravity" if k in base.groups["gravity"] else "inertia"
+        yield Quantity(name, kind, base.units[k], base.expressions[k])
+
+
+def _parameter(model: Model, k: int) -> Reading | None:
+    if not model.identified[k]:
+        return None
+    error = float(np.sqrt(max(model.scatter_covariance[k, k], 0.0)))
+    sums = () if model.back_and_forth is None else model.back_and_forth.combinations
+    stands_for = next((each.stands_for for each in sums if each.name == model.names[k]), "")
+    value, degrees = float(model.values[k]), float(model.degrees_of_freedom[k])
+    return Reading(value, error, degrees, stands_for=stands_for)
+
+
+def _friction(models: Sequence[Model]) -> Iterator[Quantity]:
+    robot = models[0].robot
+    for axis in range(robot.n_joints):
+        laws = [model.friction_law.axes[axis] for model in models if model.friction_law is not None]
+        known = [law for law in laws if law is not None]
+        unit = "N m" if robot.revolute[axis] else "N"
+        for speed in _speeds(known):
+            name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
+            yield Quantity(name, "friction", unit, axis=axis + 1, speed=speed)
+        if known:
+            yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
+
+
+def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
+    """Speeds inside the range that all laws know, with two digits; none where there is no such."""
+    ranges = [law.speeds or tuple(share * law.speed for share in ASSUMED) for law in laws]
+    slowest = max((low for low, _ in ranges), default=0.0)
+    fastest = min((high for _, high in ranges), default=0.0)
+    if slowest < fastest:
+        for share in SHARES:
+            yield float(f"{slowest + share * (fastest - slowest):.2g}")
+
+
+def _degrees(model: Model, law: AxisLaw) -> float:
+    """Degrees of freedom of a law: of its measurements, or of the parameters found with it."""
+    if law.measurements is not None:
+        return max(float(law.measurements - len(law.terms)), FEWEST)
+    if model.friction is not None:
+        return float(np.median(model.degrees_of_freedom))
+    return FEWEST

@@ -1,0 +1,99 @@
+"""The condition of a machine over its runs, and what changed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.results.changes import FALSE_ALARM
+from hil.results.history_file import half_width
+from hil.results.rounding import rounded, signed, significant
+from hil.results.tables.cells import probability, unit
+from hil.results.tables.table import Column, Marked, Part, Table, figures
+
+if TYPE_CHECKING:
+    from hil.results.changes import Change
+    from hil.results.history import History, KnownRun
+    from hil.results.quantities import Quantity, Reading
+    from hil.results.tables.table import Row
+
+
+def runs(found: History) -> Table:
+    """Runs in the order of time, and how much of each is marked."""
+    return Table(
+        title=f"Runs of {found.robot.name}",
+        columns=(Column("run", folds=True), Column("measured"), Column("method"),
+                 *figures("tests", "marked"), Column("named first", folds=True)),
+        parts=(Part(tuple(_run(found, run) for run in found.runs)),),
+        explanation=(
+            f"Each run is compared with {found.reference} and with the one before. Of an unchanged"
+            f" machine anything is marked in at most {FALSE_ALARM:.0%} of the runs."
+        ),
+        notes=found.notes,
+    )  # fmt: skip
+
+
+def _run(found: History, run: KnownRun) -> Row:
+    tests = found.of(run)
+    marked = [each for each in tests if each.marked]
+    count = Marked(len(marked)) if marked else "0"
+    named = marked[0].quantity.name if marked else ""
+    own = "reference" if run.label == found.reference else named
+    measured = run.measured[:16].replace("T", " ")
+    return run.label, measured, run.model.method, str(len(tests)), count, own
+
+
+def condition(found: History) -> Table:
+    """Each quantity in the reference and in the newest run."""
+    first = next(run for run in found.runs if run.label == found.reference)
+    last = found.runs[-1]
+    marked = {each.quantity for each in found.of(last) if each.marked}
+    rows = (
+        _quantity(quantity, old, new, marked=quantity in marked)
+        for quantity, old, new in zip(found.quantities, first.readings, last.readings, strict=True)
+    )
+    return Table(
+        title="Condition",
+        columns=(Column("quantity"), *figures("reference", "± 95 %", "newest", "± 95 %"),
+                 Column("unit")),
+        parts=(Part(tuple(rows)),),
+        explanation=(
+            "Values with intervals of 95 %, of errors that are the run's own; what all runs share"
+            " (torque constants, rotor inertias) does not count. Friction is the level at no load."
+        ),
+    )  # fmt: skip
+
+
+def _quantity(quantity: Quantity, old: Reading | None, new: Reading | None, *, marked: bool) -> Row:
+    name = Marked(quantity.name) if marked else quantity.name
+    return name, *_cells(old), *_cells(new), unit(quantity.unit)
+
+
+def _cells(read: Reading | None) -> tuple[str, str]:
+    if read is None:
+        return "not identified", ""
+    half = half_width(read)
+    return rounded(read.value, half), rounded(half, half)
+
+
+def changes(found: History) -> Table:
+    """What changed significantly; empty where nothing did."""
+    return Table(
+        title="What changed",
+        columns=(Column("run", folds=True), Column("since", folds=True), Column("quantity"),
+                 *figures("change", "± 95 %"), Column("unit"), *figures("%", "p"),
+                 Column("may come from", folds=True)),
+        parts=(Part(tuple(_change(each) for each in found.marked)),),
+        explanation=(
+            "The interval holds by how much temperature may move friction; p is the probability of"
+            " such a change by chance, for all that was tested of the run together (Holm)."
+        ),
+    )  # fmt: skip
+
+
+def _change(each: Change) -> Row:
+    share = "" if each.relative is None else signed(significant(100 * each.relative, 2))
+    size, half = (rounded(x, each.half_width) for x in (each.size, each.half_width))
+    return (
+        each.run, each.against, each.quantity.name, size, half, unit(each.quantity.unit), share,
+        probability(each.adjusted), each.meaning,
+    )  # fmt: skip
