@@ -6,7 +6,8 @@ Makes N campaigns of 39 measurements of the manutec-r15 that differ by the plant
 (noise, drift of the friction, lubricant), five with 15 % more Coulomb friction of axis 3 and five
 with p5 smaller by 2 %, all in FOLDER; those that are there already are not made again. Printed is
 in how many new runs of an unchanged machine anything is marked, each against the first run and the
-one before, and what is named first of each change.
+one before; in how many of all pairs of these runs, which are not independent; and what is named
+first of each change.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+from itertools import combinations
 from pathlib import Path
 
-from hil.results.history import read_history
+from hil.results.history import history_of, read_history
+from hil.results.model import Model
 
 PLANT = Path(__file__).parents[1] / "sim_plant" / "plants" / "manutec-r15.yaml"
 COUNTS = ("--gravity", "12", "--inertia", "24", "--coupling", "3")
@@ -78,6 +81,9 @@ def judge(unchanged: list[Path], changed: dict[str, list[Path]]) -> None:
     for each in found.changes:
         if each.marked:
             print(f"    {each.sentence}")
+    models = [(str(path), Model.load(path)) for path in unchanged]
+    pairs = [bool(history_of(pair).marked) for pair in combinations(models, 2)]
+    print(f"unchanged: {sum(pairs)} of {len(pairs)} pairs marked")
     for name, runs in changed.items():
         for run in runs:
             after = read_history([*unchanged[:2], run], reference=unchanged[0])

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.results.history import History
+    from hil.results.quantities import Kind
 
 _CAPTION = "Values with intervals of 95 %, thin lines with what temperature may add to friction."
 
@@ -45,15 +46,15 @@ def write_page(path: Path, found: History) -> None:
 
 def _plots(found: History) -> Iterator[Plot]:
     """A plot of each kind of quantity that the runs know."""
-    names = {
-        "gravity": "Gravity parameters", "inertia": "Inertia parameters",
-        "friction": "Friction", "offset": "Offsets",
+    names: dict[Kind, str] = {
+        "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
+        "friction level": "Friction", "offset": "Offsets",
     }  # fmt: skip
     for kind, name in names.items():
         places = [k for k, each in enumerate(found.quantities) if each.kind == kind]
         if places:
             yield Plot(
-                kind,
+                kind.replace(" ", "-"),
                 lambda places=places: over_time(found, places),  # type: ignore[misc]
                 f"{name} over time, a panel each",
                 f"{name} over time. {_CAPTION}",

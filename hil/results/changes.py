@@ -30,9 +30,9 @@ FALSE_ALARM = 0.01
 """Probability that anything of a new run of an unchanged machine is marked."""
 
 MEANINGS: dict[Kind, str] = {
-    "gravity": "a load, counterweight, spring or cable, or the torque constant of its axis",
-    "inertia": "something mounted, taken off or shifted, or a loose mass",
-    "friction": "bearing, gear, seal, lubricant, a brake that drags or a screw that came loose",
+    "gravity parameter": "a load, counterweight, spring or cable, or the torque constant",
+    "inertia parameter": "something mounted, shifted or loose",
+    "friction level": "bearing, gear, seal, lubricant, a dragging brake or a loose screw",
     "offset": "the zero of the torque or current sensor, or a constant force such as a hose",
 }
 """What a change of each kind may come from."""

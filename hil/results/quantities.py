@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction_law import AxisLaw
     from hil.results.model import Model
 
-Kind = Literal["gravity", "inertia", "friction", "offset"]
+Kind = Literal["gravity parameter", "inertia parameter", "friction level", "offset"]
 SHARES = (0.1, 0.7)
 """Where in the range of speeds that all models know levels are stated."""
 ASSUMED = (0.1, 0.8)
@@ -45,7 +45,7 @@ class Quantity(NamedTuple):
     ----------
     name : str
         ``p5``, ``friction of axis 3 at 0.5 rad/s`` or ``offset of axis 3``.
-    kind : {"gravity", "inertia", "friction", "offset"}
+    kind : {"gravity parameter", "inertia parameter", "friction level", "offset"}
     unit : str
     about : str
         Expression of a parameter; else empty.
@@ -125,8 +125,9 @@ def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
 
 def _parameters(model: Model) -> Iterator[Quantity]:
     base = base_parameters(model.robot)
+    gravity = base.groups["gravity"]
     for k, name in enumerate(base.names):
-        kind: Kind = "gravity" if k in base.groups["gravity"] else "inertia"
+        kind: Kind = "gravity parameter" if k in gravity else "inertia parameter"
         yield Quantity(name, kind, base.units[k], base.expressions[k])
 
 
@@ -148,7 +149,7 @@ def _friction(models: Sequence[Model]) -> Iterator[Quantity]:
         unit = "N m" if robot.revolute[axis] else "N"
         for speed in _speeds(known):
             name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
-            yield Quantity(name, "friction", unit, axis=axis + 1, speed=speed)
+            yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
         if known:
             yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
 

@@ -62,6 +62,7 @@ OWN = {
 }
 """Files about one kind alone, which may name it."""
 OTHERWISE = {
+    ("gravity", "results/quantities.py"): "a group of base parameters",
     ("gravity", "model/dependencies.py"): "a group of base parameters",
     ("gravity", "model/robot.py"): "the acceleration of gravity",
     ("gravity", "model/robot_file.py"): "the same",

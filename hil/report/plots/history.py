@@ -56,4 +56,5 @@ def _draw(panel: Axes, found: History, place: int, at: np.ndarray) -> None:
         t, value, half, allowance = np.array(shown).reshape(-1, 4).T
         panel.errorbar(t, value, half, fmt="o", ms=3, lw=1, color=colour, label=name)
         panel.errorbar(t, value, half + allowance, fmt="none", lw=0.5, color=MUTED)
-    panel.set_title(f"{quantity.name} [{unit(quantity.unit)}]")
+    panel.set_title(quantity.name)
+    panel.set_ylabel(unit(quantity.unit))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from hil.results.model import Model
 
-QUANTITY = Quantity("p1", "inertia", "kg m2")
+QUANTITY = Quantity("p1", "inertia parameter", "kg m2")
 N_TESTS = 30
 
 
