@@ -92,7 +92,9 @@ def measure(
     ] = None,
     at_most: Annotated[
         float | None,
-        typer.Option(min=1e-3, help="Mass that the load has at most, for poses that hold it \\[kg]."),
+        typer.Option(
+            min=1e-3, help="Mass that the load has at most, for poses that hold it \\[kg]."
+        ),
     ] = None,
     interface: Interface = SIMULATED,
     channel: RobotsChannel = None,

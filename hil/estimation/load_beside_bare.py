@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.estimation.condensed import Condensed
+    from hil.estimation.condensed import Condensed, Stacked
     from hil.estimation.signals import Signals
     from hil.estimation.simultaneous import SimultaneousFit
     from hil.model.robot import Robot
@@ -91,11 +91,12 @@ def _condensed(
     robot: Robot, bare: SimultaneousFit, loaded: Prepared, p: Array
 ) -> list[list[Condensed]]:
     """Measurements with the load; friction of the transmitted torque where the bare run has it."""
-    return [
-        [(each.loaded(each.load(p)) if bare.loaded[each.axis] else each).condensed() for each in axes]
-        for motion, s in loaded
-        for axes in stack(robot, motion, s)
-    ]  # fmt: skip
+
+    def of_axis(each: Stacked) -> Condensed:
+        return (each.loaded(each.load(p)) if bare.loaded[each.axis] else each).condensed()
+
+    stacks = (axes for motion, s in loaded for axes in stack(robot, motion, s))
+    return [[of_axis(each) for each in axes] for axes in stacks]
 
 
 def _fitted(

@@ -31,9 +31,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MOST_MINUTES = 3.0
 SLOW_SHARE = 0.4
 """Of the time, for slow strokes."""
+IN_TIME = 0.9
+"""Share of what is left of the time that the fast stage plans with: many short strokes take a little
+longer than their profiles."""
 REACH = 0.2
 """Radius of gyration that a load may have, and distance of its centre from the last frame, as long
 as they are unknown [m]."""
@@ -116,7 +118,7 @@ def fast_plan(bare: BareRun, minutes: float, slow: Plan, found: Payload) -> Load
             known = known + embedded(worth, E)
     spent = sum(each.travel + each.duration for each in timetable(slow, bare.robot,
                                                                   slow.measurements))  # fmt: skip
-    return _chosen(bare, fitting, known, 60 * minutes - spent)
+    return _chosen(bare, fitting, known, IN_TIME * (60 * minutes - spent))
 
 
 def holds(bare: BareRun, plan: Plan) -> float:

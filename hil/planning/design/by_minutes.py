@@ -236,7 +236,9 @@ def _guarded(
         fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
-def nearest_first(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
+def nearest_first(
+    robot: Robot, measurements: Sequence[ParameterMeasurement]
+) -> list[ParameterMeasurement]:
     """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
     starts = np.array([measurement.start for measurement in measurements])
     left = np.ones(len(starts), dtype=bool)
