@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
 SLOW_SHARE = 0.4
 """Of the time, for slow strokes."""
 IN_TIME = 0.9
-"""Share of what is left of the time that the fast stage plans with: many short strokes take a little
-longer than their profiles."""
+"""Share of what is left of the time that the fast stage plans with: drives take a little longer for
+many short strokes than their profiles do."""
 REACH = 0.2
 """Radius of gyration that a load may have, and distance of its centre from the last frame, as long
 as they are unknown [m]."""
@@ -83,10 +84,11 @@ def slow_plan(bare: BareRun, minutes: float, heaviest: float | None = None) -> L
     options = [each for each in _options(bare) if each.group == "gravity"]
     fitting = _fitting(bare, options, loads)
     if not fitting:
+        load = "" if heaviest is None else f"a load of {heaviest:g} kg, its centre up to {REACH:g}"
         raise InvalidValue(
-            f"a load of {heaviest or 0:g} kg, its centre up to {REACH:g} m from the last frame,"
-            f" would overload an axis in every pose: torques above {HOLD:.0%} of the limit; mount"
-            " a lighter one"
+            f"{load and load + ' m from the last frame, overloads an axis: '}every slow stroke"
+            f" calls for more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct"
+            " torque_limit in the robot file"
         )
     return _chosen(bare, fitting, _without(bare, fitting), 60 * SLOW_SHARE * minutes)
 
@@ -136,7 +138,9 @@ def holds(bare: BareRun, plan: Plan) -> float:
     return max(found, 0.0)
 
 
+@lru_cache(maxsize=1)
 def _options(bare: BareRun) -> list[Option]:
+    """All that both stages choose from."""
     plan, levels = bare.run.planned, bare.levels
     guarded = narrowed(bare.robot, plan.workspace)
     return pool(guarded, plan.workspace, plan.sample_period, levels.noise, _EACH)
