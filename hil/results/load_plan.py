@@ -13,7 +13,15 @@ from hil.estimation.payload_figures import FIRST_MOMENTS, INERTIAS, MASS
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.planning.design.candidates import judged, pool, weighed
-from hil.planning.design.load import HOLD, choose, embedded, embedding, of_load, within_torque
+from hil.planning.design.load import (
+    HOLD,
+    choose,
+    embedded,
+    embedding,
+    is_slow,
+    of_load,
+    within_torque,
+)
 from hil.planning.measurement import shows_parameters
 from hil.planning.prediction.predicted_samples import forecast
 from hil.planning.timetable import timetable
@@ -81,7 +89,7 @@ def slow_plan(bare: BareRun, minutes: float, heaviest: float | None = None) -> L
         Too little time, or no stroke in which all axes hold `heaviest`.
     """
     loads = [np.zeros(10), *([] if heaviest is None else _points(bare, heaviest))]
-    options = [each for each in _options(bare) if each.group == "gravity"]
+    options = [each for each in _options(bare) if is_slow(each.measurement)]
     fitting = _fitting(bare, options, loads)
     if not fitting:
         load = "" if heaviest is None else f"a load of {heaviest:g} kg, its centre up to {REACH:g}"

@@ -105,13 +105,18 @@ def within_torque(
     """
     found = []
     for option in options:
-        for share in SLOWER if option.group != "gravity" else SLOWER[:1]:
+        for share in SLOWER[:1] if is_slow(option.measurement) else SLOWER:
             slower = _slowed(option.measurement, share)
             if all(strain(robot, slower, p, friction) <= HOLD for p in loaded):
                 anew = option.worth if share == 1.0 else judged(robot, slower, period, noise)
                 found.append(replace(option, measurement=slower, worth=anew))
                 break
     return found
+
+
+def is_slow(measurement: ParameterMeasurement) -> bool:
+    """Whether torques are read at constant velocity alone."""
+    return not measurement.streamed and not any(measurement.unit_acceleration)
 
 
 def strain(robot: Robot, measurement: ParameterMeasurement, p: Array, friction: Array) -> float:
