@@ -110,4 +110,7 @@ def _show(name: str, left: np.ndarray, tau: np.ndarray) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    if len(sys.argv) == 2:
+        main(sys.argv[1])
+    else:
+        print("skipped: needs the folder with the recordings, see docs/free-motions.md")

@@ -9,7 +9,9 @@ weights w_m, the root mean square error on held-out blocks of the choice over th
 
 to the covariance of what all laws have, as averaging over models would (J. A. Hoeting et al.,
 Bayesian model averaging, Statistical Science 14 (1999) 382-417, eq. 3). An alternative that
-predicts badly counts little.
+predicts badly counts little. Laws that nobody would choose are among them, and some err more than
+the choice, so the share `SHARE` of V is taken: over twins of seven robots, twelve seeds each,
+errors are 0.6 (seven axes) to 1.2 times (portal) as large as is stated then.
 """
 
 from __future__ import annotations
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+SHARE = 0.6
+"""Of the spread of alternatives that counts."""
 OTHER_LAWS = ("cube root", "arc tangent", "all speeds and load", "all")
 """That hold most of what friction does with speed."""
 
@@ -54,7 +58,7 @@ def covariance_of_choices(products: Products, choice: Choice) -> Array:
         weight = min(1.0, np.sqrt(error / max(own, np.finfo(float).tiny)))
         total += weight * np.outer(change, change)
         weights += weight
-    return total / weights
+    return SHARE * total / weights
 
 
 def _solved(products: Products, choice: Choice) -> tuple[Array, float]:

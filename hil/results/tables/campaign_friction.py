@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def campaign_friction(model: Model) -> Table:
-    """Law of each axis and its friction at three speeds; empty where none was found."""
+    """Law of each axis and its friction at two speeds; empty where none was found."""
     law = model.friction_law
     if law is None or model.friction is not None:
         return Table("", (), ())
@@ -28,12 +28,12 @@ def campaign_friction(model: Model) -> Table:
         columns=(
             Column("axis"),
             Column("law", folds=True),
-            *figures("speeds", "at slowest", "at mean", "at fastest", "wandered, %"),
+            *figures("speeds", "at slowest", "at fastest", "wander, %"),
         ),
         parts=(Part(tuple(rows)),),
         explanation=(
             f"Friction forward at no load [{model.robot.torque_units}] with the standard error that"
-            " counts in predicted torques, at the slowest, mean and fastest of the speeds"
+            " counts in predicted torques, at the slowest and the fastest of the speeds"
             f" [{model.robot.position_units} per s]; how far its level was from the law in any one"
             " measurement."
         ),
@@ -43,8 +43,8 @@ def campaign_friction(model: Model) -> Table:
 def _row(model: Model, axis: int, own: AxisLaw) -> Row:
     assert model.friction_law is not None  # noqa: S101 - there is no row without
     slowest, fastest = own.speeds or (0.0, own.speed)
-    qd = np.zeros((3, model.robot.n_joints))
-    qd[:, axis] = np.linspace(slowest, fastest, 3)
+    qd = np.zeros((2, model.robot.n_joints))
+    qd[:, axis] = slowest, fastest
     still = np.zeros_like(qd)
     tau, variance = (
         each(model.robot, model.friction_law, still, qd, still)[:, axis]

@@ -38,24 +38,16 @@ def folder(tmp_path: Path, manutec: Robot) -> RunFolder:
     return write_run(tmp_path / "run", manutec)
 
 
-@pytest.mark.parametrize("name", ["model.yaml", "model.yaml.part"])
-def test_an_estimate_overwrites_no_file_that_a_link_leads_to(
-    folder: RunFolder, victim: Path, name: str
+def test_an_estimate_and_its_report_overwrite_no_file_that_a_link_leads_to(
+    folder: RunFolder, victim: Path
 ) -> None:
-    (folder.path / name).symlink_to(victim)
+    for name in ("model.yaml", "model.yaml.part", "report.html", "report.html.part"):
+        (folder.path / name).symlink_to(victim)
     hil("identify", folder.path)
+    hil("report", folder.path)
     assert victim.read_text() == MINE
     assert not (folder.path / "model.yaml").is_symlink()
     assert "parameters" in (folder.path / "model.yaml").read_text()
-
-
-@pytest.mark.parametrize("name", ["report.html", "report.html.part"])
-def test_a_report_overwrites_no_file_that_a_link_leads_to(
-    folder: RunFolder, victim: Path, name: str
-) -> None:
-    (folder.path / name).symlink_to(victim)
-    hil("report", folder.path)
-    assert victim.read_text() == MINE
     assert (folder.path / "report.html").read_text().startswith("<!DOCTYPE")
 
 

@@ -52,7 +52,7 @@ def test_random_frames_neither_upset_the_drives_nor_move_what_is_not_enabled(
         powered = False
         for call, *_ in axis.calls:
             powered = call == "enable" or (powered and call != "disable")
-            assert powered or call in ("disable", "torque", "window")
+            assert powered or call in ("disable", "torque", "window", "withhold")
     network.receive(0, bytes([129, 0]))
     for node in range(1, 7):
         response = network.receive(0x600 + node, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0]))

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from free_run import COULOMB, TRUTH, arm, recorded
 
-from hil.estimation.free_motion.accumulation import accumulate, division
 from hil.estimation.free_motion.alternatives import covariance_of_choices
-from hil.estimation.free_motion.choice import choose
 from hil.estimation.free_motion.friction_terms import COLUMNS
-from hil.estimation.free_motion.settings import processing_of
-from hil.estimation.free_motion.survey import survey
+from hil.estimation.free_motion.gathering import gather
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,11 +22,8 @@ N_BASE = len(TRUTH)
 def covariance(friction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Of the arm's unknowns from one choice to another."""
     robot, data = arm(), recorded(arm(), TRUTH, friction, noise=0.05)
-    found = survey(data)
-    processing, _ = processing_of(found)
-    divided = division(processing, found.stretches, found.duration)
-    products = accumulate(robot, (each for _, each in data), processing, divided, np.zeros(N_BASE))
-    return covariance_of_choices(products, choose(products))
+    gathered = gather(robot, data, VARIANTS[DEFAULT])
+    return covariance_of_choices(gathered.products, gathered.choice)
 
 
 @pytest.fixture(scope="module")
