@@ -121,7 +121,7 @@ def verdict(found: Payload) -> tuple[str, ...]:
              and not q.name.startswith("centre")]  # fmt: skip
     if rough:
         listed = ", ".join(f"{q.name} (± {100 * q.half_width / abs(q.value):.0f} %)" for q in rough)
-        lines.append(f"rough: {listed}; measure again with --minutes 3, or state the mass")
+        lines.append(f"rough: {listed}; take two whole runs, or state the mass")
     if found.unidentifiable:
         lines.append(
             f"not identifiable: {', '.join(found.unidentifiable)}; no measurement of this run shows"
