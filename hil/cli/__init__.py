@@ -63,8 +63,7 @@ PANELS = {
             "Test what the robot file leaves out and what it states; writes diagnosis.yaml.",
         ),
         "payload": _Command(
-            "results",
-            "Find a load from two runs, without and with it; writes payload.yaml into the second.",
+            "payload", "Find a load from two runs, without and with it, or measure one in minutes."
         ),
         "history": _Command(
             "history",

@@ -122,39 +122,6 @@ def compare(
 
 
 @commands.command()
-def payload(
-    without: Annotated[Path, typer.Argument(help="Folder of the run without the load.")],
-    loaded: Annotated[Path, typer.Argument(help="Folder of the run with the load.")],
-    mass: Annotated[
-        float | None,
-        typer.Option(
-            min=1e-3,
-            help="Mass of the load, which is held; it corrects the torque constants of runs"
-            " measured by strokes \\[kg].",
-        ),
-    ] = None,
-    gains: Annotated[
-        bool,
-        typer.Option(
-            "--gains",
-            help="Find the gains of all axes of imported runs by the mass, too; takes --mass.",
-        ),
-    ] = False,
-) -> None:
-    """Find a load from two runs, without and with it; writes payload.yaml into the second."""
-    from hil.cli import payload_view
-    from hil.results import payload, payload_file
-    from hil.runs.run import Run
-
-    if gains and mass is None:
-        raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
-    runs = Run.open(without), Run.open(loaded)
-    found = payload.find_payload(*runs, mass, gains=gains)
-    payload_view.render(payload_file.write_payload(*runs, found), out)
-    _show_place("load", loaded / payload_file.NAME)
-
-
-@commands.command()
 def diagnose(folder: RunPath) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
     from hil.cli import diagnosis_view

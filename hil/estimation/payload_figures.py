@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MASS, _FIRST = 9, (6, 7, 8)
-"""Where mass and first moments stand in eq. (4)."""
+MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
+"""Where mass, first moments and inertias stand in eq. (4)."""
 _STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
 """First moments whose squares belong to each moment of inertia."""
 _DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}
@@ -101,7 +101,7 @@ class Payload:
         present = [k for k in range(10) if self.phi_covariance[k, k] > 0]
         found = [self.mass] if MASS in present or self.stated_mass is not None else []
         heavy = bool(found) and self.phi[MASS] > 0
-        first = [(k, axis) for k, axis in zip(_FIRST, "xyz", strict=True) if k in present]
+        first = [(k, axis) for k, axis in zip(FIRST_MOMENTS, "xyz", strict=True) if k in present]
         found += [self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m") for k, _ in first]
         found += [self._centre(k, axis) for k, axis in first if heavy]
         for k in (k for k in range(6) if k in present):

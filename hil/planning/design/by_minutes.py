@@ -97,7 +97,7 @@ def design_within(
         selection.take(number)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
     order = _filled(robot, options, selection, budget, least, workspace)
-    return as_plan(robot, _numbered(order, set()), warm_up, workspace)
+    return as_plan(robot, numbered(order, set()), warm_up, workspace)
 
 
 def refine(
@@ -135,7 +135,7 @@ def refine(
     selection = Selection(guarded, options, TRAVEL, "torque", worth)
     order = _filled(robot, options, selection, 60 * minutes, 1, run.workspace)
     avoided = {m.id for m in run.measurements} if taken is None else taken
-    plan = as_plan(robot, _numbered(order, avoided), 0.0, run.workspace)
+    plan = as_plan(robot, numbered(order, avoided), 0.0, run.workspace)
     return plan.model_copy(update={"sample_period": run.sample_period})
 
 
@@ -175,7 +175,7 @@ def _filled(
     fitting = chosen[: _how_many(robot, chosen, least, budget)]
     if workspace:
         return _guarded(robot, workspace, fitting, least, budget)
-    return _tour(robot, _merged(fitting))
+    return nearest_first(robot, _merged(fitting))
 
 
 def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
@@ -203,7 +203,7 @@ def _how_many(
     ValueError
         Not even `least` of them.
     """
-    needed = _duration(robot, _tour(robot, _merged(chosen[:least])))
+    needed = lasting(robot, nearest_first(robot, _merged(chosen[:least])))
     if needed > budget:
         raise ValueError(
             f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
@@ -212,7 +212,7 @@ def _how_many(
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:
         middle = (fits + exceeds) // 2
-        if _duration(robot, _tour(robot, _merged(chosen[:middle]))) > budget:
+        if lasting(robot, nearest_first(robot, _merged(chosen[:middle]))) > budget:
             exceeds = middle
         else:
             fits = middle
@@ -230,13 +230,15 @@ def _guarded(
     guarded, fits = narrowed(robot, workspace), len(chosen)
     while True:
         order = guarded_tour(guarded, workspace, _merged(chosen[:fits]), TRAVEL)
-        excess = _duration(robot, order) - budget
+        excess = lasting(robot, order) - budget
         if excess <= 0 or fits <= least:
             return order
         fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
-def _tour(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
+def nearest_first(
+    robot: Robot, measurements: Sequence[ParameterMeasurement]
+) -> list[ParameterMeasurement]:
     """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
     starts = np.array([measurement.start for measurement in measurements])
     left = np.ones(len(starts), dtype=bool)
@@ -250,13 +252,13 @@ def _tour(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> list[Pa
     return tour
 
 
-def _duration(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> float:
+def lasting(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> float:
     """Time of measurements in this order and of the ways between them [s]."""
     plan = as_plan(robot, measurements[:1], 0.0, None)
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
 
-def _numbered(
+def numbered(
     measurements: Sequence[ParameterMeasurement], taken: set[str]
 ) -> list[ParameterMeasurement]:
     """Give ids in this order, kind by kind, that are not `taken`."""

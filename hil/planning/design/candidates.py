@@ -90,8 +90,6 @@ def pool(
         No configuration of an element keeps clear of the workspace's boxes.
     """
     found: list[Option] = []
-    noise = noise.sampled(robot, period)
-    mean = noise.mean(THINNED)
     sought = base_parameters(robot).dependencies.sought()
     for name, kind in ELEMENT_KINDS.items():
         for element in ELEMENTS[name](robot, list(sought[kind.group])):
@@ -100,9 +98,18 @@ def pool(
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
                 turned = element.turned(robot, configuration, number)
                 measurement = element.measure(f"{kind.letter}{number}", turned, number)
-                judged = shares(robot, measurement, THINNED * period, noise.differences)
-                found.append(Option(kind.group, measurement, row, worth(robot, judged, mean)))
+                found.append(Option(kind.group, measurement, row,
+                                    judged(robot, measurement, period, noise)))  # fmt: skip
     return found
+
+
+def judged(
+    robot: Robot, measurement: ParameterMeasurement, period: float, noise: Noise
+) -> tuple[tuple[NDArray[np.intp], Array], ...]:
+    """What a measurement is worth, sampled every `period` [s]; see `Option`."""
+    noise = noise.sampled(robot, period)
+    found = shares(robot, measurement, THINNED * period, noise.differences)
+    return worth(robot, found, noise.mean(THINNED))
 
 
 def trajectories(

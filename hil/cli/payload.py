@@ -1,0 +1,207 @@
+"""`hil payload`: a load from two whole runs, or measured in minutes beside one without it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from hil.cli.arguments import BusOptions, Interface, ModelPath, RobotsChannel, RobotsDrives
+from hil.runs import SIMULATED
+from hil.terminal.console import out
+
+if TYPE_CHECKING:
+    from hil.cli.measuring import OnBus
+    from hil.planning.plan import Plan
+    from hil.results.bare_run import BareRun
+    from hil.results.load_plan import LoadPlan
+    from hil.runs.run import Run
+
+TWO_RUNS = "two-runs"
+SLOW, FAST = "slow", "fast"
+"""Folders of the two stages, within that of the measurement."""
+
+
+class _TwoRunsByDefault(TyperGroup):
+    """Takes what begins with no command for arguments of `two-runs`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Return the arguments, the command first."""
+        if args and args[0] not in {"-h", "--help"} and args[0] not in self.commands:
+            args = [TWO_RUNS, *args]
+        return super().parse_args(ctx, args)
+
+
+payload = typer.Typer(
+    cls=_TwoRunsByDefault,
+    help="Find a load from two runs, without and with it, or measure one in minutes.",
+    no_args_is_help=True,
+)
+commands = typer.Typer()
+commands.add_typer(payload, name="payload")
+
+
+@payload.command(TWO_RUNS)
+def two_runs(
+    without: Annotated[Path, typer.Argument(help="Folder of the run without the load.")],
+    loaded: Annotated[Path, typer.Argument(help="Folder of the run with the load.")],
+    mass: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-3,
+            help="Mass of the load, which is held; it corrects the torque constants of runs"
+            " measured by strokes \\[kg].",
+        ),
+    ] = None,
+    gains: Annotated[
+        bool,
+        typer.Option(
+            "--gains",
+            help="Find the gains of all axes of imported runs by the mass, too; takes --mass.",
+        ),
+    ] = False,
+) -> None:
+    """Find a load from two runs; writes payload.yaml into the second; what happens by default."""
+    from hil.cli import payload_view
+    from hil.results import payload as results
+    from hil.results import payload_file
+    from hil.runs.run import Run
+
+    if gains and mass is None:
+        raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
+    runs = Run.open(without), Run.open(loaded)
+    found = results.find_payload(*runs, mass, gains=gains)
+    payload_view.render(payload_file.write_payload(*runs, found), out)
+    path = loaded / payload_file.NAME
+    out.print(f"load in {path}; hil report {loaded} shows it", highlight=False, soft_wrap=True)
+
+
+@payload.command()
+def measure(
+    model: ModelPath,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the measurement.")],
+    minutes: Annotated[
+        float,
+        typer.Option(min=0.5, max=3, help="Duration of motion, ways included \\[min]."),
+    ] = 3.0,
+    mass: Annotated[
+        float | None,
+        typer.Option(min=1e-3, help="Mass of the load, which is held \\[kg]."),
+    ] = None,
+    at_most: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-3, help="Mass that the load has at most, for poses that hold it \\[kg]."
+        ),
+    ] = None,
+    interface: Interface = SIMULATED,
+    channel: RobotsChannel = None,
+    drives_file: RobotsDrives = None,
+    bus_option: BusOptions = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Measure what a measurement that was stopped misses.")
+    ] = False,
+) -> None:
+    """Measure a load beside a run without it, slowly and then faster; the robot moves."""
+    from hil.cli.measuring import OnBus
+    from hil.results import load_plan
+    from hil.results.bare_run import know
+    from hil.results.measured_load import NAME, estimate_load, find_load, write_load
+    from hil.runs.run import Run
+
+    if mass is not None and at_most is not None and mass > at_most:
+        raise typer.BadParameter(f"{mass:g} kg must be at most --at-most", param_hint="--mass")
+    bare_run = Run.open(model if model.is_dir() else model.parent)
+    _refuse_output(bare_run, output, resume=resume)
+    bare = know(bare_run)
+    how = OnBus(interface, channel, drives_file, bus_option)
+    slow = _kept_plan(output / SLOW, bare)
+    if slow is None:
+        stage = load_plan.slow_plan(bare, minutes, at_most if mass is None else mass)
+        slow = stage.plan
+        _show_stage("slow", stage, bare)
+        held = load_plan.holds(bare, slow)
+        out.print(
+            f"all axes hold up to {held:.3g} kg in these poses, its centre up to"
+            f" {load_plan.REACH:g} m from the last frame",
+            highlight=False, soft_wrap=True,
+        )  # fmt: skip
+    _carry_out(slow, bare, output / SLOW, how, resume=resume)
+    fast = _kept_plan(output / FAST, bare)
+    if fast is None:
+        found = estimate_load(bare, [Run.open(output / SLOW)])
+        stage = load_plan.fast_plan(bare, minutes, slow, found)
+        fast = stage.plan
+        _show_stage("fast", stage, bare)
+    _carry_out(fast, bare, output / FAST, how, resume=resume)
+    runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
+    kept = write_load(output, bare, runs, find_load(bare, runs, mass))
+    for line in kept.verdict:
+        out.print(line, highlight=False, markup=False, soft_wrap=True)
+    out.print(f"load in {output / NAME}", highlight=False, soft_wrap=True)
+
+
+def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
+    """Refuse a folder in which something else was measured.
+
+    Raises
+    ------
+    Mismatch, FileError
+    """
+    from checked_files.yaml_file import FileError
+    from hil.errors import Mismatch
+
+    if output.resolve() == bare.path.resolve():
+        raise Mismatch(
+            f"{output}: is the run without the load; name another folder for the one with it: -o"
+        )
+    if (output / "run.json").exists():
+        raise FileError(f"{output}: holds another run; choose another folder with -o")
+    if (output / SLOW).exists() and not resume:
+        raise FileError(
+            f"{output}: holds a load's measurement already; finish it with --resume, or choose"
+            " another folder with -o"
+        )
+
+
+def _kept_plan(folder: Path, bare: BareRun) -> Plan | None:
+    """Plan of a stage that was begun before; None where there is none.
+
+    Raises
+    ------
+    Mismatch
+        It is of another robot.
+    """
+    from hil.errors import Mismatch
+    from hil.runs.run import Run
+
+    if not (folder / "run.json").exists():
+        return None
+    run = Run.open(folder)
+    if run.robot.digest != bare.robot.digest:
+        raise Mismatch(
+            f"{folder}: was measured with another robot file than {bare.run.path}; choose another"
+            " folder with -o"
+        )
+    return run.planned
+
+
+def _carry_out(plan: Plan, bare: BareRun, folder: Path, how: OnBus, *, resume: bool) -> None:
+    from hil.cli.measuring import measure as measured
+
+    again = resume and (folder / "run.json").exists()
+    measured(plan, bare.robot, folder / "plan.yaml", folder, how, again)
+
+
+def _show_stage(name: str, stage: LoadPlan, bare: BareRun) -> None:
+    from hil.planning.timetable import timetable
+    from hil.results.rounding import clock
+
+    entries = timetable(stage.plan, bare.robot, stage.plan.measurements)
+    lasts = clock(sum(each.travel + each.duration for each in entries))
+    out.print(
+        f"{name}: {len(entries)} measurements in {lasts} min of motion", highlight=False,
+        soft_wrap=True,
+    )  # fmt: skip

@@ -1,0 +1,196 @@
+"""`hil payload measure`: a load in minutes beside a run without it, slowly and then faster."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_run import COUNTS, NOISE, SIMULATED
+from synthetic import TABLE_3_A, Friction, record
+
+from drivers.drive_bus import AxisInfo
+from hil import cli
+from hil.errors import InvalidValue, Mismatch, NoLoad, NotEnoughData
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import load_robot
+from hil.planning.design.by_counts import design
+from hil.planning.design.load import HOLD, strain
+from hil.planning.plan import PlannedRobot
+from hil.planning.timetable import timetable
+from hil.results.bare_run import know
+from hil.results.load_plan import SLOW_SHARE, fast_plan, holds, slow_plan
+from hil.results.measured_load import NAME, estimate_load, find_load, verdict, write_load
+from hil.runs.recording_file import Measured
+from hil.runs.run import Run
+from hil.runs.run_folder import RunFolder
+
+MASS, DISTANCE = 10.86, 0.14
+LOAD = {"m6": MASS, "sz6": MASS * DISTANCE, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
+MINUTES = 3.0
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("manutec-r15")
+
+
+@pytest.fixture(scope="module")
+def bare(robot, tmp_path_factory):
+    path = tmp_path_factory.mktemp("load") / "bare"
+    return know(carried_out(path, design(robot, COUNTS), robot, TABLE_3_A, seed=1))
+
+
+def loaded_parameters(robot):
+    phi = np.array([LOAD.get(name, 0.0) for name in robot.standard_parameters])
+    return TABLE_3_A + base_parameters(robot).matrix @ phi
+
+
+def carried_out(path, plan, robot, p, seed=7):
+    """A run of `plan` by a machine with base parameters `p`; each has offsets of its own."""
+    folder = RunFolder.create(path, plan, robot)
+    rng, begin = np.random.default_rng(seed), 0.0
+    offset = np.array([1.0, -1.0, 0.4, -0.3, 0.2, 0.1]) * rng.uniform(0.5, 1.5, 6)
+    friction = Friction(coulomb=2.0, viscous=0.3, root=0.3, growth=2e-4, offset=offset)
+    with folder.session(SIMULATED) as session:
+        folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
+                          for n in range(1, 7)])  # fmt: skip
+        for measurement in plan.measurements:
+            recording = record(robot, measurement, p, friction, begin=begin, noise=NOISE, rng=rng)
+            folder.write(Measured(measurement, recording, session=session))
+            begin = float(recording.time[-1]) + 1.0
+    return Run.open(path)
+
+
+def lasts(plan, robot):
+    return sum(each.travel + each.duration for each in timetable(plan, robot, plan.measurements))
+
+
+@pytest.fixture(scope="module")
+def slow(bare):
+    return slow_plan(bare, MINUTES)
+
+
+@pytest.fixture(scope="module")
+def stages(bare, slow, robot, tmp_path_factory):
+    """Both runs with the load, and the plan of the second."""
+    place, p = tmp_path_factory.mktemp("stages"), loaded_parameters(robot)
+    first = carried_out(place / "slow", slow.plan, robot, p)
+    fast = fast_plan(bare, MINUTES, slow.plan, estimate_load(bare, [first]))
+    return [first, carried_out(place / "fast", fast.plan, robot, p, seed=8)], fast
+
+
+@pytest.fixture(scope="module")
+def found(bare, stages):
+    return find_load(bare, stages[0])
+
+
+def test_slow_strokes_come_first_and_all_of_it_takes_the_time_that_it_may(robot, slow, stages):
+    _, fast = stages
+    assert {m.kind for m in slow.plan.measurements} == {"gravity"}
+    assert "inertia" in {m.kind for m in fast.plan.measurements}
+    assert 30.0 < lasts(slow.plan, robot) <= 60 * MINUTES * SLOW_SHARE
+    assert 120.0 < lasts(slow.plan, robot) + lasts(fast.plan, robot) <= 60 * MINUTES
+    assert np.all(fast.deviation < slow.deviation)
+
+
+def test_no_axis_is_to_give_more_than_it_holds_with_the_load_found(robot, bare, stages):
+    p, friction = loaded_parameters(robot), bare.friction()
+    worst = max(strain(robot, m, p, friction) for m in stages[1].plan.measurements)
+    assert 0.3 < worst <= HOLD
+
+
+def test_the_load_is_found_and_stated_with_intervals(found):
+    figures = {q.name: q for q in found.quantities()}
+    truth = {"mass": MASS, "centre z": DISTANCE, "Izz": LOAD["Izz6"], "Ixx": LOAD["Ixx6"]}
+    for name, value in truth.items():
+        assert abs(figures[name].value - value) < 1.5 * figures[name].half_width, name
+    assert figures["mass"].value == pytest.approx(MASS, rel=2e-3)
+    assert figures["centre z"].value == pytest.approx(DISTANCE, abs=1e-3)
+    assert figures["mass"].half_width < 0.01 * MASS
+    assert verdict(found)[0].startswith("mass 10.8")
+    assert " ± " in verdict(found)[0]
+    assert "taken as zero: Ixy, Ixz, Iyz, sx, sy" in verdict(found)[-1]
+
+
+def test_slow_strokes_alone_leave_the_inertia_about_the_flange_rough_or_open(bare, stages):
+    lines = "\n".join(verdict(find_load(bare, stages[0][:1])))
+    assert "rough: " in lines or "not identifiable: " in lines
+    assert "Izz" in lines
+
+
+def test_a_stated_mass_is_held(bare, stages):
+    found = find_load(bare, stages[0], MASS)
+    assert found.phi[9] == MASS
+    assert verdict(found)[0].startswith("mass 10.86 kg as stated; ")
+    assert found.quantities()[2].value == pytest.approx(DISTANCE, abs=5e-4)
+
+
+def test_a_stated_mass_that_contradicts_is_refused(bare, stages):
+    with pytest.raises(Mismatch, match=r"a mass of 12 kg contradicts 10\.8.* correct the mass"):
+        find_load(bare, stages[0], 12.0)
+
+
+def test_no_load_is_refused(bare, slow, robot, tmp_path):
+    run = carried_out(tmp_path / "none", slow.plan, robot, TABLE_3_A)
+    with pytest.raises(NoLoad, match="no load stands out of its error"):
+        find_load(bare, [run])
+
+
+def test_the_run_without_the_load_is_none_with_it(bare):
+    with pytest.raises(Mismatch, match="has the same recordings"):
+        find_load(bare, [bare.run])
+
+
+def test_runs_of_another_robot_are_refused(bare, slow, robot, tmp_path):
+    other = tmp_path / "other.yaml"
+    other.write_text(robot.text.replace("name: manutec-r15", "name: another"))
+    another = load_robot(other)
+    plan = slow.plan.model_copy(
+        update={"robot": PlannedRobot(name=another.name, digest=another.digest)}
+    )
+    run = carried_out(tmp_path / "run", plan, another, TABLE_3_A)
+    with pytest.raises(Mismatch, match="another robot file"):
+        find_load(bare, [run])
+
+
+def test_a_load_that_no_pose_holds_is_refused_beforehand(bare):
+    with pytest.raises(InvalidValue, match=r"a load of 500 kg, .* overloads an axis"):
+        slow_plan(bare, MINUTES, 500.0)
+
+
+def test_poses_hold_the_heaviest_load_that_was_stated(bare):
+    assert holds(bare, slow_plan(bare, MINUTES, 15.0).plan) >= 15.0
+
+
+def test_a_load_that_overloads_an_axis_is_not_moved_faster(bare, slow, found):
+    heavy = replace(found, phi=50 * found.phi)
+    with pytest.raises(NotEnoughData, match="this load overloads an axis"):
+        fast_plan(bare, MINUTES, slow.plan, heavy)
+
+
+def test_a_heavier_load_is_moved_more_slowly_or_less(robot, bare, slow, found):
+    plan = fast_plan(bare, MINUTES, slow.plan, replace(found, phi=2 * found.phi)).plan
+    p = TABLE_3_A + 2 * (loaded_parameters(robot) - TABLE_3_A)
+    assert max(strain(robot, m, p, bare.friction()) for m in plan.measurements) <= HOLD
+
+
+def test_what_was_found_is_kept(bare, stages, found, tmp_path):
+    kept = write_load(tmp_path, bare, stages[0], found)
+    assert (tmp_path / NAME).exists()
+    assert kept.verdict == verdict(found)
+    assert kept.load[0].half_width == pytest.approx(found.mass.half_width)
+
+
+def refusal(capsys, *arguments):
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(each) for each in ("payload", "measure", *arguments)])
+    assert ended.value.code
+    return capsys.readouterr().err
+
+
+def test_the_folder_of_another_run_is_refused(bare, stages, tmp_path, capsys):
+    path = bare.run.path
+    assert "is the run without the load" in refusal(capsys, "--model", path, "-o", path)
+    slow_run = stages[0][0].path
+    assert "holds another run" in refusal(capsys, "--model", path, "-o", slow_run)
+    said = refusal(capsys, "--model", path, "-o", slow_run.parent)
+    assert "finish it with --resume" in said
