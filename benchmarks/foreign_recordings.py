@@ -73,6 +73,7 @@ CASES = {
     "20 s": Case(500, 20.0),
     "slow": Case(250, 60.0, harmonics=5),
     "16 bit": Case(250, 60.0, increments=1 << 16),
+    "10 min": Case(250, 600.0),
 }
 
 

@@ -7,6 +7,7 @@ how many of the intervals of 95 % hold the truth; cases apart where --cases is g
 constant of the method was set by the seeds from 201 on::
 
     python benchmarks/free_motions.py [ROBOT ...] [--quick] [--cases] [--keep FOLDER]
+    python benchmarks/free_motions.py manutec-r15 --case "10 min" --first 301 --seeds 20
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 FIRST_SEED, SEEDS = 201, 2
 """The first seed of all, and how many each case has."""
+LONG = ("10 min",)
+"""Cases that are run where they are asked for."""
 
 
 class Judged(NamedTuple):
@@ -121,6 +124,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("robots", nargs="*", help=", ".join(NAMES))
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="of each case")
     parser.add_argument("--quick", action="store_true", help="the first seed of each case alone")
     parser.add_argument("--case", action="append", choices=CASES, help="one of the cases [all]")
     parser.add_argument("--cases", action="store_true", help="a line for every case, and why")
@@ -131,9 +135,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         for name in given.robots or NAMES:
             total = Found([], 0)
-            for case in given.case or CASES:
-                first = given.first + SEEDS * list(CASES).index(case)
-                seeds = range(first, first + (1 if given.quick else SEEDS))
+            cases = given.case or [case for case in CASES if case not in LONG]
+            for number, case in enumerate(cases):
+                first = given.first + given.seeds * number
+                seeds = range(first, first + (1 if given.quick else given.seeds))
                 found = judge_all(given.keep or Path(temporary), name, case, seeds)
                 if given.cases:
                     print(line(f"  {name}, {case}", found), flush=True)
