@@ -53,7 +53,8 @@ def condition(found: History) -> Table:
     )
     return Table(
         title="Condition",
-        columns=(Column("quantity"), *figures("reference", "± 95 %", "newest", "± 95 %"),
+        columns=(Column("quantity", folds=True),
+                 *figures("reference", "± 95 %", "newest", "± 95 %"),
                  Column("unit")),
         parts=(Part(tuple(rows)),),
         explanation=(
@@ -79,7 +80,8 @@ def changes(found: History) -> Table:
     """What changed significantly; empty where nothing did."""
     return Table(
         title="What changed",
-        columns=(Column("run", folds=True), Column("since", folds=True), Column("quantity"),
+        columns=(Column("run", folds=True), Column("since", folds=True),
+                 Column("quantity", folds=True),
                  *figures("change", "± 95 %"), Column("unit"), *figures("%", "p"),
                  Column("may come from", folds=True)),
         parts=(Part(tuple(_change(each) for each in found.marked)),),

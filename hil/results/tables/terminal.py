@@ -20,8 +20,11 @@ def rich_table(table: Table) -> RichTable:
     """Return what rich prints of a table; names of parts stand in its last column."""
     title = Text(table.title, style="table.title") if table.title else None
     made = RichTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in table.columns:
-        made.add_column(Text(column.head), justify=column.align, no_wrap=not column.folds,
+    # figures are never to be cropped: where no column folds by itself, the first one does
+    folding = [column.folds for column in table.columns]
+    folding[:1] = [folding[0] or not any(folding)]
+    for column, folds in zip(table.columns, folding, strict=True):
+        made.add_column(Text(column.head), justify=column.align, no_wrap=not folds,
                         overflow="fold")  # fmt: skip
     for part in table.parts:
         if part.name:

@@ -93,3 +93,12 @@ def test_a_summary_is_text_and_html_of_all_its_tables() -> None:
     for shown in (str(summary), read(summary._repr_html_())):
         assert shown.index("Parameters") < shown.index("Residuals") < shown.index("left out")
     assert "&lt;g1&gt;" in summary._repr_html_()
+
+
+def test_a_narrow_terminal_crops_no_figure() -> None:
+    made = Table(
+        "Condition",
+        (Column("quantity"), *figures("value", "std. error")),
+        (Part((("friction of axis 1 at 0.44 rad/s and more", "12.345678", "0.000123"),)),),
+    )
+    assert {"12.345678", "0.000123"} <= set(printed(made, width=40).split())
