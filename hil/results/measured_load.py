@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
@@ -139,8 +140,8 @@ def write_load(path: Path, bare: BareRun, loaded: Sequence[Run], found: Payload)
     kept = LoadFile(
         made=now(),
         version=version("canopen-robot-identification"),
-        without=RunStamp.of(bare.run, beside=loaded[-1]),
-        loaded=tuple(RunStamp.of(run) for run in loaded),
+        without=_stamp(bare.run, path),
+        loaded=tuple(_stamp(run, path) for run in loaded),
         mass=found.stated_mass,
         verdict=verdict(found),
         load=tuple(_record(q) for q in found.quantities()),
@@ -152,6 +153,11 @@ def write_load(path: Path, bare: BareRun, loaded: Sequence[Run], found: Payload)
     )
     write_file(path / NAME, text.encode())
     return kept
+
+
+def _stamp(run: Run, path: Path) -> RunStamp:
+    """Stamp of a run, its folder as seen from `path`."""
+    return RunStamp.of(run).model_copy(update={"folder": os.path.relpath(run.path, path)})
 
 
 def _refuse_unfit(bare: Run, loaded: Run) -> None:

@@ -178,6 +178,9 @@ def test_what_was_found_is_kept(bare, stages, found, tmp_path):
     assert (tmp_path / NAME).exists()
     assert kept.verdict == verdict(found)
     assert kept.load[0].half_width == pytest.approx(found.mass.half_width)
+    assert all(
+        (tmp_path / each.folder / "run.json").exists() for each in (kept.without, *kept.loaded)
+    )
 
 
 def refusal(capsys, *arguments):
