@@ -5,6 +5,7 @@ One small campaign over CANopen frames on the virtual plant, drift and asymmetry
 """
 
 import re
+import shutil
 
 import h5py
 import numpy as np
@@ -16,7 +17,7 @@ from hil.cli import main
 from hil.estimation.identify import estimate
 from hil.runs.pooling import recorded
 from hil.study.comparison import comparison
-from hil.study.truth import true_parameters
+from hil.study.truth import find_plant, true_parameters
 
 COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
 
@@ -100,3 +101,20 @@ def test_the_same_seed_gives_the_same_samples(folder, tmp_path):
         ):
             assert np.array_equal(one["tau"][:], two["tau"][:])
             assert np.array_equal(one["q"][:], two["q"][:])
+
+
+def test_a_load_is_measured_in_minutes_beside_the_run_and_resumed(folder, tmp_path, capsys):
+    plant = tmp_path / "loaded.yaml"
+    text = find_plant("manutec-r15").read_text()
+    plant.write_text(f"{text}\npayload: {{mass: 10.86, centre: [0, 0, 0.14], Izz: 0.047}}\n")
+    measure = ("payload", "measure", "--model", folder, "-o", tmp_path / "load",
+               "--channel", plant, "--bus-option", "seed=9", "--minutes", "2")  # fmt: skip
+    cli(*measure)
+    (tmp_path / "load" / "load.yaml").unlink()
+    shutil.rmtree(tmp_path / "load" / "fast")
+    cli(*measure, "--resume")
+    kept = yaml.safe_load((tmp_path / "load" / "load.yaml").read_text())
+    mass = next(each for each in kept["load"] if each["name"] == "mass")
+    assert mass["value"] == pytest.approx(10.86, abs=1.5 * mass["half_width"])
+    assert mass["half_width"] < 0.1
+    assert kept["verdict"][0] in capsys.readouterr().out
