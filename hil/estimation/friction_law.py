@@ -66,6 +66,18 @@ class AxisLaw(AxisFriction):
         return np.array([each.value for each in self.terms.values()])
 
     @property
+    def slope(self) -> float:
+        """Of the plainest law, Coulomb and viscous friction [N m s/rad or N s/m]."""
+        return self.plain["viscous"].value / self.speed
+
+    def known(self, speed: Array) -> Array:
+        """Speeds at which the law is taken: those that it was found from, or the nearest of them.
+
+        A sum of terms may go anywhere else; slower and faster the law goes on with `slope`.
+        """
+        return speed if self.speeds is None else np.clip(speed, *self.speeds)
+
+    @property
     def uncertainty(self) -> Array:
         """Covariance of the coefficients, shape (n_terms, n_terms)."""
         if self.covariance:
@@ -127,7 +139,10 @@ def friction_torque(
     for axis, each in enumerate(law.axes):
         if each is not None:
             columns = _columns(robot, each, q_rows, qd_rows, loads, axis, directions[axis])
-            found[:, axis] = columns @ each.values + each.bend.value * directions[axis].bend
+            speed = np.abs(qd_rows[:, axis])
+            beyond = directions[axis].sign * each.slope * (speed - each.known(speed))
+            bend = each.bend.value * directions[axis].bend
+            found[:, axis] = columns @ each.values + bend + beyond
     shared = [part for each in law.coupled for part in (each.viscous.value, each.coulomb.value)]
     for axis in range(robot.n_joints if shared else 0):
         found[:, axis] += coupled_friction(robot, qd_rows, axis) @ np.array(shared)
@@ -175,5 +190,8 @@ def _columns(
 ) -> Array:
     """Columns of the terms of an axis's law, shape (n, n_terms)."""
     angle, slow = motor_angle(robot, q, axis), np.zeros(len(qd))
-    columns = friction_columns(qd[:, axis] / law.speed, direction, load[:, axis], angle, slow)
+    v = qd[:, axis]
+    if law.speeds is not None:
+        v = direction.sign * law.known(np.abs(v))
+    columns = friction_columns(v / law.speed, direction, load[:, axis], angle, slow)
     return np.asarray(columns[:, [TERMS.index(term) for term in law.terms]])

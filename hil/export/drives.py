@@ -93,8 +93,13 @@ def _axis(
     qd: Expression,
     load: Expression,
 ) -> Scalar:
-    u = qd * (1.0 / law.speed)
     direction = graph.function("direction", qd * (1.0 / (STILL * law.speed)))
+    u, total = qd * (1.0 / law.speed), graph.number(0.0)
+    if law.speeds is not None:
+        speed = graph.function("abs", qd)
+        known = _clipped(graph, speed, *law.speeds)
+        u = direction * known * (1.0 / law.speed)
+        total = direction * (speed - known) * law.slope
     shapes = {
         "offset": lambda: graph.number(1.0),
         "Coulomb": lambda: direction,
@@ -105,11 +110,16 @@ def _axis(
         "quadratic": lambda: u * graph.function("abs", u),
         "load": lambda: graph.function("abs", load) * direction,
     }
-    total = graph.number(0.0)
     for term, value in law.terms.items():
         shape = shapes[term]() if term in shapes else _ripple(graph, robot, axis, term, q)
         total = total + value.value * shape
     return total
+
+
+def _clipped(graph: Graph, x: Expression, low: float, high: float) -> Expression:
+    """Return x within [low, high], of absolute values alone."""
+    above, below = graph.function("abs", x - low), graph.function("abs", x - high)
+    return (above - below + (low + high)) * 0.5
 
 
 def _ripple(graph: Graph, robot: Robot, axis: int, term: str, q: Expression) -> Expression:

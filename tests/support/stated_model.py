@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import LAWS
+from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS
 from hil.estimation.free_motion.result import CoupledFriction, TermValue
 from hil.estimation.friction_law import AxisLaw, FrictionLaw
 from hil.model.base_parameters import base_parameters
@@ -56,7 +56,7 @@ def _law(robot: Robot, rng: np.random.Generator, terms: Collection[str]) -> Fric
             law="all",
             speed=2.0,
             terms={term: value() for term in terms},
-            plain={},
+            plain={term: value() for term in CLASSICAL},
             held_out={},
             wander=0.03,
             speeds=(0.1, 2.0),

@@ -6,6 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.estimation.campaign_friction import FEWEST, campaign_friction
@@ -51,8 +52,8 @@ def scaled(share: float) -> Friction:
 def at_speeds(robot: Robot, law: FrictionLaw) -> tuple[Array, Array, Array]:
     """Velocities that the law was found at, its torques there and their variances."""
     shares = np.linspace(-1.0, 1.0, 40)[:, np.newaxis]
-    fastest = [axis.speeds[1] for axis in law.axes if axis and axis.speeds]
-    qd = shares * np.array(fastest)
+    slowest, fastest = np.array([axis.speeds for axis in law.axes if axis and axis.speeds]).T
+    qd = np.sign(shares) * (slowest + np.abs(shares) * (fastest - slowest))
     still = np.zeros_like(qd)
     tau = friction_torque(robot, law, still, qd, still)
     return qd, tau, friction_variance(robot, law, still, qd, still)
@@ -63,6 +64,21 @@ def test_a_law_of_the_family_is_found_as_it_is(manutec: Robot) -> None:
     qd, tau, _ = at_speeds(manutec, found(manutec, friction))
     wanted = friction.torque(qd, np.zeros(len(qd)))
     assert np.abs(tau - wanted).max() < 0.02 * np.abs(wanted).max()
+
+
+def test_beyond_the_speeds_it_was_found_from_it_goes_on_as_the_plainest_law(
+    manutec: Robot,
+) -> None:
+    law = found(manutec, Friction())
+    slowest, fastest = np.array([axis.speeds for axis in law.axes if axis and axis.speeds]).T
+    slope = np.array([axis.slope for axis in law.axes if axis])
+
+    def torque(qd: Array) -> Array:
+        return friction_torque(manutec, law, 0 * qd, qd, 0 * qd)
+
+    assert torque(-3 * fastest) == pytest.approx(torque(-fastest) - 2 * slope * fastest)
+    assert torque(slowest / 2) == pytest.approx(torque(slowest) - slope * slowest / 2)
+    assert torque(0 * fastest) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_without_drift_the_level_wanders_by_hardly_anything(manutec: Robot) -> None:

@@ -29,7 +29,7 @@ def with_terms(**terms: float) -> Model:
         terms={
             k.replace("_", " "): TermValue(value=v, standard_error=0.1) for k, v in terms.items()
         },
-        plain={},
+        plain={"viscous": TermValue(value=0.0, standard_error=0.1)},
         held_out={},
         wander=0.05,
         speeds=(0.1, 2.0),
