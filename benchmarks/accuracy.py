@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.identify import TWO_STEP_METHODS, TwoStepMethod, estimates
+from hil.estimation.two_step_methods import TWO_STEP_METHODS, TwoStepMethod, estimates
 from hil.results.rounding import clock
 from hil.runs.pooling import recorded
 from hil.runs.run import Run

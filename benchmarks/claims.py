@@ -42,7 +42,7 @@ from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 from hil.cli.robot_drives import packaged_drives
 from hil.estimation.causes import CauseName
 from hil.estimation.cramer_rao import cramer_rao
-from hil.estimation.identify import TWO_STEP_METHODS
+from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element

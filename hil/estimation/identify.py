@@ -1,273 +1,33 @@
-"""Step 2: from measurements to base parameters, with their uncertainty.
+"""All methods by name, and the one for what was recorded.
 
-printed
-    Section 6.1 as it stands (`two_step`): weighted least squares for p_g, then for p_Md with
-    p_g compensated, then for p_Mod.
-improved
-    The condensed measurements of all kinds are added up and solved for all groups at once
-    (`hil.estimation.simultaneous`).
-    Before, the torque of each axis is shifted by its lag behind the positions, and soft gears are
-    taken into account, as the measurements themselves show it (`hil.estimation.drive_train`); what
-    that leaves uncertain is added. Trajectories count as well as strokes, period by period.
-
-Standard errors come from leaving out one measurement at a time (the jackknife of
-`hil.regression.uncertainty`): they hold whatever differs from one measurement to the next, noise,
-drift or a misfit of the friction terms, and assume nothing about any of them. If few measurements
-carry a parameter its standard error is itself uncertain; it has fewer degrees of freedom.
-
-Two errors cannot show in the data, however long one measures: those of the torque constants and of
-the rotor inertias. Where the robot file states their uncertainty it is carried to the parameters.
+Two-step methods take measurements (`two_step_methods`), conventional ones trajectories
+(`conventional`), the others motions that somebody else recorded (`free_motion`, `back_and_forth`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from hil.errors import NotEnoughData, NotIdentifiable, UnknownName
+from hil.errors import UnknownName
 from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.estimation.back_and_forth.recognition import goes_back_and_forth
-from hil.estimation.campaign_friction import campaign_friction
-from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
-from hil.estimation.drive_train_search import find_drive_train
-from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.free_motion.variants import VARIANTS as FREE_VARIANTS
-from hil.estimation.identifiability import conditions, require_all_groups, require_rank
-from hil.estimation.local_fits import ELSEWHERE, local_fit
-from hil.estimation.signals import signals
-from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.two_step import TwoStep
+from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.planning.free_motion import FreeMotion
-from hil.planning.measurement import shows_element, shows_parameters
-from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
-    from hil.estimation.drive_train import DriveTrain
-    from hil.estimation.local_values import LocalFit, LocalValue
-    from hil.estimation.signals import Signals
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.two_step_methods import TwoStepMethod
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion, RecordedMotion
+    from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
-    Prepared = Sequence[tuple[ParameterMotion, Signals]]
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
     Identify = Callable[[Robot, Recorded], Estimate]
-
-TwoStepMethod = Literal["improved", "printed"]
-TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
-_FEWEST_DEGREES = 2.0
-"""Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
-
-
-class ParameterSolver(Protocol):
-    """Solves for the base parameters, with all measurements or without one of them."""
-
-    @property
-    def n_measurements(self) -> int:
-        """How many measurements there are to leave out."""
-
-    def solve(self, without: int | None = None) -> Array:
-        """Base parameters, shape (n_base,)."""
-
-    def sensitivity(self) -> Array:
-        """Change of p per relative change of each axis's torque constant, then rotor inertia.
-
-        Shape (n_base, 2 n_joints).
-        """
-
-
-def estimates(
-    robot: Robot,
-    recorded: Recorded,
-    methods: Sequence[TwoStepMethod] = TWO_STEP_METHODS,
-) -> dict[TwoStepMethod, Estimate]:
-    """Identify by several two-step methods, which share the signals.
-
-    Raises
-    ------
-    NotIdentifiable
-        Base parameters that the measurements do not excite.
-    """
-    raw, unusable = prepare(robot, recorded)
-    found: dict[TwoStepMethod, Estimate] = {}
-    for method in methods:
-        found[method] = (_improved if method == "improved" else _printed)(robot, raw, unusable)
-    return found
-
-
-def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
-    streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
-    fits, useless = _local_fits(robot, raw)
-    condition = conditions(robot, fits, together=False)
-    require_all_groups(robot, fits, condition)
-    solver = TwoStep(robot, fits)
-    p, changes = _left_out_in_turn(solver)
-    return _estimate(
-        robot, "printed", fits, condition, (*unusable, *streamed, *useless), solver, p,
-        jackknife(changes), effective_degrees(changes**2, _FEWEST_DEGREES),
-    )  # fmt: skip
-
-
-def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
-    drive_train = find_drive_train(robot, raw)
-    prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
-    solver = first = SimultaneousFit(robot, prepared)
-    mu, error = solver.load_friction
-    loaded = np.nan_to_num(mu / error) > CERTAIN
-    if drive_train.soft.any() or loaded.any():
-        # what gears transmit is now known better than from measurements of inertia alone, and so is
-        # which of them turn it into friction; a doubtful one would take the lag along, since few
-        # measurements of inertia tell the two apart
-        drive_train = find_drive_train(robot, raw, loaded)
-        drive_train = replace(drive_train, p=solver.solve())
-        prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
-        solver = SimultaneousFit(robot, prepared)
-    fits, useless = _local_fits(robot, prepared)
-    condition = conditions(robot, fits)
-    require_rank(robot, prepared, fits, condition, solver)
-    p, changes = _left_out_in_turn(solver)
-    covariance = jackknife(changes) + drive_train.covariance
-    covariance += _of_gears(robot, raw, drive_train, p)
-    found = _estimate(
-        robot, "improved", fits, condition, (*unusable, *useless), solver, p,
-        covariance, effective_degrees(changes**2, _FEWEST_DEGREES),
-    )  # fmt: skip
-    return replace(
-        found,
-        drive_train=drive_train,
-        load_friction=solver.load_friction,
-        causes=find_causes(
-            robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
-        ),
-        noise_covariance=solver.noise_covariance[: len(p), : len(p)],
-        friction_law=campaign_friction(robot, p, (axes for _, axes in solver.stacked)),
-    )
-
-
-def _left_out_in_turn(solver: ParameterSolver) -> tuple[Array, Array]:
-    """Base parameters, and how they change without each of the measurements."""
-    p = solver.solve()
-    return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
-
-
-def _of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:
-    """Covariance of the base parameters from what is uncertain of the soft gears' compliances."""
-    effects = [np.zeros(len(p))]
-    for axis in np.flatnonzero(drive_train.soft):
-        c = np.where(drive_train.soft, drive_train.compliance, 0.0)
-        c[axis] += drive_train.compliance_error[axis]
-        other = [(m, drive_train.applied(robot, s, c)) for m, s in raw]
-        effects.append(SimultaneousFit(robot, other).solve() - p)
-    return np.transpose(effects) @ effects
-
-
-def _estimate(
-    robot: Robot,
-    method: TwoStepMethod,
-    fits: Sequence[LocalFit],
-    condition: dict[str, float],
-    left_out: tuple[LeftOut, ...],
-    solver: ParameterSolver,
-    p: Array,
-    covariance: Array,
-    degrees: Array,
-) -> Estimate:
-    local = tuple(each.at(p) for each in fits)
-    relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
-    carried = solver.sensitivity() * relative
-    return Estimate(
-        method=method,
-        p=p,
-        covariance=covariance,
-        degrees_of_freedom=degrees,
-        drive_covariance=carried @ carried.T,
-        drive_effect=carried,
-        residual=_residual(robot, local),
-        condition=condition,
-        local=local,
-        left_out=left_out,
-        n_measurements=solver.n_measurements,
-    )
-
-
-def prepare(
-    robot: Robot, recorded: Recorded
-) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
-    """Signals of all measurements that are of use here, and why others have none.
-
-    Raises
-    ------
-    NotIdentifiable
-        A robot whose limits are unknown: which samples are used depends on them.
-    """
-    for key in ("velocity_limit", "acceleration_limit", "torque_limit"):
-        if np.isnan(getattr(robot, key)).any():
-            raise NotIdentifiable(
-                f"{key} of {robot.name} is unknown, and the methods for strokes take their samples"
-                f" by it; state it in the robot file, or identify by --method '{DEFAULT}'"
-            )
-    found, left_out = [], []
-    for measurement, recording in recorded:
-        if not shows_parameters(measurement):
-            continue
-        _refuse_unknown_gains(measurement)
-        try:
-            found.append((measurement, signals(recording)))
-        except NotEnoughData as error:
-            left_out.append(LeftOut(measurement.id, str(error)))
-    return found, left_out
-
-
-def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
-    if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
-        axes = ", ".join(map(str, measurement.unknown_gains))
-        raise NotIdentifiable(
-            f"{measurement.id}: the gain of axis {axes} is unknown, which only methods for free"
-            f" motions find; take --method '{DEFAULT}', or state the gain in the map"
-        )
-
-
-def prepared_for(
-    robot: Robot, found: Estimate, recorded: Recorded
-) -> list[tuple[ParameterMotion, Signals]]:
-    """Signals of the measurements behind an estimate, its drive train taken into account."""
-    unused = {left.id for left in found.left_out}
-    own = [each for each in prepare(robot, recorded)[0] if each[0].id not in unused]
-    if found.drive_train is None:
-        return own
-    return [(m, found.drive_train.applied(robot, s)) for m, s in own]
-
-
-def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
-    """Step 1 for all measurements, and the reasons for those that are of no use."""
-    found, left_out = [], []
-    for measurement, s in prepared:
-        if not shows_element(measurement):
-            continue
-        try:
-            found.append(local_fit(robot, measurement, s))
-        except NotEnoughData as error:
-            left_out.append(LeftOut(measurement.id, str(error)))
-    return found, left_out
-
-
-def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
-    """Root mean square of what the local models of inertia and coupling leave of each axis."""
-    found = np.full(robot.n_joints, np.nan)
-    for axis in range(robot.n_joints):
-        squares = [f.residual**2 for f in local if f.axis == axis and f.symbol == "M"]
-        if squares:
-            found[axis] = np.sqrt(np.mean(squares))
-    return found
 
 
 def _two_step(method: TwoStepMethod) -> Identify:

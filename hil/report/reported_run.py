@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.estimation.free_motion.variants import DEFAULT
-from hil.estimation.identify import estimate, estimates
+from hil.estimation.identify import estimate
 from hil.estimation.mistakes.finding import find_mistake
+from hil.estimation.two_step_methods import estimates
 from hil.report.friction_of_run import friction_of_run
 from hil.results.advice import advice
 from hil.results.identification import model_of

@@ -9,10 +9,11 @@ import numpy as np
 
 from hil.errors import Mismatch, NoLoad
 from hil.estimation.friction_law import friction_torque
-from hil.estimation.identify import estimate, prepared_for
+from hil.estimation.identify import estimate
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.payload import load_columns
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.estimation.two_step_methods import prepared_for
 from hil.planning.measurement import shows_element
 from hil.results.naming import named
 from hil.runs.pooling import recorded

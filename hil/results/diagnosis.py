@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from hil.errors import Mismatch
 from hil.estimation.absent_parameters import examine
 from hil.estimation.gravity_phase import Phase, shifted_most
-from hil.estimation.identify import estimate, prepared_for
+from hil.estimation.identify import estimate
+from hil.estimation.two_step_methods import prepared_for
 from hil.results.naming import named
 from hil.runs.pooling import recorded
 

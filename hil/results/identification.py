@@ -12,8 +12,9 @@ from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.friction_law import FrictionLaw
-from hil.estimation.identify import default_method, estimate, prepared_for
+from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
+from hil.estimation.two_step_methods import prepared_for
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.error_budget import error_budget
 from hil.results.model import Model

@@ -11,10 +11,10 @@ import yaml
 
 from checked_files.yaml_file import FileModel
 from hil.errors import Mismatch
-from hil.estimation.identify import prepare
 from hil.estimation.load_beside_bare import fit_beside
 from hil.estimation.payload import payload_names, require_load, without_mass
 from hil.estimation.payload_figures import MASS, Payload
+from hil.estimation.two_step_methods import prepare
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.results.naming import named
 from hil.results.payload_file import QuantityRecord

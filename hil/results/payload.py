@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import InvalidValue, Mismatch
-from hil.estimation.identify import estimate, prepared_for
+from hil.estimation.identify import estimate
 from hil.estimation.payload import estimate_payload, require_load
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
+from hil.estimation.two_step_methods import prepared_for
 from hil.results.naming import named
 from hil.results.payload_of_free_motions import LoadOfFreeMotions
 from hil.results.stamp import same_recordings

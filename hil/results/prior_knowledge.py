@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from hil.errors import NotEnoughData
 from hil.estimation.drive_train_search import find_drive_train
-from hil.estimation.identify import prepare
 from hil.estimation.noise_levels import noise_levels
+from hil.estimation.two_step_methods import prepare
 from hil.planning.measurement import shows_element
 from hil.runs.pooling import pooled
 

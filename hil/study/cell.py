@@ -22,7 +22,8 @@ from hil.estimation.conventional.variants import (
     fit_trajectories,
     trajectories,
 )
-from hil.estimation.identify import estimate, estimates
+from hil.estimation.identify import estimate
+from hil.estimation.two_step_methods import estimates
 from hil.results.friction import evaluate
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.pooling import recorded

@@ -113,7 +113,7 @@ def channels(
     Parameters
     ----------
     prepared : sequence of (ParameterMotion, Signals)
-        As `hil.estimation.identify.prepare` makes them.
+        As `hil.estimation.two_step_methods.prepare` makes them.
     """
     found: dict[int, list[tuple[Signals, Indices]]] = {}
     for m, s in prepared:

@@ -12,7 +12,7 @@ from synthetic import TABLE_3_A, Friction, record
 from hil.estimation.campaign_friction import FEWEST, campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.friction_law import friction_torque, friction_variance
-from hil.estimation.identify import prepare
+from hil.estimation.two_step_methods import prepare
 from hil.planning.design.by_counts import design
 
 if TYPE_CHECKING:

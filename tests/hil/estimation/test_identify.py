@@ -7,9 +7,10 @@ import pytest
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.errors import NotEnoughData, NotIdentifiable
-from hil.estimation.identify import TWO_STEP_METHODS, estimate, estimates
+from hil.estimation.identify import estimate
 from hil.estimation.local_fits import local_fit
 from hil.estimation.signals import signals
+from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, mass_matrix
 from hil.model.robot import load_robot, parse_robot

@@ -10,12 +10,13 @@ from hil.estimation.absent_parameters import examine
 from hil.estimation.drive_train import directly_driven
 from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.gravity_phase import SEEN, models, shifted_most
-from hil.estimation.identify import estimate, prepared_for
+from hil.estimation.identify import estimate
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.payload import estimate_payload
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
+from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.dynamics import gravity_torque
 from hil.model.robot import load_robot

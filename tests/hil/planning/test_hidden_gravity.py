@@ -16,7 +16,7 @@ from synthetic import Friction, record
 
 from hil.cli.dry_run_view import render
 from hil.errors import NotIdentifiable
-from hil.estimation.identify import estimates
+from hil.estimation.two_step_methods import estimates
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.planning.design import by_minutes, candidates

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import Friction, record
 
-from hil.estimation.identify import estimates
+from hil.estimation.two_step_methods import estimates
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.prediction.noise import stated_noise

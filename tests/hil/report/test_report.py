@@ -14,7 +14,7 @@ from hil import cli
 from hil.errors import NotIdentifiable
 from hil.estimation.causes import Cause, CauseName
 from hil.estimation.estimate import LeftOut
-from hil.estimation.identify import estimates
+from hil.estimation.two_step_methods import estimates
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.page import report
