@@ -1,15 +1,19 @@
 """Results that other commands keep in a run's folder, held against the run as it is now.
 
-A load (`payload.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a
-load needs a second run, so reports do not compute them again. One that no longer belongs to the run
-is not shown, and the report states why and how to make it anew.
+A model (`model.yaml`) holds what commands add to it: verdicts of validations, bodies. A load
+(`payload.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a load
+needs a second run, so reports do not compute them again. One that no longer belongs to the run is
+not shown, and the report states why and how to make it anew.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from hil.errors import FileError
+from hil.errors import FileError, HilError
+from hil.results.model import Model
+from hil.results.model_file import NAME
+from hil.results.stamp import same_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hil.report.reported_run import FreeRun, IdentifiedRun
+    from hil.report.reported_run import FreeRun, IdentifiedRun, StrokesRun
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
@@ -59,3 +63,15 @@ def current(
     if stale:
         return None, f"{name} is stale and not shown: {stale}. Make it anew with: {command}"
     return kept, ""
+
+
+def kept_model(run: IdentifiedRun | FreeRun | StrokesRun) -> Model | None:
+    """Read the model that is kept in the run's folder; None where it is not that of this report."""
+    path = run.source.path / NAME
+    if not path.exists():
+        return None
+    try:
+        kept = Model.load(path)
+    except HilError:
+        return None
+    return None if same_parameters(kept.values.tolist(), run.model.values) else kept

@@ -144,7 +144,7 @@ def write_load(path: Path, bare: BareRun, loaded: Sequence[Run], found: Payload)
         loaded=tuple(_stamp(run, path) for run in loaded),
         mass=found.stated_mass,
         verdict=verdict(found),
-        load=tuple(_record(q) for q in found.quantities()),
+        load=tuple(QuantityRecord.of(q) for q in found.quantities()),
         unseen=found.unseen,
         unidentifiable=found.unidentifiable,
     )
@@ -230,13 +230,3 @@ def _in_words(q: Quantity) -> str:
         return f"{q.name} {q.value:g} {unit(q.unit)} as stated"
     value, half = (rounded(each, q.half_width) for each in (q.value, q.half_width))
     return f"{q.name} {value} ± {half} {unit(q.unit)}"
-
-
-def _record(q: Quantity) -> QuantityRecord:
-    return QuantityRecord(
-        name=q.name,
-        value=q.value,
-        standard_error=q.standard_error,
-        half_width=q.half_width,
-        unit=q.unit,
-    )

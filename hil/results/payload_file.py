@@ -66,6 +66,17 @@ class QuantityRecord(FileModel):
     """Of the interval of 95 %."""
     unit: str
 
+    @classmethod
+    def of(cls, figure: Quantity) -> QuantityRecord:
+        """What is kept of a figure."""
+        return cls(
+            name=figure.name,
+            value=figure.value,
+            standard_error=figure.standard_error,
+            half_width=figure.half_width,
+            unit=figure.unit,
+        )
+
 
 class GainRecord(FileModel):
     """Gain of one axis by the known mass; `error` is relative.
@@ -180,7 +191,7 @@ def _content(without: Run, loaded: Run, found: FoundPayload) -> PayloadFile:
         loaded=RunStamp.of(loaded),
         mass=payload.stated_mass,
         changes=_changes(found),
-        load=tuple(_quantity(q) for q in payload.quantities()),
+        load=tuple(QuantityRecord.of(q) for q in payload.quantities()),
         chi_squared=payload.chi_squared,
         degrees_of_freedom=payload.degrees_of_freedom,
         p_value=payload.p_value,
@@ -209,16 +220,6 @@ def _changes(found: FoundPayload) -> tuple[Change, ...]:
             share=shares[k],
         )
         for k, name in enumerate(base.names)
-    )
-
-
-def _quantity(q: Quantity) -> QuantityRecord:
-    return QuantityRecord(
-        name=q.name,
-        value=q.value,
-        standard_error=q.standard_error,
-        half_width=q.half_width,
-        unit=q.unit,
     )
 
 

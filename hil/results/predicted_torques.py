@@ -1,12 +1,11 @@
 """What a model says of the torques of a recording, beside what was recorded.
 
-A model that knows no friction (those of the two-step methods, which fit it anew in every
-measurement) predicts the rigid bodies; friction is then fitted in the recording itself, motion by
-motion and period by period, by the terms that the methods use (`hil.regression.terms`). So what is
-judged is the rigid bodies, and the recording says that.
+Methods for strokes and trajectories fit friction anew in every measurement. Of their models the
+rigid bodies are judged: friction is fitted in the recording itself, motion by motion and period by
+period, by the terms that the methods use (`hil.regression.terms`).
 
-A model that was made from free motions has a law of friction. Then nothing is fitted: what the
-model states is the whole of the prediction (`hil.results.recorded_torque`).
+A model from free motions was found with its law of friction. Then nothing is fitted: what the model
+states is the whole of the prediction (`hil.results.recorded_torque`).
 """
 
 from __future__ import annotations
@@ -107,11 +106,7 @@ def _with_friction(model: Model, name: str, recording: Recording) -> Iterator[Pr
             measured=found.measured[:, axis],
             predicted=found.predicted[:, axis],
             standard_error=found.standard_error[:, axis],
-            parameter_error=np.sqrt(
-                (
-                    found.standard_error[:, axis] ** 2 - np.nan_to_num(model.residual[axis]) ** 2
-                ).clip(0.0)
-            ),
+            parameter_error=found.parameter_error[:, axis],
             stated=found.predicted[:, axis],
         )
 

@@ -1,4 +1,4 @@
-"""What a model with friction predicts of a recording, beside what was measured.
+"""What a model from free motions predicts of a recording, beside what was measured.
 
 Both sides pass the low-pass with which the model was identified, so that they can be compared. An
 interval holds the uncertainty of the base parameters and what the model left of the recordings it
@@ -41,15 +41,25 @@ class RecordedTorque:
         [s].
     qd : ndarray, shape (n, n_joints)
         Velocities [rad/s or m/s].
-    measured, predicted, standard_error : ndarray, shape (n, n_joints)
+    measured, predicted : ndarray, shape (n, n_joints)
         After the low-pass [N m or N].
+    parameter_error : ndarray, shape (n, n_joints)
+        Standard error of the prediction by the base parameters alone [N m or N].
+    residual_error : ndarray, shape (n_joints,)
+        What the model left of the recordings it was made from [N m or N].
     """
 
     time: Array
     qd: Array
     measured: Array
     predicted: Array
-    standard_error: Array
+    parameter_error: Array
+    residual_error: Array
+
+    @property
+    def standard_error(self) -> Array:
+        """Of a sample, shape (n, n_joints) [N m or N]."""
+        return np.asarray(np.hypot(self.parameter_error, self.residual_error))
 
     @property
     def residual(self) -> Array:
@@ -91,7 +101,8 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     Raises
     ------
     NotEnoughData
-        A model without friction, or a recording shorter than the low-pass reaches.
+        A model that was not identified from free motions, or a recording shorter than the low-pass
+        reaches.
     """
     motion = filtered_motion(recording, processing_of(model))
     if not motion.used.any():
@@ -112,7 +123,8 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
         qd=coarse(motion.qd),
         measured=motion.tau[motion.used],
         predicted=motion.passed(_torque(model, motion, A @ model.values))[motion.used],
-        standard_error=np.sqrt(np.maximum(variance, 0.0) + np.nan_to_num(model.residual) ** 2),
+        parameter_error=np.sqrt(np.maximum(variance, 0.0)),
+        residual_error=np.nan_to_num(model.residual),
     )
 
 
@@ -149,8 +161,8 @@ def processing_of(model: Model) -> Processing:
     """
     if model.friction is None:
         raise NotEnoughData(
-            f"the {model.method} method finds no law of friction, so torques cannot be predicted;"
-            " identify imported recordings"
+            f"the model ({model.method} method) holds no settings of free motions by which a"
+            " recording is filtered; take model.torque, or identify imported recordings"
         )
     taken = np.zeros(model.robot.n_joints, dtype=bool)
     taken[[axis - 1 for axis in model.friction.recorded_velocity]] = True

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.errors import HilError
+from hil.report.kept_result import kept_model
 from hil.report.section import Section
-from hil.results.model import Model
-from hil.results.model_file import NAME
-from hil.results.stamp import same_parameters
 from hil.results.tables.consistent import bodies, changed_parameters, torque_costs
 
 if TYPE_CHECKING:
@@ -17,16 +14,10 @@ if TYPE_CHECKING:
 
 def section(run: IdentifiedRun | FreeRun) -> Section | None:
     """Bodies that the kept model has, as long as it is the one of this report."""
-    path = run.source.path / NAME
-    if not path.exists():
-        return None
-    try:
-        kept = Model.load(path)
-    except HilError:
+    kept = kept_model(run)
+    if kept is None or kept.consistent is None:
         return None
     found = kept.consistent
-    if found is None or same_parameters(kept.values.tolist(), run.model.values):
-        return None
     return Section(
         "Bodies",
         "bodies.html",

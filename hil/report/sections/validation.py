@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.errors import HilError
+from hil.report.kept_result import kept_model
 from hil.report.section import Section
-from hil.results.model import Model
-from hil.results.model_file import NAME
-from hil.results.stamp import same_parameters
 from hil.results.tables.validation import verdicts
 
 if TYPE_CHECKING:
@@ -17,13 +14,7 @@ if TYPE_CHECKING:
 
 def section(run: IdentifiedRun | FreeRun | StrokesRun) -> Section | None:
     """Verdicts on the model that is kept, as long as it is the one of this report."""
-    path = run.source.path / NAME
-    if not path.exists():
-        return None
-    try:
-        kept = Model.load(path)
-    except HilError:
-        return None
-    if not kept.validations or same_parameters(kept.values.tolist(), run.model.values):
+    kept = kept_model(run)
+    if kept is None or not kept.validations:
         return None
     return Section("Validation", "validation.html", {"verdicts": verdicts(kept.validations)})

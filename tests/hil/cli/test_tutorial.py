@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 import yaml
+from real_recordings import DATA, at_hand
 
 from hil.results.model import Model
 from hil.study.truth import true_parameters
@@ -52,11 +53,7 @@ def test_the_map_that_is_shown_is_the_one_that_comes_along() -> None:
     assert yaml.safe_load(shown) == yaml.safe_load(kept)
 
 
-REAL = ROOT / ".." / "shared" / "data"
-"""Recordings of two real machines, which are no part of the project."""
-
-
-@pytest.mark.skipif(not REAL.exists(), reason="recordings of EMPS and TX40 are not here")
+@at_hand
 @pytest.mark.parametrize(
     ("name", "map_name", "files"),
     [
@@ -70,7 +67,7 @@ def test_real_machines_take_two_commands_after_their_map(
     there = tmp_path / f"{map_name}.yaml"
     there.write_bytes((ROOT / "examples" / name / f"{map_name}.yaml").read_bytes())
     for file in files:
-        (tmp_path / file).symlink_to((REAL / name / file).resolve())
+        (tmp_path / file).symlink_to((DATA / name / file).resolve())
     run = tmp_path / "run"
     assert hil("import", there, "-o", run)[0] == 0
     status, out, _ = hil("identify", run)

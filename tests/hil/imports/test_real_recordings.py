@@ -1,41 +1,26 @@
 """Recordings of two real machines, where they are at hand."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from real_recordings import DATA, EMPS, at_hand
 
 from checked_files.yaml_file import FileError
 from hil.imports.importing import import_recordings
 
-DATA = Path(__file__).parents[3] / "../shared/data"
-pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(), reason="the public recordings are not at hand; docs say where they are from"
-)
+pytestmark = at_hand
 
-EMPS = """
-robot: emps
-files: [{data}/emps/estimation.csv.gz]
-time: {{column: t, unit: s}}
-joints:
-  - position: {{column: q, unit: m}}
-    torque: {{column: u, unit: V, gain: 35.15065188}}
-kind: {{back_and_forth: 1}}
-"""
-
-
-TX40 = """
+TX40 = f"""
 robot: staubli-tx40
-files: ['{data}/tx40/pos_read_data.csv.gz']
+files: ['{DATA}/tx40/pos_read_data.csv.gz']
 time: {{rate: 5000}}
 position_side: motor
 torque_side: motor
 joints:
 """
 JOINT = """
-  - position: {{{{column: {joint}, unit: rad, sign: {sign}}}}}
+  - position: {{column: {joint}, unit: rad, sign: {sign}}}
     torque:
-      column: {{{{file: '{{data}}/tx40/curr_data.csv.gz', column: {torque}}}}}
+      column: {{file: '{data}/tx40/curr_data.csv.gz', column: {torque}}}
       unit: N m
       sign: {sign}
 """
@@ -45,13 +30,13 @@ def tx40(torques=(1, 2, 3, 4, 5, 6)):
     """A map of the six axes, with the columns of their torques."""
     joints = enumerate(torques, start=1)
     return TX40 + "".join(
-        JOINT.format(joint=joint, torque=torque, sign=-1 if joint == 4 else 1)
+        JOINT.format(joint=joint, torque=torque, sign=-1 if joint == 4 else 1, data=DATA)
         for joint, torque in joints
     )
 
 
 def imported(folder, text):
-    (folder / "map.yaml").write_text(text.format(data=DATA.resolve()))
+    (folder / "map.yaml").write_text(text)
     stated = []
     run = import_recordings([folder / "map.yaml"], folder / "run", stated.append)
     return run, stated[0]

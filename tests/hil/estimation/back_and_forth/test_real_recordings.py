@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+from real_recordings import EMPS, at_hand
 
 from hil.estimation.back_and_forth.recognition import NAME
 from hil.imports.importing import import_recordings
 from hil.results.identification import identify, method_for
 
-DATA = Path(__file__).parents[4] / "../shared/data"
-pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(), reason="the public recordings are not at hand; docs say where they are from"
-)
-MAP = """
-robot: emps
-files: [{data}/emps/estimation.csv.gz]
-time: {{column: t, unit: s}}
-joints:
-  - position: {{column: q, unit: m}}
-    torque: {{column: u, unit: V, gain: 35.15065188}}
-kind: {{back_and_forth: 1}}
-"""
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = at_hand
 
 
 def test_mass_and_friction_are_the_published_ones(tmp_path: Path) -> None:
-    (tmp_path / "map.yaml").write_text(MAP.format(data=DATA.resolve()))
+    (tmp_path / "map.yaml").write_text(EMPS)
     run = import_recordings([tmp_path / "map.yaml"], tmp_path / "run")
     assert method_for(run)[0] == NAME
     model = identify(run)

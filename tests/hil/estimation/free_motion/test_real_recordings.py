@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import gzip
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from real_recordings import DATA, at_hand
 from scipy import signal
 
 from hil.estimation.friction_law import FrictionLaw
@@ -26,10 +26,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-DATA = Path(__file__).parents[4] / "../shared/data"
-pytestmark = pytest.mark.skipif(
-    not DATA.exists(), reason="the public recordings of EMPS and TX40 are not at hand"
-)
+pytestmark = at_hand
 VOLT = 35.15065188
 RATIO = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
 
