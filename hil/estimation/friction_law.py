@@ -168,6 +168,19 @@ def friction_variance(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load:
     return found.clip(0.0).reshape(np.shape(q))
 
 
+def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
+    """Level of friction at one of the speeds that a law was found from, and its standard error.
+
+    [rad/s or m/s], [N m or N]; at no load and without ripple, half of what forward and backward
+    differ by.
+    """
+    qd, none = np.array([speed, -speed]), np.zeros(2)
+    columns = friction_columns(qd / law.speed, at_once(qd, law.speed), none, none, none)
+    forward, back = columns[:, [TERMS.index(term) for term in law.terms]]
+    row = (forward - back) / 2
+    return float(row @ law.values), float(np.sqrt(max(row @ law.uncertainty @ row, 0.0)))
+
+
 def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
     """Directions of friction along rows of samples; at once for axes of unknown friction."""
     successive, found = are_successive(q, qd), []

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from hil.estimation.free_motion.bristles import at_once
-from hil.estimation.free_motion.friction_terms import TERMS, friction_columns
+from hil.estimation.friction_law import level_at
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -112,15 +111,6 @@ def reading(model: Model, quantity: Quantity, least_wander: float = 0.0) -> Read
     level, error = level_at(law, quantity.speed)
     wander = max(law.wander or UNKNOWN_WANDER, least_wander)
     return Reading(level, error, degrees, wander * abs(level))
-
-
-def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
-    """Level of friction at a speed [rad/s or m/s], and its standard error [N m or N]."""
-    qd, none = np.array([speed, -speed]), np.zeros(2)
-    columns = friction_columns(qd / law.speed, at_once(qd, law.speed), none, none, none)
-    forward, back = columns[:, [TERMS.index(term) for term in law.terms]]
-    row = (forward - back) / 2
-    return float(row @ law.values), float(np.sqrt(max(row @ law.uncertainty @ row, 0.0)))
 
 
 def _parameters(model: Model) -> Iterator[Quantity]:

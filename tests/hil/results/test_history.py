@@ -14,10 +14,11 @@ from stated_model import stated_model
 
 from hil.errors import FileError, InvalidValue, Mismatch
 from hil.estimation.free_motion.result import TermValue
+from hil.estimation.friction_law import level_at
 from hil.model.robot import Robot
 from hil.results.changes import FALSE_ALARM, Change, adjusted, change
 from hil.results.history import history_of, read_history
-from hil.results.quantities import Quantity, Reading, level_at
+from hil.results.quantities import Quantity, Reading
 
 if TYPE_CHECKING:
     from pathlib import Path
