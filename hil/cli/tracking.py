@@ -67,6 +67,8 @@ def track(
     realtime: RealTime = False,
 ) -> None:
     """Follow trajectories with neither, velocity and both fed forward; the robot moves."""
+    from functools import partial
+
     from hil.cli.plan_files import load
     from hil.results.drive_torque import drive_torque
     from hil.results.model import Model
@@ -75,9 +77,7 @@ def track(
     the_plan, the_robot = load(plan_file, robot_file, workspace)
     model = Model.load(model_path)
 
-    def predict(q: Array, qd: Array, qdd: Array) -> Array:
-        return drive_torque(model, q, qd, qdd)
-
+    predict = partial(drive_torque, model)
     _refuse(the_plan, the_robot, plan_file, model, model_path, predict)
     how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
     _pass_all(the_plan, the_robot, plan_file, output, how, resume, predict, delay, loop)

@@ -60,6 +60,7 @@ class Payload:
     chi_squared : float
         Squares of what phi leaves of dp, by its covariance.
     degrees_of_freedom : int
+        Of that; 0 where nothing is left to be tested.
     unidentifiable : tuple of str
         Of the load's ten those that the recordings do not determine.
     degrees : ndarray, shape (10,), optional
@@ -86,7 +87,10 @@ class Payload:
 
     @property
     def p_value(self) -> float:
-        """Chance of a misfit at least so large, were the load rigid and nothing else changed."""
+        """Chance of a misfit at least so large, were the load rigid and nothing else changed.
+
+        NaN where nothing was tested.
+        """
         if self.chance is not None:
             return self.chance
         return float(special.chdtrc(self.degrees_of_freedom, self.chi_squared))

@@ -10,9 +10,9 @@ import yaml
 from typer.testing import CliRunner
 
 from drivers.drive_bus import LimitExceeded
-from hil.cli import app
+from hil.cli import app, imported
 from hil.cli.measuring import OnBus, measure
-from hil.measuring.feeding import motion_of, refuse_beyond_torque
+from hil.measuring.feeding import DELAY, LOOP, motion_of, refuse_beyond_torque
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.design.trajectories import Basis
@@ -191,3 +191,8 @@ def test_what_is_fed_forward_is_that_of_a_somewhat_other_instant(ahead: float) -
     assert q == pytest.approx(np.column_stack([1 - np.cos(3 * at), at**2]), abs=1e-4)
     assert qd == pytest.approx(np.column_stack([3 * np.sin(3 * at), 2 * at]), abs=1e-3)
     assert qdd == pytest.approx(np.column_stack([9 * np.cos(3 * at), 2 + 0 * at]), abs=1e-2)
+
+
+def test_the_command_takes_the_delays_that_feeding_does_by_default() -> None:
+    stated = {each.name: each.default for each in imported("track").params}
+    assert (stated["delay"], stated["loop"]) == (DELAY, LOOP)
