@@ -12,6 +12,8 @@ await build({
 });
 copyFileSync('src/view.css', `${assets}/view.css`);
 copyFileSync('node_modules/three/LICENSE', `${assets}/three.LICENSE`);
+// what the tests look for faults of accessibility with
+copyFileSync('node_modules/axe-core/axe.min.js', '../tests/support/axe.min.js');
 const hash = createHash('sha256');
 const sources = readdirSync('src').map((name) => `src/${name}`);
 for (const name of [...sources, 'build.mjs', 'package-lock.json'].sort()) {

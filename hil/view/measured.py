@@ -39,7 +39,7 @@ BETWEEN = 1.0
 """Time between two motions that were recorded elsewhere [s]."""
 ANGLE = 2e-5
 """By how much a drawn position may be off [rad or m]."""
-SHARE = 5e-4
+SHARE = 1e-3
 """By how much a drawn velocity or torque may be off, as share of the greatest that occurs."""
 
 

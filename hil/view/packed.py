@@ -40,7 +40,7 @@ def packed(values: ArrayLike, step: float) -> dict[str, object]:
 def deflated(data: object) -> str:
     """JSON of `data`, compressed, as text that HTML may hold."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+    return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
 
 
 def inflated(text: str) -> object:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SHARE = 5e-4
+SHARE = 1e-3
 """By how much a drawn torque may be off, as share of the greatest."""
 _CHUNK = 4096
 

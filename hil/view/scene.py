@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 ANGLE = 1e-5
 """Resolution of a position [rad or m]."""
-RESOLUTION = 2e-4
+RESOLUTION = 5e-4
 """Of a velocity or torque, as share of the greatest."""
 FINEST = 0.01
 """Between instants at which torques and distances are computed [s]."""

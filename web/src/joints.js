@@ -18,11 +18,11 @@ export function sliders(host, joints, start, changed) {
         changed(q, j);
       },
     });
-    return make('tr', {}, make('th', { scope: 'row', text: `joint ${j + 1}` }),
+    return make('tr', {}, make('th', { scope: 'row', text: `${j + 1}` }),
       make('td', { text: shown(lower, upper - lower) }), make('td', { class: 'wide' }, slider),
       make('td', { text: shown(upper, upper - lower) }), make('td', {}, output));
   });
-  const heads = ['', 'lowest', 'position', 'highest', 'set'].map((text) => make('th', { scope: 'col', text }));
+  const heads = ['joint', 'lowest', 'position', 'highest', 'set'].map((text) => make('th', { scope: 'col', text }));
   host.append(make('table', { class: 'joints' }, make('thead', {}, make('tr', {}, ...heads)), make('tbody', {}, ...rows)));
 }
 

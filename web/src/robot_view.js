@@ -152,8 +152,11 @@ export class RobotView {
       grid: new LineBasicMaterial(), limit: new LineBasicMaterial(), marked: new LineBasicMaterial(),
       link: new MeshLambertMaterial(), measured: new MeshLambertMaterial(), near: new MeshLambertMaterial(),
       mesh: new MeshLambertMaterial({ side: DoubleSide }),
-      hidden: new MeshBasicMaterial({ colorWrite: false }),
-      swept: new MeshBasicMaterial({ transparent: true, opacity: 0.22, depthWrite: false }),
+      // behind the links, where both are at the same place
+      hidden: new MeshBasicMaterial({ colorWrite: false, polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8 }),
+      swept: new MeshBasicMaterial({
+        transparent: true, opacity: 0.22, depthWrite: false, polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8,
+      }),
     };
     this._buildRobot();
     this._buildBoxes();

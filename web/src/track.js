@@ -46,11 +46,12 @@ export class Track {
   /** Instants from begin to end at which the curve must be drawn: knots, and points between. */
   instants(begin, end, atLeast) {
     const found = [];
-    for (let k = 0; k <= atLeast; k++) found.push(begin + ((end - begin) * k) / atLeast);
-    const first = this.before(begin);
+    // times are rounded, and the slope at the beginning is not to be that of what went before
+    const first = begin + 2e-4;
+    for (let k = 0; k <= atLeast; k++) found.push(first + ((end - first) * k) / atLeast);
     const within = [];
-    for (let i = first; i < this.time.length && this.time[i] <= end; i++) {
-      if (this.time[i] >= begin) within.push(this.time[i]);
+    for (let i = this.before(first); i < this.time.length && this.time[i] <= end; i++) {
+      if (this.time[i] >= first) within.push(this.time[i]);
     }
     const every = Math.max(1, Math.ceil(within.length / (4 * atLeast)));
     return [...found, ...within.filter((_, i) => i % every === 0)].sort((a, b) => a - b);
