@@ -33,7 +33,11 @@ document.getElementById('show-swept').checked || document.getElementById('show-s
 if (!swept) document.getElementById('show-swept').click();
 const costs = [];
 const seek = player.seek.bind(player);
-player.seek = (t) => { const begin = performance.now(); seek(t); costs.push(performance.now() - begin); };
+player.seek = (t) => {
+  const begin = performance.now();
+  seek(t);
+  costs.push(performance.now() - begin);
+};
 const [frames, begun] = [scene.frames, performance.now()];
 player.seek(30);
 player.play();
@@ -46,6 +50,7 @@ setTimeout(() => {
 
 
 def main(seconds: float = 10.0) -> None:
+    """Write the page, open it and play it."""
     robot = load_robot("manutec-r15")
     plan = design(robot, {}, 0.0, WORKSPACE)
     with (
@@ -55,8 +60,9 @@ def main(seconds: float = 10.0) -> None:
         page = Path(folder) / "plan.html"
         begun = perf_counter()
         size = write_page(page, lambda most: of_plan(plan, robot, most))
+        took = perf_counter() - begun
         print(
-            f"page of {len(plan.measurements)} measurements: {size / 1e6:.2f} MB, {perf_counter() - begun:.1f} s to write"
+            f"{len(plan.measurements)} measurements: {size / 1e6:.2f} MB, written in {took:.1f} s"
         )
         resize(browser, 1440, 900)
         begun = perf_counter()
@@ -70,9 +76,9 @@ def main(seconds: float = 10.0) -> None:
             frames, took, costs = browser.execute_async_script(PLAY, seconds, swept)
             slowest = sorted(costs)[int(0.99 * (len(costs) - 1))]
             print(
-                f"swept volume {'shown' if swept else 'hidden'}: {frames / took:.0f} frames/s drawn by"
-                f" the processor at 1440 x 900; scripts take {statistics.median(costs):.2f} ms a frame"
-                f" (median), {slowest:.2f} ms (99 %)"
+                f"swept volume {'shown' if swept else 'hidden'}: {frames / took:.0f} frames/s drawn"
+                f" by the processor at 1440 x 900; scripts take {statistics.median(costs):.2f} ms a"
+                f" frame (median), {slowest:.2f} ms (99 %)"
             )
 
 

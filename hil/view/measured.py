@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.errors import NotEnoughData
+from hil.planning.free_motion import FreeMotion
 from hil.planning.strokes import REST, Strokes
 from hil.planning.timetable import SETTLING, travel_time
-from hil.planning.trajectory import Trajectory
 from hil.runs.recording import IDLE
 from hil.view.segment import Segment
 from hil.view.track import Track, simplified
@@ -98,7 +98,7 @@ def _thinning(run: Run, most: int) -> int:
 
 def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
     """Duration of the way from `place` to where a motion begins [s]."""
-    if not isinstance(motion, Strokes | Trajectory):
+    if isinstance(motion, FreeMotion):
         return BETWEEN
     start = np.where(np.isfinite(place), place, motion.start).tolist()
     return travel_time(robot, start, motion.start, 1.0) + SETTLING
@@ -147,10 +147,11 @@ def _set_points(motion: RecordedMotion, recording: Recording) -> Array:
     """Planned positions at the samples (n, n_joints); NaN where nothing was planned."""
     if isinstance(motion, Strokes):
         return _of_strokes(motion, recording)
-    if isinstance(motion, Trajectory):
-        t = (np.arange(recording.n_samples) + 1 - round(REST / recording.period)) * recording.period
-        return motion.motion(np.clip(t, 0.0, motion.cycles * motion.period))[0]
-    return np.full_like(recording.q, np.nan)
+    if isinstance(motion, FreeMotion):
+        return np.full_like(recording.q, np.nan)
+    # the first sample comes with the SYNC that follows the first set-point
+    t = (np.arange(recording.n_samples) + 1 - round(REST / recording.period)) * recording.period
+    return motion.motion(np.clip(t, 0.0, motion.cycles * motion.period))[0]
 
 
 def _of_strokes(motion: Strokes, recording: Recording) -> Array:

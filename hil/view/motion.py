@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from hil.planning.measurement import Measurement
     from hil.planning.strokes import Strokes
-    from hil.planning.trajectory import Trajectory
 
     Array = NDArray[np.float64]
     Rows = list[tuple[float, float, float]]
@@ -81,7 +80,9 @@ class MotionBuilder:
     def measure(self, measurement: Measurement, begin: float) -> None:
         """Carry out a measurement from rest at its start."""
         if measurement.streamed:
-            self._stream(measurement, begin + REST)
+            n = measurement.cycles * KNOTS * len(measurement.sine[0])
+            time = np.linspace(0.0, measurement.cycles * measurement.period, n + 1)
+            self._follow(begin + REST + time, *measurement.motion(time)[:2])
             return
         self._exercise(measurement, begin)
         begin += measurement.preparation
@@ -105,11 +106,9 @@ class MotionBuilder:
                 self.move(measurement.index, profile, at)
                 at += profile.duration
 
-    def _stream(self, trajectory: Trajectory, begin: float) -> None:
-        n = trajectory.cycles * KNOTS * len(trajectory.sine[0])
-        time = np.linspace(0.0, trajectory.cycles * trajectory.period, n + 1)
-        q, qd, _ = trajectory.motion(time)
-        rows = np.dstack([np.broadcast_to(begin + time, q.T.shape), q.T, qd.T]).tolist()
+    def _follow(self, time: Array, q: Array, qd: Array) -> None:
+        """Pass configurations (n, n_joints) at instants (n,)."""
+        rows = np.dstack([np.broadcast_to(time, q.T.shape), q.T, qd.T]).tolist()
         for knots, more in zip(self._knots, rows, strict=True):
             knots.extend(map(tuple, more))
 

@@ -95,13 +95,20 @@ def visuals(urdf: Path, robot: Robot) -> Visuals:
                 left_out.append(f"{error}; left out")
                 continue
             shapes.append((link, _moved(corners, pose @ reader.origin(visual))))
-    total = sum(len(corners) for _, corners in shapes)
-    share = min(1.0, MOST_TRIANGLES / max(total, 1))
-    found = [
-        Visual(link, thinned(corners, max(int(share * len(corners)), 12)))
-        for link, corners in shapes
-    ]
+    most = _allowance([len(corners) for _, corners in shapes])
+    found = [Visual(link, thinned(corners, most)) for link, corners in shapes]
     return Visuals(tuple(v for v in found if len(v.mesh.triangles)), (*left_out, *_coarse(found)))
+
+
+def _allowance(sizes: list[int]) -> int:
+    """Triangles that each mesh may have; what small ones leave is for the large ones."""
+    left, most = MOST_TRIANGLES, MOST_TRIANGLES
+    for number, size in enumerate(sorted(sizes)):
+        most = left // (len(sizes) - number)
+        if size > most:
+            break
+        left -= size
+    return most
 
 
 def _coarse(found: list[Visual]) -> Iterator[str]:

@@ -1,6 +1,7 @@
 // The table of joints: sliders of a robot, or the state of what is played.
 import { make, shown } from './elements.js';
 
+const IN_RANGE = 'in its range';
 const within = ({ lower, upper }, q) => Math.min(Math.max((q - lower) / (upper - lower), 0), 1);
 
 /** Sliders for all joints within their limits; calls back with q. */
@@ -23,17 +24,17 @@ export function sliders(host, joints, start, changed) {
       make('td', { text: shown(upper, upper - lower) }), make('td', {}, output));
   });
   const heads = ['joint', 'lowest', 'position', 'highest', 'set'].map((text) => make('th', { scope: 'col', text }));
-  host.append(make('table', { class: 'joints' }, make('thead', {}, make('tr', {}, ...heads)), make('tbody', {}, ...rows)));
+  host.append(make('table', {}, make('thead', {}, make('tr', {}, ...heads)), make('tbody', {}, ...rows)));
 }
 
 /** The state of all axes at the instant that is shown. */
 export class States {
   constructor(host, joints, { torque, error }) {
     this.joints = joints;
-    const heads = ['axis', 'position', 'in its range', 'velocity', ...(error ? ['less set-point'] : []), ...(torque ? ['torque'] : [])];
+    const heads = ['axis', 'position', IN_RANGE, 'velocity', ...(error ? ['less set-point'] : []), ...(torque ? ['torque'] : [])];
     this.rows = joints.map((_, j) => this._row(j, { torque, error }));
-    const head = make('tr', {}, ...heads.map((text) => make('th', { scope: 'col', text })));
-    host.append(make('table', { class: 'joints' }, make('thead', {}, head), make('tbody', {}, ...this.rows.map(({ row }) => row))));
+    const head = make('tr', {}, ...heads.map((text) => make('th', { scope: 'col', text, class: text === IN_RANGE && 'wide' })));
+    host.append(make('table', { class: 'played' }, make('thead', {}, head), make('tbody', {}, ...this.rows.map(({ row }) => row))));
   }
 
   _row(j, { torque, error }) {

@@ -1,7 +1,7 @@
 // The robot in three dimensions. Its state is set from outside: show(q), highlight(axes), sweep(qs).
 import {
   AmbientLight, Color, DirectionalLight, DoubleSide, GridHelper, Group, InstancedMesh, LineBasicMaterial,
-  LineSegments, Mesh, MeshBasicMaterial, MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene,
+  LineSegments, Mesh, MeshBasicMaterial, MeshLambertMaterial, NotEqualStencilFunc, PerspectiveCamera, Quaternion, ReplaceStencilOp, Scene,
   Vector3, WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
@@ -13,6 +13,10 @@ const THEMES = {
   dark: { ground: '#11161c', link: '#8593a3', line: '#7b8794', grid: '#323f4b', axis: '#ffab70', box: '#ff8080', mesh: '#9fb0c0' },
 };
 const DIRECTIONS = { oblique: [1, -1.1, 0.7], front: [1, 0, 0.05], side: [0, -1, 0.05], top: [0.01, 0, 1] };
+
+// Links are seen as they are, also inside the volume that they pass: they mark their pixels.
+const MARKED = { stencilWrite: true, stencilRef: 1, stencilZPass: ReplaceStencilOp };
+const NOT_OVER_LINKS = { stencilWrite: true, stencilRef: 1, stencilFunc: NotEqualStencilFunc };
 
 export class RobotView {
   constructor(host, { robot, workspace = null, label = robot.name }) {
@@ -120,7 +124,7 @@ export class RobotView {
   }
 
   _open(label) {
-    this.renderer = new WebGLRenderer({ antialias: true });
+    this.renderer = new WebGLRenderer({ antialias: true, stencil: true });
     const { domElement } = this.renderer;
     domElement.tabIndex = 0;
     domElement.setAttribute('role', 'img');
@@ -150,13 +154,10 @@ export class RobotView {
     this.scene.add(new AmbientLight('#ffffff', 1.3), this.sun);
     this.materials = {
       grid: new LineBasicMaterial(), limit: new LineBasicMaterial(), marked: new LineBasicMaterial(),
-      link: new MeshLambertMaterial(), measured: new MeshLambertMaterial(), near: new MeshLambertMaterial(),
-      mesh: new MeshLambertMaterial({ side: DoubleSide }),
-      // behind the links, where both are at the same place
-      hidden: new MeshBasicMaterial({ colorWrite: false, polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8 }),
-      swept: new MeshBasicMaterial({
-        transparent: true, opacity: 0.22, depthWrite: false, polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8,
-      }),
+      link: new MeshLambertMaterial(MARKED), measured: new MeshLambertMaterial(MARKED), near: new MeshLambertMaterial(MARKED),
+      mesh: new MeshLambertMaterial({ side: DoubleSide, ...MARKED }),
+      hidden: new MeshBasicMaterial({ colorWrite: false, ...NOT_OVER_LINKS }),
+      swept: new MeshBasicMaterial({ transparent: true, opacity: 0.25, depthWrite: false, ...NOT_OVER_LINKS }),
     };
     this._buildRobot();
     this._buildBoxes();
@@ -197,8 +198,7 @@ export class RobotView {
   }
 
   _buildGrid() {
-    const { size } = this._extent();
-    const grid = new GridHelper(4 * size, 16);
+    const grid = new GridHelper(4 * this.robot.reach, 16);
     grid.material.dispose();
     grid.material = this.materials.grid;
     grid.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), this.up);
@@ -206,8 +206,11 @@ export class RobotView {
   }
 
   _extent() {
-    const reach = this.robot.reach;
-    return { middle: this.up.clone().multiplyScalar(0.25 * reach), size: reach };
+    const { reach, joints } = this.robot;
+    const far = this.chain.frames.map(({ elements: e }) => Math.hypot(e[12], e[13], e[14]));
+    const radius = Math.max(...joints.map(({ capsule: { radius: each } }) => each));
+    const size = Math.min(Math.max(1.3 * (Math.max(...far) + 2 * radius), 0.3 * reach), reach);
+    return { middle: this.up.clone().multiplyScalar(0.25 * size), size };
   }
 
   _parts(part) {

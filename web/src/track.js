@@ -46,11 +46,12 @@ export class Track {
   /** Instants from begin to end at which the curve must be drawn: knots, and points between. */
   instants(begin, end, atLeast) {
     const found = [];
-    // times are rounded, and the slope at the beginning is not to be that of what went before
+    // times are rounded, and slopes at the ends are not to be those of what is beside them
     const first = begin + 2e-4;
-    for (let k = 0; k <= atLeast; k++) found.push(first + ((end - first) * k) / atLeast);
+    const last = Math.max(end - 2e-4, first);
+    for (let k = 0; k <= atLeast; k++) found.push(first + ((last - first) * k) / atLeast);
     const within = [];
-    for (let i = this.before(first); i < this.time.length && this.time[i] <= end; i++) {
+    for (let i = this.before(first); i < this.time.length && this.time[i] <= last; i++) {
       if (this.time[i] >= first) within.push(this.time[i]);
     }
     const every = Math.max(1, Math.ceil(within.length / (4 * atLeast)));

@@ -16,7 +16,7 @@ from hil.model.robot import load_robot
 from hil.model.urdf import read_urdf
 from hil.view.mesh_files import read_triangles
 from hil.view.thinned_mesh import thinned
-from hil.view.visuals import visuals
+from hil.view.visuals import MOST_TRIANGLES, _allowance, visuals
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -148,3 +148,10 @@ def test_a_fine_mesh_is_thinned_within_the_cell_that_is_stated() -> None:
 
 def _placed(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
     return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def test_small_meshes_leave_their_share_of_triangles_to_large_ones() -> None:
+    assert _allowance([12, 24, 50_000]) == MOST_TRIANGLES - 36
+    assert _allowance([30_000, 30_000]) == MOST_TRIANGLES // 2
+    assert _allowance([12, 24]) >= 24
+    assert _allowance([]) > 0
