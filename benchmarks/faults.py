@@ -1,7 +1,7 @@
 """Every fault of the plant in the middle of a campaign: what the driver makes of it, as a table.
 
-Over real frames, in lock-step; each row is a run of its own (`fault_table`). Writes docs/reference/faults.md
-and fails if a row does not keep its promise::
+Over real frames, in lock-step; each row is a run of its own (`fault_table`). Writes
+docs/reference/faults.md and fails if a row does not keep its promise::
 
     python benchmarks/faults.py [--output docs/reference/faults.md]
 """
