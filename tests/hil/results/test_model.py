@@ -260,7 +260,7 @@ class TestConventional:
 
     def test_the_printed_method_refuses_it_with_the_reason(self, driven):
         with pytest.raises(NotIdentifiable, match="0 usable gravity measurements"):
-            identify(driven, "printed")
+            identify(driven, "published")
 
     def test_the_improved_method_takes_it_period_by_period(self, driven):
         found = identify(driven)
