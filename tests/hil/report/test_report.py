@@ -143,7 +143,10 @@ class TestModelNote:
 
     @pytest.mark.parametrize(
         ("method", "stated"),
-        [("published", "holds the parameters of the published method"), ("improved", "same method")],
+        [
+            ("published", "holds the parameters of the published method"),
+            ("improved", "same method"),
+        ],
     )
     def test_it_states_by_which_method_the_model_was_made(self, as_it_was, method, stated):
         identify(Run.open(as_it_was), method).save(as_it_was / "model.yaml")
