@@ -116,7 +116,7 @@ class TestExactness:
         found = estimate(robot, campaign(robot, plan, friction))
         assert relative_error(found.p) < 1e-5
 
-    def test_the_published_method_finds_the_parameters_of_a_symmetric_machine(self, robot, symmetric):
+    def test_the_published_method_finds_what_a_symmetric_machine_has(self, robot, symmetric):
         found = estimate(robot, symmetric, "published")
         assert relative_error(found.p) < 3e-4
 
