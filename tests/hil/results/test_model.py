@@ -226,7 +226,7 @@ class TestView:
 
 
 def test_an_unknown_method_lists_all(run):
-    with pytest.raises(UnknownName, match=r"'best' must be one of: improved; printed; .*strongest"):
+    with pytest.raises(UnknownName, match=r"'best' must be one of: improved; published; .*strongest"):
         identify(run, "best")
 
 
