@@ -226,7 +226,8 @@ class TestView:
 
 
 def test_an_unknown_method_lists_all(run):
-    with pytest.raises(UnknownName, match=r"'best' must be one of: improved; published; .*strongest"):
+    listed = r"'best' must be one of: improved; published; .*strongest"
+    with pytest.raises(UnknownName, match=listed):
         identify(run, "best")
 
 
