@@ -1,6 +1,6 @@
 """The two-step methods: from measurements to base parameters, with their uncertainty.
 
-printed
+published
     Section 6.1 as it stands (`two_step`): weighted least squares for p_g, then for p_Md with
     p_g compensated, then for p_Mod.
 improved
@@ -57,8 +57,8 @@ if TYPE_CHECKING:
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
-TwoStepMethod = Literal["improved", "printed"]
-TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
+TwoStepMethod = Literal["improved", "published"]
+TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
 _FEWEST_DEGREES = 2.0
 """Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
 
@@ -95,11 +95,11 @@ def estimates(
     raw, unusable = prepare(robot, recorded)
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
-        found[method] = (_improved if method == "improved" else _printed)(robot, raw, unusable)
+        found[method] = (_improved if method == "improved" else _published)(robot, raw, unusable)
     return found
 
 
-def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
+def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
     fits, useless = _local_fits(robot, raw)
     condition = conditions(robot, fits, together=False)
@@ -107,7 +107,7 @@ def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estima
     solver = TwoStep(robot, fits)
     p, changes = _left_out_in_turn(solver)
     return _estimate(
-        robot, "printed", fits, condition, (*unusable, *streamed, *useless), solver, p,
+        robot, "published", fits, condition, (*unusable, *streamed, *useless), solver, p,
         jackknife(changes), effective_degrees(changes**2, _FEWEST_DEGREES),
     )  # fmt: skip
 
