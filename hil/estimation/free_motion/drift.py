@@ -131,7 +131,8 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
     duration : float
         Of all recordings [s].
     """
-    possible = [n for n in SPANS if n * APART <= duration and 2 * n <= FOLDS]
+    folds = min(FOLDS, len(products.pieces))
+    possible = [n for n in SPANS if n * APART <= duration and 2 * n <= folds]
     n, kept = products.n_joints, choice.kept(products.n_shared)
     system = normal(summed(products.pieces, choice.slowest), products.n_shared, choice.weights)
     x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
