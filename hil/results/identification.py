@@ -11,6 +11,7 @@ import numpy as np
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
+from hil.estimation.friction.history import history
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
@@ -64,8 +65,9 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
             raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
     if found.free is None and found.friction_law is None and _limits_known(run):
         prepared = prepared_for(run.robot, found, campaign)
+        past = history(run.robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
-        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks))
+        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
     return model_of(run, found, others, find_mistake(run.robot, campaign))
 
 
