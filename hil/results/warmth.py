@@ -68,12 +68,12 @@ def warmth_along(model: Model, time: ArrayLike, qd: ArrayLike, start: ArrayLike)
         )
     begin = np.broadcast_to(np.asarray(start, dtype=np.float64), speed.shape[1:])
     _refuse_outside(begin)
-    share = np.abs(speed) / model.robot.velocity_limit
-    past = History(t[1:], (share[1:] + share[:-1]) / 2, float(t[0]))
+    mean = (np.abs(speed[1:]) + np.abs(speed[:-1])) / 2
     found = np.full(speed.shape, np.nan)
-    for axis, own in enumerate(known_warmth(model)):
-        if own is not None:
-            taus = own.warming, own.cooling
+    for axis, law in enumerate(() if model.friction_law is None else model.friction_law.axes):
+        if law is not None and law.warmth is not None:
+            past = History(t[1:], mean / law.speed, float(t[0]))
+            taus = law.warmth.warming, law.warmth.cooling
             found[:, axis] = warmth_at(past, axis, *taus, t, float(begin[axis]))
     return found
 

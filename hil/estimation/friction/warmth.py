@@ -6,10 +6,10 @@ one as warm as motion can make it:
 
     w' = (1 - w) (x / x0) / tau_warming - w / tau_cooling,
 
-driven by what is measured, the mean speed x as a share of the axis's limit, of which the friction
-power is much the same multiple at every speed; x0 = `REFERENCE`. Within a stretch of one mean speed
-it relaxes exponentially. It scales the level of friction, all that changes its sign with the
-direction, by
+driven by what is measured, the mean speed x as a share of the axis's limit (`speed` of its law), of
+which the friction power is much the same multiple at every speed; x0 = `REFERENCE`. Within a
+stretch of one mean speed it relaxes exponentially. It scales the level of friction, all that
+changes its sign with the direction, by
 
     1 + s (w - w_r),
 
