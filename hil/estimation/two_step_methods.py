@@ -181,7 +181,8 @@ def _estimate(
 ) -> Estimate:
     local = tuple(each.at(p) for each in fits)
     relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
-    carried = solver.sensitivity() * relative
+    effect = solver.sensitivity()
+    carried = effect * relative
     return Estimate(
         method=method,
         p=p,
@@ -194,6 +195,7 @@ def _estimate(
         local=local,
         left_out=left_out,
         n_measurements=solver.n_measurements,
+        torque_effect=effect[:, : robot.n_joints],
     )
 
 

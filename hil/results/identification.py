@@ -107,6 +107,7 @@ def model_of(
         friction=found.free,
         back_and_forth=found.back_and_forth,
         friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
+        torque_effect=found.torque_effect,
     )
     return replace(model, outcome=outcome(model, mistake))
 
@@ -119,6 +120,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         plan_digest=run.plan.digest,
         measured=sessions[-1].started if sessions else "",
         bus=sessions[-1].bus if sessions else "",
+        drives=tuple(axis.identity for axis in sessions[-1].axes) if sessions else (),
         measurements=found.n_measurements,
         missing=sum(len(each.missing) for each in (run, *others)),
         together_with=tuple(str(each.path) for each in others),

@@ -91,6 +91,9 @@ class Model:
         What the model was worth on other recordings.
     consistent : ConsistentRobot, optional
         The nearest robot that consists of bodies, and what it costs, where it was asked for.
+    torque_effect : ndarray, shape (n_base, n_joints), optional
+        Change of `values` per relative change of each axis's torque, as another torque constant
+        makes it; None where the method states none.
     """
 
     robot: Robot
@@ -109,6 +112,7 @@ class Model:
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
     consistent: ConsistentRobot | None = None
+    torque_effect: Array | None = None
 
     @classmethod
     def load(cls, path: Path | str) -> Model:
@@ -141,6 +145,7 @@ class Model:
             friction_law=kept.law(),
             validations=kept.validations,
             consistent=kept.consistent,
+            torque_effect=None if kept.torque_effect is None else np.array(kept.torque_effect),
         )
 
     def save(self, path: Path | str) -> None:
