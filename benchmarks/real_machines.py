@@ -113,4 +113,4 @@ if __name__ == "__main__":
     if len(sys.argv) == 2:
         main(sys.argv[1])
     else:
-        print("skipped: needs the folder with the recordings, see docs/free-motions.md")
+        print("skipped: needs the folder with the recordings, see docs/explanation/free-motions.md")

@@ -1,4 +1,4 @@
-"""A history as JSON, for monitoring systems; docs/history.md explains the keys."""
+"""A history as JSON, for monitoring systems; docs/how-to/history.md explains the keys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/tutorial.md: its commands work one after the other and print what it says."""
+"""docs/tutorials/recording.md: its commands work one after the other and print what it says."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from command_line import Hil
 
 ROOT = Path(__file__).parents[3]
-TEXT = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "tutorials" / "recording.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"(?m)^hil .*$", TEXT)
 PLANT = ROOT / "examples" / "pan_tilt" / "plant.yaml"
 """The virtual plant that the recordings are of."""
