@@ -32,7 +32,7 @@ FALSE_ALARM = 0.01
 
 MEANINGS: dict[Kind, str] = {
     "gravity parameter": "a load, counterweight, spring or cable, or the torque constant",
-    "inertia parameter": "something mounted, shifted or loose",
+    "inertia parameter": "something mounted, shifted or loose, or the torque constant",
     "friction level": "bearing, gear, seal, lubricant, a dragging brake or a loose screw",
     "offset": "the zero of the torque or current sensor, or a constant force such as a hose",
 }

@@ -3,7 +3,8 @@
 A factor 1 + d of an axis's torque changes the base parameters by d times what the estimator makes
 of that (`torque_effect` of a model), and friction and offset of the axis by the share d. The factor
 that fits the differences of two runs best, least squares weighted by errors and allowances, is
-stated only if with it nothing of what was marked is left: a load, a screw or a bearing changes
+stated only if with it nothing of what was marked is left, and if what is left without the quantity
+that determines it most shows a factor too, of the same sign: a load, a screw or a bearing changes
 some of these quantities, and not all by one share.
 """
 
@@ -12,9 +13,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import special
 
-from hil.results.changes import FALSE_ALARM, adjusted
+from hil.results.changes import adjusted
 from hil.results.rounding import rounded, signed
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-FEWEST = 2
-"""Marked quantities that one factor has to explain; a single one has causes of its own."""
+SURE = 1.3
+"""Half-widths of intervals of 95 % by which the other quantities must show the factor."""
 
 
 class Rescaled(NamedTuple):
@@ -75,7 +75,7 @@ def rescaled(model: Model, tests: Sequence[Change]) -> Rescaled | None:
         All that was tested between both.
     """
     marked = sum(each.marked for each in tests)
-    if model.torque_effect is None or marked < FEWEST:
+    if model.torque_effect is None or not marked:
         return None
     found = (_by_axis(model, axis, tests, marked) for axis in range(model.robot.n_joints))
     best = [each for each in found if each is not None]
@@ -85,24 +85,24 @@ def rescaled(model: Model, tests: Sequence[Change]) -> Rescaled | None:
 def _by_axis(model: Model, axis: int, tests: Sequence[Change], marked: int) -> Rescaled | None:
     effect = np.array([_effect(model, axis, each) for each in tests])
     sizes = np.array([each.size for each in tests])
-    weights = 1.0 / np.array([each.half_width**2 for each in tests])
-    information = float(weights @ effect**2)
-    if not information:
+    shown = effect / np.array([each.half_width or np.inf for each in tests])
+    if np.count_nonzero(shown) < 2:
         return None
-    share = float(weights @ (effect * sizes)) / information
-    left = adjusted([
-        each.less(float(share * part)) for each, part in zip(tests, effect, strict=True)
-    ])  # fmt: skip
-    moved = {each.quantity for each, part in zip(tests, effect, strict=True) if part}
-    if any(each.marked for each in left) or not all(
-        each.quantity in moved for each in tests if each.marked
-    ):
-        return None
-    half = 1.0 / np.sqrt(information)
-    if 2 * special.ndtr(-abs(share) * 1.96 / half) > FALSE_ALARM:
+    share, half = _fitted(effect, sizes, shown)
+    others = np.arange(len(tests)) != np.argmax(np.abs(shown))
+    by_others, half_by_others = _fitted(effect[others], sizes[others], shown[others])
+    left = adjusted([each.less(share * e) for each, e in zip(tests, effect.tolist(), strict=True)])
+    if any(each.marked for each in left) or by_others * np.sign(share) < SURE * half_by_others:
         return None
     first = tests[0]
-    return Rescaled(first.run, first.against, axis + 1, share, float(half), marked)
+    return Rescaled(first.run, first.against, axis + 1, share, half, marked)
+
+
+def _fitted(effect: Array, sizes: Array, shown: Array) -> tuple[float, float]:
+    """Share by weighted least squares, and half of its interval of 95 %; `shown`: over errors."""
+    errors = np.divide(effect, shown, out=np.ones_like(effect), where=shown != 0)
+    information = float(shown @ shown)
+    return float(shown @ (sizes / errors)) / information, 1.0 / float(np.sqrt(information))
 
 
 def _effect(model: Model, axis: int, each: Change) -> float:
