@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from history import COUNTS, hil, made
@@ -22,9 +23,12 @@ from hil.estimation.friction.history import history
 from hil.estimation.friction.warmth import warmth_at
 from hil.estimation.signals import signals
 from hil.results.identification import identify
-from hil.results.model import Model
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from hil.estimation.friction.history import History
+    from hil.results.model import Model
 
 SEEDS, OTHERS = (300, 302, 304, 306), (308, 310)
 BEGIN = 180.0
@@ -36,14 +40,17 @@ SLOW = 0.05
 def main() -> None:
     """Make what is not there yet, and print what is left."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = parser.add_argument("folder", type=Path) and parser.parse_args().folder
+    parser.add_argument("folder", type=Path)
+    folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     if not (plan := folder / "plan.yaml").exists():
         hil("plan", "manutec-r15", *COUNTS, "-o", plan)
     first, *more = (Run.open(made(folder, "unchanged", seed)) for seed in SEEDS)
     model = identify(first, others=more)
     squares = sum(left(model, Run.open(made(folder, "unchanged", seed))) for seed in OTHERS)
-    print("axis  warming, s  cooling, s   cold   warm   first minutes: law, warmth %   all: law, %")
+    print(
+        "axis  warming, s  cooling, s   cold   warm   begin: law, warmth, %   all: law, warmth, %"
+    )
     for axis, rows in enumerate(squares):
         print(f"{axis + 1:4} {described(model, axis)}  {shares(rows)}")
 
@@ -70,7 +77,7 @@ def left(model: Model, run: Run) -> np.ndarray:
     return sums
 
 
-def course(model: Model, past: object, axis: int, time: np.ndarray) -> float:
+def course(model: Model, past: History, axis: int, time: np.ndarray) -> float:
     """Warmth of an axis; NaN where it is not identified."""
     own = model.friction_law.axes[axis].warmth
     if own is None:
