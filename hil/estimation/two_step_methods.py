@@ -32,6 +32,7 @@ from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.friction.history import history
 from hil.estimation.identifiability import conditions, require_all_groups, require_rank
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import signals
@@ -144,7 +145,9 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
             robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
         ),
         noise_covariance=solver.noise_covariance[: len(p), : len(p)],
-        friction_law=campaign_friction(robot, p, (axes for _, axes in solver.stacked)),
+        friction_law=campaign_friction(
+            robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
+        ),
     )
 
 
@@ -178,7 +181,8 @@ def _estimate(
 ) -> Estimate:
     local = tuple(each.at(p) for each in fits)
     relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
-    carried = solver.sensitivity() * relative
+    effect = solver.sensitivity()
+    carried = effect * relative
     return Estimate(
         method=method,
         p=p,
@@ -191,6 +195,7 @@ def _estimate(
         local=local,
         left_out=left_out,
         n_measurements=solver.n_measurements,
+        torque_effect=effect[:, : robot.n_joints],
     )
 
 
