@@ -42,12 +42,12 @@ def plan(
     return path
 
 
-def called(*words: object, accepted: int = 0) -> None:
-    """Call a command of hil, which may leave with the status that is accepted."""
+def called(*words: object) -> None:
+    """Call a command of hil."""
     try:
         main([str(word) for word in words])
     except SystemExit as left:
-        if left.code not in (None, 0, accepted):
+        if left.code:
             raise
 
 

@@ -52,11 +52,11 @@ class FrictionLevel:
 
         Parameters
         ----------
-        columns : ndarray, shape (n_joints, 4)
+        columns : ndarray, shape (n, n_joints, 4)
             Those of `columns_of`.
         """
-        spread = np.einsum("jk,jkl,jl->j", columns, self._covariance, columns)
-        return np.einsum("jk,jk->j", columns, self._x), np.sqrt(spread)
+        spread = np.einsum("njk,jkl,njl->nj", columns, self._covariance, columns)
+        return np.einsum("njk,jk->nj", columns, self._x), np.sqrt(spread)
 
     def follow(self, columns: Array, left: Array, used: Array, duration: float) -> None:
         """Take one block of samples.
@@ -81,15 +81,15 @@ class FrictionLevel:
 
 
 def columns_of(direction: Array, level: Array, speed: Array) -> Array:
-    """Columns of the unknowns, shape (n_joints, 4).
+    """Columns of the unknowns, shape (n, n_joints, 4).
 
     Parameters
     ----------
-    direction, level, speed : ndarray, shape (n_joints,)
+    direction, level, speed : ndarray, shape (n, n_joints)
         Direction from -1 to 1, and shares of the torque and velocity limits.
     """
-    columns = np.ones((len(speed), len(LEAST)))
-    columns[:, 0] = friction = direction * level
-    columns[:, 1] = friction * speed
-    columns[:, 2] = friction * np.arctan(speed / BEND)
+    columns = np.ones((*speed.shape, len(LEAST)))
+    columns[..., 0] = friction = direction * level
+    columns[..., 1] = friction * speed
+    columns[..., 2] = friction * np.arctan(speed / BEND)
     return columns

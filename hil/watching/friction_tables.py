@@ -41,6 +41,8 @@ class FrictionTables:
     ----------
     uncertainty : ndarray, shape (n_joints,)
         Greatest standard error of the level, as a share of it.
+    slowest : ndarray, shape (n_joints,)
+        Speeds below which the law was not found but goes on [rad/s or m/s].
 
     Raises
     ------
@@ -58,14 +60,17 @@ class FrictionTables:
         tables = np.concatenate([free, loaded - free])
         self._tables = np.concatenate([tables[:, :-1], np.diff(tables, axis=1)])
         self._axes = np.arange(model.robot.n_joints)
+        self.slowest = np.array(
+            [axis.speeds[0] if axis and axis.speeds else 0.0 for axis in self._law.axes]
+        )
         self.uncertainty = self._relative_error(speeds, free[1])
 
     def at(self, qd: Array, load: Array) -> tuple[Array, Array]:
-        """Offset and level of friction of one sample, each of shape (n_joints,) [N m or N].
+        """Offset and level of friction of samples, each of shape (n, n_joints) [N m or N].
 
         Parameters
         ----------
-        qd, load : ndarray, shape (n_joints,)
+        qd, load : ndarray, shape (n, n_joints)
             Velocities [rad/s or m/s] and torques of the rigid bodies [N m or N].
         """
         place = np.minimum(np.abs(qd) * self._per_node, NODES - 1.001)

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 MEMORY = 120.0
 """Time over which squares are averaged [s]."""
+ENOUGH = 15.0
+"""Time of motion from which squares can be trusted [s]."""
 LONGEST = 0.1
 """Time that the longest window takes [s]."""
 SHORTEST = 2
@@ -40,21 +42,28 @@ class Scatter:
     def __init__(self, n_windows: int, n_joints: int, period: float) -> None:
         self._squares = np.zeros((n_windows, n_joints))
         self._weights = np.zeros(n_joints)
-        self._most = MEMORY / period
+        self._most, self._enough = MEMORY / period, ENOUGH / period
 
     @property
     def rms(self) -> Array:
         """Root mean squares, shape (n_windows, n_joints); 0 before the first sample."""
         return np.sqrt(self._squares)
 
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Of which axes enough has been seen, shape (n_joints,)."""
+        return np.asarray(self._weights >= self._enough)
+
     def take(self, means: Array, used: NDArray[np.bool_]) -> None:
-        """Take the windows that end with one sample.
+        """Take the windows that end with some samples.
 
         Parameters
         ----------
-        means : ndarray, shape (n_windows, n_joints)
-        used : ndarray of bool, shape (n_joints,)
+        means : ndarray, shape (n, n_windows, n_joints)
+        used : ndarray of bool, shape (n, n_joints)
         """
-        self._weights = np.minimum(self._weights + used, self._most)
-        share = used / np.maximum(self._weights, 1.0)
-        self._squares += share * (means**2 - self._squares)
+        number = used.sum(axis=0)
+        self._weights = np.minimum(self._weights + number, self._most)
+        mean = np.einsum("nwj,nj->wj", means**2, used) / np.maximum(number, 1)
+        share = number / np.maximum(self._weights, 1.0)
+        self._squares += share * (mean - self._squares)

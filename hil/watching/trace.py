@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -49,18 +48,32 @@ class Trace:
     """
 
     def __init__(self, n_joints: int, period: float) -> None:
-        self._last: deque[tuple[float, Array, Array, Array]] = deque(maxlen=round(SHOWN / period))
+        self._length = round(SHOWN / period)
+        self._last: tuple[Array, ...] = (np.empty(0), *[np.empty((0, n_joints))] * 3)
         self._period = period
         self._n = n_joints
         self._wanted: dict[int, float] = {}
         self._kept: dict[int, Stretch] = {}
 
-    def take(self, judged: Judged, window: int) -> None:
-        """Take what a sample shows, with the threshold of one window."""
-        seen = judged.measured, judged.predicted, judged.threshold[window]
-        self._last.append((judged.time - self._period, *seen))
+    @property
+    def waiting(self) -> bool:
+        """Whether what follows an alarm has not come yet."""
+        return bool(self._wanted)
+
+    def take(self, judged: Judged, window: int, rows: slice = slice(None)) -> None:
+        """Take what some samples show, with the threshold of one window."""
+        last = slice(-self._length, None)
+        self._last = tuple(
+            np.concatenate([kept, new[rows]])[last]
+            for kept, new in zip(
+                self._last,
+                (judged.time - self._period, judged.measured, judged.predicted,
+                 judged.threshold[:, window]),
+                strict=True,
+            )
+        )  # fmt: skip
         for axis, alarm in tuple(self._wanted.items()):
-            if judged.time >= alarm + AFTER:
+            if self._last[0][-1] >= alarm + AFTER:
                 self._kept[axis] = self._stretch(axis, alarm)
                 del self._wanted[axis]
 
@@ -71,7 +84,7 @@ class Trace:
 
     def stretches(self) -> tuple[Stretch, ...]:
         """One of each axis; empty where nothing was watched."""
-        if not self._last:
+        if not len(self._last[0]):
             return ()
         return tuple(
             self._kept.get(axis) or self._stretch(axis, self._wanted.get(axis, float("nan")))
@@ -79,5 +92,5 @@ class Trace:
         )
 
     def _stretch(self, axis: int, alarm: float) -> Stretch:
-        rows = [(t, *(float(x[axis]) for x in seen)) for t, *seen in self._last]
-        return Stretch(alarm, *np.array(rows).T)
+        time, *torques = self._last
+        return Stretch(alarm, time, *(each[:, axis] for each in torques))

@@ -12,7 +12,7 @@ What its neighbours in the row say otherwise is how uncertain the direction is.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,13 @@ ENOUGH = 25
 """Samples in the middle of turning from which a distance is taken."""
 
 
+class Turned(NamedTuple):
+    """Directions of friction from -1 to 1, and by how much they may be wrong, (n, n_joints)."""
+
+    direction: Array
+    doubt: Array
+
+
 class Turning:
     """Directions of friction of all axes, and the distance of each.
 
@@ -36,11 +43,6 @@ class Turning:
     ----------
     known : ndarray, shape (n_joints,)
         Presliding distances that the model holds, 0 where it holds none [rad or m].
-
-    Attributes
-    ----------
-    direction, doubt : ndarray, shape (n_joints,)
-        Directions from -1 to 1, and by how much they may be wrong.
     """
 
     def __init__(self, known: Array) -> None:
@@ -52,31 +54,45 @@ class Turning:
         nearest = np.abs(np.log(DISTANCES[:, np.newaxis] / np.where(self._known, known, 1e-3)))
         self._taken = nearest.argmin(axis=0)
         self._axes = np.arange(n)
-        self.direction = self.doubt = np.zeros(n)
 
     @property
     def distance(self) -> Array:
         """Presliding distances that are taken, shape (n_joints,) [rad or m]."""
         return np.asarray(DISTANCES[self._taken])
 
-    def take(self, step: Array) -> None:
-        """Take by how much positions have changed since the last sample, shape (n_joints,)."""
-        sign = np.sign(step)
-        kept = np.exp(np.abs(step) / -DISTANCES[:, np.newaxis])
-        self._row = sign - (sign - self._row) * kept
-        slower = self._row[np.minimum(self._taken + 1, len(DISTANCES) - 1), self._axes]
-        faster = self._row[np.maximum(self._taken - 1, 0), self._axes]
-        self.direction = self._row[self._taken, self._axes]
-        self.doubt = np.abs(slower - faster)
+    def take(self, step: Array, friction: Array, level: Array) -> Turned:
+        """Take samples in their order.
 
-    def learn(self, friction: Array, level: Array) -> None:
-        """Take what friction was in the same sample; as often as possible."""
-        turning = (np.abs(self._row[-1] - self._row[0]) > TURNED) & (level > 0)
-        if turning.any():
-            self._misfit += turning * (friction - self._row * level) ** 2
-            self._seen += turning
+        Parameters
+        ----------
+        step : ndarray, shape (n, n_joints)
+            By how much positions have changed since the sample before [rad or m].
+        friction, level : ndarray, shape (n, n_joints)
+            What friction was, and its level by the law [N m or N].
+        """
+        rows = self._directions(step)
+        self._learn(rows, friction, level)
+        slower = rows[:, np.minimum(self._taken + 1, len(DISTANCES) - 1), self._axes]
+        faster = rows[:, np.maximum(self._taken - 1, 0), self._axes]
+        return Turned(rows[:, self._taken, self._axes], np.abs(slower - faster))
 
     def settle(self) -> None:
         """Take the distance that fits best of each axis whose turning has been seen."""
         shown = ~self._known & (self._seen >= ENOUGH)
         self._taken = np.where(shown, self._misfit.argmin(axis=0), self._taken)
+
+    def _directions(self, step: Array) -> Array:
+        """Directions with every distance, shape (n, n_distances, n_joints)."""
+        signs = np.sign(step)
+        kept = np.exp(np.abs(step)[:, np.newaxis] / -DISTANCES[:, np.newaxis])
+        rows = np.empty_like(kept)
+        for row, sign, share in zip(rows, signs, kept, strict=True):
+            row[:] = self._row = sign - (sign - self._row) * share
+        return np.asarray(rows)
+
+    def _learn(self, rows: Array, friction: Array, level: Array) -> None:
+        turning = (np.abs(rows[:, -1] - rows[:, 0]) > TURNED) & (level > 0)
+        if turning.any():
+            error = (friction[:, np.newaxis] - rows * level[:, np.newaxis]) ** 2
+            self._misfit += np.sum(turning[:, np.newaxis] * error, axis=0)
+            self._seen += turning.sum(axis=0)

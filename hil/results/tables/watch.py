@@ -28,7 +28,7 @@ def watched(found: Watched) -> Table:
         explanation=(
             "Thresholds of means over windows that end 20 ms and 0.1 s after a push began, medians"
             " over the time in motion. Blind is the share of all the time, around reversals and at"
-            " rest, in which a tenth of the torque limit would not be seen within 20 ms, dim the one"
+            " rest, in which a tenth of the torque limit would not be seen within 20 ms, dim that"
             " in which a twentieth would not be seen within 0.1 s."
         ),
         notes=(_sentence(found),),
