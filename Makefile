@@ -2,7 +2,7 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage vcan docs lint bench clean
+.PHONY: help demo test coverage vcan docs lint bench view-bundle clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -22,6 +22,7 @@ help:
 	@echo 'make docs     the documentation as a site, into build/docs'
 	@echo 'make lint     the checks alone: ruff, mypy, import-linter'
 	@echo 'make bench    the benchmarks'
+	@echo 'make view-bundle   the scripts of the page that hil view writes, from web/; takes npm'
 	@echo 'make clean    remove .venv and caches; runs/ stays'
 
 demo: $(RUNTIME)
@@ -53,6 +54,10 @@ lint: $(DEV)
 
 bench: $(DEV)
 	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file"; done
+
+# the result is committed, and a test finds it out of date: nobody else needs npm
+view-bundle:
+	@cd web && npm ci --silent && npm run --silent build
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
