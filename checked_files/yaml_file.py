@@ -104,7 +104,7 @@ def read_text(path: Path | str) -> str:
         It cannot be read, or is not UTF-8.
     """
     try:
-        _refuse_endless(Path(path))
+        refuse_endless(Path(path))
         content = Path(path).read_bytes()
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
@@ -116,8 +116,16 @@ def read_text(path: Path | str) -> str:
         raise FileError(f"{path}:{line}: cannot be read: is not UTF-8 text") from error
 
 
-def _refuse_endless(path: Path) -> None:
-    """Refuse pipes and devices, which may be waited for or read without end."""
+def refuse_endless(path: Path) -> None:
+    """Refuse pipes and devices, which may be waited for or read without end.
+
+    Raises
+    ------
+    ValueError
+        It is one.
+    OSError
+        There is no such file.
+    """
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise ValueError("is a pipe or a device; name a file")

@@ -63,7 +63,11 @@ class Parameter(FileModel):
 
 
 class Provenance(FileModel):
-    """Where a model comes from; `together_with` names further runs that it was made from."""
+    """Where a model comes from.
+
+    `together_with` names further runs that it was made from, `without` measurements that whoever
+    identified it left out.
+    """
 
     robot: str
     robot_digest: str
@@ -74,6 +78,7 @@ class Provenance(FileModel):
     missing: int = 0
     together_with: tuple[str, ...] = ()
     left_out: tuple[str, ...]
+    without: tuple[str, ...] = ()
     identified: str
     method: str
     version: str
