@@ -150,8 +150,11 @@ def _refuse_unknown(method: str | None) -> None:
     from hil.estimation.identify import METHODS
 
     if method is not None and method not in METHODS:
+        from checked_files.near import did_you_mean
+
         known = "; ".join(METHODS)
-        raise typer.BadParameter(f"{method} must be one of: {known}", param_hint="--method")
+        near = did_you_mean(method, METHODS)
+        raise typer.BadParameter(f"{method} must be one of: {known}{near}", param_hint="--method")
 
 
 def _show_outcome(model: Model) -> None:
