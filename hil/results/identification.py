@@ -125,6 +125,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         missing=sum(len(each.missing) for each in (run, *others)),
         together_with=tuple(str(each.path) for each in others),
         left_out=tuple(str(left) for left in found.left_out),
+        without=tuple(sorted(run.set_aside)),
         identified=now(),
         method=found.method,
         version=version("canopen-robot-identification"),

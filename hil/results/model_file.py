@@ -65,8 +65,9 @@ class Parameter(FileModel):
 class Provenance(FileModel):
     """Where a model comes from.
 
-    `together_with` names further runs that it was made from, `drives` what each axis's drive said
-    it is, in the last session; empty where that was not recorded.
+    `together_with` names further runs that it was made from, `without` measurements that whoever
+    identified it left out, `drives` what each axis's drive said it is, in the last session; empty
+    where that was not recorded.
     """
 
     robot: str
@@ -79,6 +80,7 @@ class Provenance(FileModel):
     missing: int = 0
     together_with: tuple[str, ...] = ()
     left_out: tuple[str, ...]
+    without: tuple[str, ...] = ()
     identified: str
     method: str
     version: str
