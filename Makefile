@@ -2,7 +2,7 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage vcan lint bench view-bundle clean
+.PHONY: help demo test coverage vcan docs lint bench view-bundle clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,6 +19,7 @@ help:
 	@echo 'make test     every check and every test'
 	@echo 'make coverage the tests, and how many lines they reach'
 	@echo 'make vcan     the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
+	@echo 'make docs     the documentation as a site, into build/docs'
 	@echo 'make lint     the checks alone: ruff, mypy, import-linter'
 	@echo 'make bench    the benchmarks'
 	@echo 'make view-bundle   the scripts of the page that hil view writes, from web/; takes npm'
@@ -40,6 +41,10 @@ coverage: $(DEV)
 
 vcan: $(DEV)
 	@sh tools/test_on_vcan.sh
+
+docs: $(DEV)
+	$(BIN)/sphinx-build -q -W --keep-going docs build/docs
+	@echo 'the documentation begins with build/docs/index.html'
 
 lint: $(DEV)
 	$(BIN)/ruff check .

@@ -48,6 +48,10 @@ PANELS = {
             "tracking",
             "Follow trajectories with neither, velocity and both fed forward; the robot moves.",
         ),
+        "watch": _Command(
+            "watching",
+            "Compare torques with a model's while a plan moves the robot, and find pushes.",
+        ),
         "import": _Command(
             "importing",
             "Turn recordings of any robot into a run folder; a map states which column is what.",
