@@ -71,7 +71,6 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
         "capsule": {
             "ends": shapes.ends[joint].tolist(),
             "radius": float(shapes.radii[joint]),
-            "stated": shapes.stated[joint],
         },
     }
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.model.capsules import capsules
+from hil.planning.workspace import narrowed
 from hil.view.distances import distances, smallest
 from hil.view.kinds_of_segments import shown_kinds
 from hil.view.measured import measured
@@ -81,7 +83,7 @@ class Scene:
         number = {kind["name"]: n for n, kind in enumerate(kinds)}
         return {
             "title": self.title,
-            "robot": robot_data(self.robot, self.visuals),
+            "robot": robot_data(narrowed(self.robot, self.workspace), self.visuals),
             "workspace": workspace_data(self.workspace),
             "kinds": kinds,
             "segments": [_segment(each, number[each.kind]) for each in self.segments],
@@ -106,7 +108,13 @@ def of_robot(
     robot: Robot, workspace: Workspace | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
     """A robot whose joints the reader sets."""
-    return Scene(f"{robot.name}: {robot.n_joints} joints", robot, workspace, visuals)
+    return Scene(
+        title=f"{robot.name}: {robot.n_joints} joints",
+        robot=robot,
+        workspace=workspace,
+        visuals=visuals,
+        notes=_of_capsules(robot),
+    )
 
 
 def of_plan(
@@ -148,6 +156,7 @@ def of_plan(
             "As the dry run reckons it; it begins with all joints at 0, since where the robot"
             " stands is not known.",
             *_of_distance(near, plan.workspace),
+            *_of_capsules(robot),
             *(() if torque else (WITHOUT_MODEL,)),
         ),
     )
@@ -191,6 +200,7 @@ def of_run(
             "As it was measured. Pauses are left out, and ways between recordings, which are not"
             " recorded, are drawn straight.",
             *_of_distance(near, workspace),
+            *_of_capsules(run.robot),
         ),
     )
 
@@ -215,6 +225,15 @@ def _of_distance(found: Distances | None, workspace: Workspace | None) -> tuple[
         return ()
     words = smallest(found, workspace)
     return (f"{words[0].upper()}{words[1:]}.",)
+
+
+def _of_capsules(robot: Robot) -> tuple[str, ...]:
+    """State which capsules are no more than assumed."""
+    stated = capsules(robot).stated
+    if all(stated):
+        return ()
+    links = ", ".join(str(link) for link, known in enumerate(stated, start=1) if not known)
+    return (f"Capsules are assumed, since the robot file states none, of: link {links}.",)
 
 
 def _segment(segment: Segment, kind: int) -> dict[str, object]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -256,3 +258,16 @@ def test_a_page_is_written_anew(manutec: Robot, tmp_path: Path) -> None:
 def test_packed_numbers_are_off_by_half_a_step_at_most() -> None:
     values = np.random.default_rng(1).normal(size=500)
     np.testing.assert_allclose(unpacked(packed(values, 1e-3)), values, atol=0.5001e-3)
+
+
+def test_assumed_capsules_are_said_to_be_so(manutec: Robot) -> None:
+    first = manutec.file.joints[0].model_copy(update={"capsule": None})
+    file = manutec.file.model_copy(update={"joints": (first, *manutec.file.joints[1:])})
+    assert not of_robot(manutec).notes
+    assert "of: link 1." in of_robot(replace(manutec, file=file)).notes[0]
+
+
+def test_limits_are_those_of_the_workspace(manutec: Robot) -> None:
+    scene = of_robot(manutec, Workspace(ranges={1: (-0.5, 0.5)}))
+    joint = json.loads(json.dumps(scene.data()))["robot"]["joints"][0]
+    assert (joint["lower"], joint["upper"]) == (-0.5, 0.5)
