@@ -24,6 +24,8 @@ from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
 
 from checked_files.errors import HilError
+from checked_files.known_keys import known_keys
+from checked_files.near import did_you_mean
 from checked_files.yaml_events import Events
 
 if TYPE_CHECKING:
@@ -104,7 +106,7 @@ def read_text(path: Path | str) -> str:
         It cannot be read, or is not UTF-8.
     """
     try:
-        _refuse_endless(Path(path))
+        refuse_endless(Path(path))
         content = Path(path).read_bytes()
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
@@ -116,8 +118,16 @@ def read_text(path: Path | str) -> str:
         raise FileError(f"{path}:{line}: cannot be read: is not UTF-8 text") from error
 
 
-def _refuse_endless(path: Path) -> None:
-    """Refuse pipes and devices, which may be waited for or read without end."""
+def refuse_endless(path: Path) -> None:
+    """Refuse pipes and devices, which may be waited for or read without end.
+
+    Raises
+    ------
+    ValueError
+        It is one.
+    OSError
+        There is no such file.
+    """
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise ValueError("is a pipe or a device; name a file")
@@ -132,7 +142,7 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        lines = [_describe(at, message, root, source) for at, message in _wrong(error)]
+        lines = [_describe(at, message, root, source) for at, message in _wrong(error, model)]
         raise FileError("\n".join(lines)) from error
 
 
@@ -171,12 +181,14 @@ def problems(error: ValidationError) -> list[str]:
     return [f"{place(at)}: {message}" for at, message in _wrong(error)]
 
 
-def _wrong(error: ValidationError) -> list[tuple[tuple[str | int, ...], str]]:
-    """Places and messages of all problems.
+def _wrong(
+    error: ValidationError, model: type[BaseModel] | None = None
+) -> list[tuple[tuple[str | int, ...], str]]:
+    """Places and messages of all problems; `model`, which names the keys that are known.
 
     That a sequence is too short, since one of its items was refused, is no problem of its own.
     """
-    wrong = [(_location(each), _message(each)) for each in error.errors()]
+    wrong = [(_location(each), _message(each, model)) for each in error.errors()]
     return [
         (at, message)
         for at, message in wrong
@@ -201,12 +213,14 @@ def _location(problem: object) -> tuple[str | int, ...]:
     return tuple(problem["loc"])
 
 
-def _message(problem: object) -> str:
+def _message(problem: object, model: type[BaseModel] | None) -> str:
     assert isinstance(problem, dict)  # noqa: S101 - pydantic's ErrorDetails
     message = str(problem["msg"]).removeprefix("Value error, ")
     message = re.sub(r"^\w+ should (be|have|match)\b", r"must \1", message)
     if problem["type"] == "extra_forbidden":
-        return "unknown key; remove it or correct its spelling"
+        *above, key = _location(problem)
+        known = known_keys(model, above) if model else ()
+        return f"unknown key; remove it or correct its spelling{did_you_mean(str(key), known)}"
     if problem["type"] == "missing":
         return "missing; add this key"
     if isinstance(problem["input"], str | int | float | bool) and "Value error" not in str(

@@ -95,8 +95,8 @@ def _open(interface: str, channel: str, options: dict[str, str]) -> can.BusABC:
         return can.Bus(channel, interface=interface, **options)  # type: ignore[arg-type]
     except Exception as error:  # back ends without their vendor's library raise what they like
         raise can.CanInitializationError(
-            f"{interface} channel {channel!r} cannot be opened: {error};"
-            " check channel and options, that the adapter is plugged in and its driver installed"
+            f"{interface} channel {channel!r} cannot be opened: {error}; check channel and"
+            " options, and an adapter's cable and driver where the interface has one"
         ) from error
 
 

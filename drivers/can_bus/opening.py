@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 LINES = 5
 """Of an error's message that are shown."""
+WITHOUT_ADAPTER = frozenset({"local", "replay", "sim_plant", "udp_multicast", "virtual"})
+"""Interfaces that consist of software alone."""
 
 
 def open_can_bus(interface: str, channel: str, options: Mapping[str, Any]) -> can.BusABC:
@@ -58,4 +60,6 @@ def _remedy(interface: str, channel: str, options: Mapping[str, object], error: 
                 f"this kernel has no SocketCAN: load can_raw, or use a host that has it; then {up}"
             )
         return up
+    if interface in WITHOUT_ADAPTER:
+        return "check channel and options"
     return "check channel and options, that the adapter is plugged in and its driver installed"

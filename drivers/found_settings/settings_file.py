@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 import yaml
 from pydantic import BeforeValidator, Field, model_validator
 
+from checked_files.names import ShownName
 from checked_files.yaml_file import FileModel, load_yaml
 from drivers.canopen import objects as cia301
 from drivers.canopen.vendor_objects import VELOCITY_FEED_FORWARDS
@@ -70,7 +71,7 @@ LONGEST_NAME = 200
 Name = Annotated[str, BeforeValidator(_printable)]
 
 
-BusName = Annotated[str, Field(max_length=4096, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
+BusName = Annotated[ShownName, Field(max_length=4096)]
 """Name of an interface or a channel: of such characters as a terminal does not obey."""
 
 

@@ -37,6 +37,10 @@ PANELS = {
         "dry-run": _Command(
             "planning", "State what a plan takes and what it gives; nothing moves."
         ),
+        "view": _Command(
+            "viewing",
+            "Write a page that plays a plan or a run in 3-D, or shows a robot; one HTML file.",
+        ),
     },
     "Run": {
         "run": _Command("measuring", "Measure a plan into a folder; the robot moves."),

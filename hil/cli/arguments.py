@@ -28,6 +28,14 @@ Masses = Annotated[
         help="Bounds of a link's mass \\[kg], for bodies; may be repeated.",
     ),
 ]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without",
+        metavar="ID",
+        help="Measurement that is left out, such as a damaged one; may be repeated.",
+    ),
+]
 RobotName = Annotated[
     str, typer.Argument(help="Name of a robot that comes along, or path of a robot file.")
 ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
 from drivers.can_bus.opening import open_can_bus
 from drivers.drives_file import load_drives
@@ -44,7 +45,10 @@ def find_axis(drives: DrivesFile, name: str) -> AxisDrive:
         return drives.axes[names.index(name)]
     if name.isdecimal() and 1 <= int(name) <= len(names):
         return drives.axes[int(name) - 1]
-    raise typer.BadParameter(f"{name!r} must be one of {', '.join(names)}, or 1 to {len(names)}")
+    near = did_you_mean(name, names)
+    raise typer.BadParameter(
+        f"{name!r} must be one of {', '.join(names)}, or 1 to {len(names)}{near}"
+    )
 
 
 def drives_path(name: str) -> Path:

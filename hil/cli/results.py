@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.text import Text
 
-from hil.cli.arguments import Masses, RunPath
+from hil.cli.arguments import Masses, RunPath, Without
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -27,18 +27,20 @@ Method = Annotated[
         show_default="the one for what was recorded",
     ),
 ]
+Others = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--with", help="Further run that is identified together with it; may be repeated."
+    ),
+]
 
 
 @commands.command()
 def identify(
     folder: RunPath,
     method: Method = None,
-    others: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--with", help="Further run that is identified together with it; may be repeated."
-        ),
-    ] = None,
+    others: Others = None,
+    without: Without = None,
     consistent: Annotated[
         bool,
         typer.Option(
@@ -60,6 +62,7 @@ def identify(
     _refuse_unknown(method)
     bounds = body_bounds(masses)
     run, *more = open_runs([folder, *(others or ())])
+    run = run.without(without or ())
     if method is None:
         method, reason = identification.method_for(run, more)
         if run.imported:
@@ -90,13 +93,14 @@ def report(
     figures: Annotated[
         Path | None, typer.Option(help="Folder that the plots are written to as PNG files too.")
     ] = None,
+    without: Without = None,
 ) -> None:
     """Write a run's report, one HTML file."""
     from hil.report import page as module
     from hil.runs.run import Run
 
     begun = perf_counter()
-    run = Run.open(folder)
+    run = Run.open(folder).without(without or ())
     path = module.report(run, figures)
     _show_shortfall(run)
     out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
@@ -110,26 +114,29 @@ def compare(
         typer.Option(help="Plant file of the virtual plant, or name of a plant that comes along."),
     ],
     method: Method = None,
+    others: Others = None,
+    without: Without = None,
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
     from hil.results.identification import method_for
-    from hil.runs.run import Run
+    from hil.runs.pooling import open_runs
     from hil.study import comparison as module
 
     _refuse_unknown(method)
-    run = Run.open(folder)
-    module.compare(run, truth, out, method or method_for(run)[0])
+    run, *more = open_runs([folder, *(others or ())])
+    run = run.without(without or ())
+    module.compare(run, truth, out, method or method_for(run, more)[0], more)
 
 
 @commands.command()
-def diagnose(folder: RunPath) -> None:
+def diagnose(folder: RunPath, without: Without = None) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
     from hil.cli import diagnosis_view
     from hil.report.plots.diagnosis import write_diagnosis_plots
     from hil.results import diagnosis, diagnosis_file
     from hil.runs.run import Run
 
-    run = Run.open(folder)
+    run = Run.open(folder).without(without or ())
     found = diagnosis.diagnose(run)
     diagnosis_view.render(
         diagnosis_file.write_diagnosis(run, found), found.estimate, run.robot, out
@@ -143,8 +150,11 @@ def _refuse_unknown(method: str | None) -> None:
     from hil.estimation.identify import METHODS
 
     if method is not None and method not in METHODS:
+        from checked_files.near import did_you_mean
+
         known = "; ".join(METHODS)
-        raise typer.BadParameter(f"{method} must be one of: {known}", param_hint="--method")
+        near = did_you_mean(method, METHODS)
+        raise typer.BadParameter(f"{method} must be one of: {known}{near}", param_hint="--method")
 
 
 def _show_outcome(model: Model) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from checked_files.near import did_you_mean
 from hil.cli.arguments import PLANT, RobotsDrives
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
@@ -120,5 +121,8 @@ def drift(
 def _known(given: list[str] | None, known: tuple[str, ...], option: str) -> tuple[str, ...]:
     for name in given or ():
         if name not in known:
-            raise typer.BadParameter(f"{name} must be one of {', '.join(known)}", param_hint=option)
+            near = did_you_mean(name, known)
+            raise typer.BadParameter(
+                f"{name} must be one of {', '.join(known)}{near}", param_hint=option
+            )
     return tuple(name for name in known if name in (given or ()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from checked_files.near import did_you_mean
 from hil.errors import UnknownName
 from hil.export.c_code import write_c
 from hil.export.friction_file import write_friction
@@ -34,6 +35,7 @@ def export(model: Model, name: str, origin: tuple[str, ...]) -> Exported:
         There is no such format.
     """
     if name not in FORMATS:
-        available = ", ".join((*FORMATS, *SIMULATORS))
-        raise UnknownName(f"{name}: unknown format; available: {available}")
+        known = (*FORMATS, *SIMULATORS)
+        near = did_you_mean(name, known)
+        raise UnknownName(f"{name}: unknown format{near}; available: {', '.join(known)}")
     return FORMATS[name](model, origin)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import yaml
 from pydantic import ValidationError
 
+from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, line_of, parse_yaml, place, problems, read_text
 from hil.errors import InvalidValue, UnknownName
 from hil.model.robot_arrays import RobotArrays
@@ -191,7 +192,7 @@ def available_robots() -> list[str]:
 def _of_name(name: str) -> Path:
     if name not in available_robots():
         raise UnknownName(
-            f"{name}: unknown robot; available: {', '.join(available_robots())};"
-            " or give the path of a robot file ending in .yaml"
+            f"{name}: unknown robot{did_you_mean(name, available_robots())}; available:"
+            f" {', '.join(available_robots())}; or give the path of a robot file ending in .yaml"
         )
     return ROBOTS / f"{name}.yaml"

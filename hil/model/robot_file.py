@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
+from checked_files.names import PlainName
 from checked_files.yaml_file import FileModel
 from hil.model.drive_train_file import UNKNOWN, CoupledMotor, Drive, Spring, Unknown, positive
 from hil.model.polynomial import parse
@@ -232,7 +233,7 @@ class RobotFile(FileModel):
     springs : tuple of Spring, optional
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+    name: PlainName
     gravity: tuple[float, float, float]
     lengths: dict[str, float] = Field(default_factory=dict)
     joints: Annotated[tuple[Joint, ...], Field(min_length=1)]

@@ -10,6 +10,7 @@ from typing import ClassVar, Literal
 from pydantic import Field, model_validator
 
 from checked_files.yaml_file import FileModel
+from hil.planning import CYCLES_MAX
 from hil.planning.plan_values import Name, Positive, Real
 
 
@@ -44,7 +45,7 @@ class FreeMotion(FileModel):
     kind: Literal["free"] = "free"
     q: tuple[Real, ...] = Field(min_length=1)
     duration: Positive
-    cycles: int = Field(default=1, ge=1)
+    cycles: int = Field(default=1, ge=1, le=CYCLES_MAX)
     alone: int | None = Field(default=None, ge=1)
     cut_off: Positive | None = None
     unknown_gains: tuple[int, ...] | None = None

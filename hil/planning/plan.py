@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import yaml
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from checked_files.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel, line_of, load_yaml, place, read_text
 from hil.planning import LONGEST
 from hil.planning.measurement import KEYS, Measurement
 from hil.planning.plan_values import LONGEST_NAME, Fraction, to_millionths
 from hil.planning.workspace import Workspace, refuse_unfit
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from hil.model.robot import Robot
@@ -111,37 +112,52 @@ def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:
     """
     plan = load_yaml(path, Plan)
     if robot is not None:
-        refuse_other_robot(plan, robot, str(path))
+        refuse_other_robot(plan, robot, path)
     return plan
 
 
-def refuse_other_robot(plan: Plan, robot: Robot, source: str) -> None:
+def refuse_other_robot(plan: Plan, robot: Robot, path: Path | str) -> None:
     """Refuse a plan made for another robot, or for this one before its file was changed.
+
+    Parameters
+    ----------
+    path : path or str
+        Of the plan's file, which messages name with the line.
 
     Raises
     ------
     FileError
         Name, digest or number of joints differ.
     """
+    found = next(_of_another(plan, robot), None)
+    if found is not None:
+        location, message = found
+        line = line_of(read_text(path), location)
+        raise FileError(f"{path}:{line}: {place(location)}: {message}")
+    if plan.workspace is not None:
+        refuse_unfit(plan.workspace, robot, str(path), within=("workspace",))
+
+
+def _of_another(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...], str]]:
     remedy = f"make a new plan with: hil plan {robot.name} -o plan.yaml"
     if plan.robot.name != robot.name:
-        raise FileError(
-            f"{source}: robot.name: the plan is for {plan.robot.name}, not for {robot.name};"
-            f" {remedy}"
+        yield (
+            ("robot", "name"),
+            f"the plan is for {plan.robot.name}, not for {robot.name}; {remedy}",
         )
     if plan.robot.digest != robot.digest:
-        raise FileError(
-            f"{source}: robot.digest: the robot file of {robot.name} was changed since the plan"
-            f" was made ({plan.robot.digest[:12]} then, {robot.digest[:12]} now); {remedy}"
+        yield (
+            ("robot", "digest"),
+            f"the robot file of {robot.name} was changed since the plan was made"
+            f" ({plan.robot.digest[:12]} then, {robot.digest[:12]} now); {remedy}",
         )
     for number, measurement in enumerate(plan.measurements):
         if len(measurement.q) != robot.n_joints:
-            raise FileError(
-                f"{source}: measurements.{number}.q: {len(measurement.q)} values must be"
-                f" {robot.n_joints}, one for each joint of {robot.name}"
+            yield (
+                ("measurements", number, "q"),
+                f"{len(measurement.q)} values must be {robot.n_joints}, one for each joint of"
+                f" {robot.name}",
             )
-    if plan.workspace is not None:
-        refuse_unfit(plan.workspace, robot, source, within=("workspace",))
 
 
 def repeated(plan: Plan, rounds: int) -> Plan:

@@ -10,6 +10,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from checked_files.names import PlainName
+
 
 def to_millionths(value: float) -> float:
     """Round to a millionth; never -0.0."""
@@ -21,5 +23,5 @@ Positive = Annotated[float, Field(ge=1e-6), AfterValidator(to_millionths)]
 Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(to_millionths)]
 LONGEST_NAME = 64
 """Characters of the longest `Name`."""
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=LONGEST_NAME)]
+Name = Annotated[PlainName, Field(max_length=LONGEST_NAME)]
 """Identifies a measurement and names its file."""

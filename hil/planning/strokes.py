@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from checked_files.yaml_file import FileModel
+from hil.planning import CYCLES_MAX
 from hil.planning.plan_values import Name, Positive, Real
 from hil.planning.trapezoid import Trapezoid
 
@@ -73,7 +74,7 @@ class Strokes(FileModel):
     stroke: Positive
     velocity: Positive
     acceleration: Positive
-    cycles: int = Field(default=1, ge=1)
+    cycles: int = Field(default=1, ge=1, le=CYCLES_MAX)
 
     @model_validator(mode="after")
     def _axis_exists(self) -> Self:

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from checked_files.yaml_file import FileModel
+from hil.planning import CYCLES_MAX
 from hil.planning.plan_values import Name, Positive, Real
 from hil.planning.strokes import REST
 
@@ -55,7 +56,7 @@ class Trajectory(FileModel):
     period: Positive
     sine: Amplitudes
     cosine: Amplitudes
-    cycles: int = Field(default=1, ge=1)
+    cycles: int = Field(default=1, ge=1, le=CYCLES_MAX)
 
     @model_validator(mode="after")
     def _shapes_agree(self) -> Self:

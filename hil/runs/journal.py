@@ -100,6 +100,8 @@ class Journal(FileModel):
     """Content of `run.json`."""
 
     format: Literal[1] = 1
+    run_id: str | None = None
+    """Stands in each of its recordings too; None in files of earlier versions and of imports."""
     plan_digest: str
     robot_digest: str
     drives_digest: str | None = None

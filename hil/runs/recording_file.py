@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from checked_files.yaml_file import FileError
+from checked_files.yaml_file import FileError, refuse_endless
 from hil.planning.measurement import RecordedMotion
 from hil.runs.atomic_file import write_file
 from hil.runs.finding import Finding
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 FORMAT = 1
+_RUN = "run"
 PER_JOINT = ("q", "tau", "qd")
 """Arrays with a column for each joint, in its own unit."""
 _measurement: TypeAdapter[RecordedMotion] = TypeAdapter(RecordedMotion)
@@ -50,6 +51,8 @@ class Measured:
         What is wrong with it; empty if nothing.
     session : int
         In which session of the run, from 0; time begins anew in each.
+    run : str, optional
+        Id of the run that it belongs to; runs of earlier versions and imported ones have none.
     """
 
     measurement: RecordedMotion
@@ -57,6 +60,7 @@ class Measured:
     attempts: int = 1
     findings: tuple[Finding, ...] = ()
     session: int = 0
+    run: str | None = None
 
 
 def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
@@ -81,6 +85,8 @@ def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
         "findings": json.dumps([asdict(finding) for finding in measured.findings]),
         "session": measured.session,
     }
+    if measured.run is not None:
+        meta[_RUN] = measured.run
     image = io.BytesIO()
     with h5py.File(image, "w") as file:
         for name, array in arrays.items():
@@ -99,6 +105,7 @@ def read_measured(path: Path) -> Measured:
         The file is missing, damaged or of another format.
     """
     try:
+        refuse_endless(path)
         with h5py.File(path, "r") as file:
             names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in file]
             arrays = {name: _array(file, name) for name in names}
@@ -108,8 +115,16 @@ def read_measured(path: Path) -> Measured:
         raise FileError(f"{path}: cannot be read: no such file") from error
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, ValidationError) as error:
         raise FileError(
-            f"{path}: is damaged: {str(error).splitlines()[0]}; measure it again with --resume"
+            f"{path}: is damaged: {str(error).splitlines()[0]}; {replace_or_leave_out(path)}"
         ) from error
+
+
+def replace_or_leave_out(path: Path) -> str:
+    """Return the remedy for a recording that cannot be used, in the folder of its run."""
+    return (
+        "measure it again with --resume, or identify the run without it:"
+        f" hil identify {path.parent.parent} --without {path.stem}"
+    )
 
 
 def _units(name: str, robot: Robot) -> str | list[str]:
@@ -131,22 +146,22 @@ def _array(file: h5py.File, name: str) -> np.ndarray:
 
 
 def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, object]) -> Measured:
-    keys = ("format", "measurement", "attempts", "findings", "session")
+    keys = ["format", "measurement", "attempts", "findings", "session"]
+    keys += [_RUN] if _RUN in attributes else []
     meta = {
         key: value if isinstance(value := attributes[key], str) else int(str(value)) for key in keys
     }
     if meta["format"] != FORMAT:
         raise FileError(f"{path}: format {meta['format']} must be {FORMAT}; use another version")
     if attributes["checksum"] != _checksum(arrays, meta):
-        raise FileError(
-            f"{path}: content does not fit its checksum; measure it again with --resume"
-        )
+        raise FileError(f"{path}: content does not fit its checksum; {replace_or_leave_out(path)}")
     return Measured(
         measurement=_measurement.validate_json(str(meta["measurement"])),
         recording=Recording(**arrays),
         attempts=int(meta["attempts"]),
         findings=tuple(Finding(**item) for item in json.loads(str(meta["findings"]))),
         session=int(meta["session"]),
+        run=str(meta[_RUN]) if _RUN in meta else None,
     )
 
 

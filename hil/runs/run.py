@@ -7,9 +7,11 @@ adds: making the folder, writing recordings and the journal.
 from __future__ import annotations
 
 import hashlib
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import NotEnoughData, UnknownName
 from hil.model.robot import Robot, load_robot
@@ -17,10 +19,10 @@ from hil.planning.plan import Plan, load_plan
 from hil.planning.recorded_motions import RecordedMotions
 from hil.runs.atomic_file import file_errors
 from hil.runs.journal import Journal, read_journal
-from hil.runs.recording_file import Measured, read_measured
+from hil.runs.recording_file import Measured, read_measured, replace_or_leave_out
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     import pandas as pd
 
@@ -40,7 +42,11 @@ class Run:
         What was to be measured, or what was recorded elsewhere and imported.
     robot : Robot
     journal : Journal
+    set_aside : frozenset of str
+        Ids of the measurements that are left out; see `without`.
     """
+
+    set_aside: frozenset[str] = frozenset()
 
     def __init__(
         self, path: Path, plan: Plan | RecordedMotions, robot: Robot, journal: Journal
@@ -107,6 +113,24 @@ class Run:
             )
         return self.plan
 
+    def without(self, ids: Iterable[str]) -> Self:
+        """Return the run with some measurements left out, as though they were not there.
+
+        Raises
+        ------
+        UnknownName
+            No measurement of the plan has such an id.
+        """
+        left, known = frozenset(ids), [m.id for m in self.motions]
+        for unknown in sorted(left.difference(known)):
+            raise UnknownName(
+                f"{self.path}: --without {unknown}: no measurement of the plan has this id"
+                f"{did_you_mean(unknown, known)}"
+            )
+        other = copy(self)
+        other.set_aside = self.set_aside | left
+        return other
+
     def __len__(self) -> int:
         """Return the number of measurements that have a recording."""
         return len(self.ids)
@@ -118,7 +142,7 @@ class Run:
     def __iter__(self) -> Iterator[Measured]:
         """Read what is there, in the plan's order; a damaged recording is a `FileError`."""
         for measurement in self.motions:
-            if self.recording_path(measurement).exists():
+            if self._has(measurement):
                 yield self.read(measurement)
 
     def __getitem__(self, measurement_id: str) -> Measured:
@@ -141,7 +165,11 @@ class Run:
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of the measurements that have a recording, in the plan's order."""
-        return tuple(m.id for m in self.motions if self.recording_path(m).exists())
+        return tuple(m.id for m in self.motions if self._has(m))
+
+    def _has(self, measurement: RecordedMotion) -> bool:
+        taken = measurement.id not in self.set_aside
+        return taken and self.recording_path(measurement).exists()
 
     def to_dataframe(self) -> pd.DataFrame:
         """All samples as one table, indexed by measurement and sample; needs pandas.
@@ -179,7 +207,12 @@ class Run:
         if measured.measurement != measurement:
             raise FileError(
                 f"{path}: holds another measurement than {measurement.id} of the plan;"
-                " measure it again with --resume"
+                f" {replace_or_leave_out(path)}"
+            )
+        if measured.run != self.journal.run_id:
+            raise FileError(
+                f"{path}: was measured in another run than that of {self.path / 'run.json'}; put"
+                f" the run's own file back, {replace_or_leave_out(path)}"
             )
         return measured
 
@@ -192,10 +225,13 @@ class Run:
     def shortfall(self) -> str:
         """What an estimate from this run must state besides; empty when the run is whole."""
         missing, planned = len(self.missing), len(self.motions)
-        if not missing:
-            return ""
         are = "is" if missing == 1 else "are"
-        return f"{missing} of {planned} measurements {are} missing; measure them with --resume"
+        unmeasured = (
+            f"{missing} of {planned} measurements {are} missing; measure them with --resume"
+        )
+        left_out = f"left out on request: {', '.join(sorted(self.set_aside))}"
+        parts = (unmeasured, missing), (left_out, self.set_aside)
+        return "; ".join(part for part, holds in parts if holds)
 
 
 def digest_of_file(path: Path) -> str | None:

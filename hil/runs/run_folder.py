@@ -16,8 +16,10 @@ from __future__ import annotations
 
 import hashlib
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+from uuid import uuid4
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.planning.plan import dump_plan
@@ -96,7 +98,10 @@ class RunFolder(Run):
         if drives is not None:
             write_file(path / "drives.yaml", drives.encode())
         journal = Journal(
-            plan_digest=plan.digest, robot_digest=robot.digest, drives_digest=_digest(drives)
+            run_id=uuid4().hex,
+            plan_digest=plan.digest,
+            robot_digest=robot.digest,
+            drives_digest=_digest(drives),
         )
         write_journal(path / "run.json", journal)
         return cls(path, plan, robot, journal)
@@ -149,7 +154,8 @@ class RunFolder(Run):
     def write(self, measured: Measured) -> None:
         """Keep a recording, whole or not at all."""
         refuse_link(self.path / "recordings")
-        write_measured(self.recording_path(measured.measurement), measured, self.robot)
+        own = replace(measured, run=self.journal.run_id)
+        write_measured(self.recording_path(measured.measurement), own, self.robot)
 
     def set_aside_damaged(self) -> list[str]:
         """Prepare to resume: rename damaged recordings, remove unfinished ones.

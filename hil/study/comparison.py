@@ -16,16 +16,19 @@ import numpy as np
 from hil.errors import Mismatch
 from hil.estimation.identify import estimate
 from hil.model.base_parameters import base_parameters
+from hil.results.model_file import NAME, read_model_file
 from hil.results.naming import named
 from hil.results.prediction import FreeTorques
 from hil.results.rounding import clock, rounded, signed
 from hil.results.tables.cells import unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.results.tables.terminal import show
-from hil.runs.pooling import recorded
+from hil.runs.pooling import pooled
+from hil.study.measured_plant import refuse_other_plant
 from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -103,31 +106,37 @@ def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
     )
 
 
-def compare(run: Run, truth: Path | str, console: Console, method: str = "improved") -> Comparison:
-    """Estimate a run of the virtual plant anew, compare, print.
+def compare(
+    run: Run,
+    truth: Path | str,
+    console: Console,
+    method: str = "improved",
+    others: Sequence[Run] = (),
+) -> Comparison:
+    """Estimate runs of the virtual plant anew, compare, print.
 
     Parameters
     ----------
     truth : path or str
         Plant file, or the name of one that comes along.
+    others : sequence of Run
+        Further runs of the same plant, taken together with the first.
 
     Raises
     ------
     FileError
-        An unusable plant file, or a damaged recording.
+        An unusable plant file, a damaged recording, or a model in the folder that was edited.
     Mismatch
-        Not a run of the virtual plant.
+        Not a run of the virtual plant, or of another one; a model in the folder that was made from
+        other runs.
     NotIdentifiable, NotEnoughData
         Measurements that do not suffice.
     """
-    if not run.journal.simulated:
-        bus = run.journal.sessions[-1].bus if run.journal.sessions else "nothing"
-        raise Mismatch(
-            f"{run.path}: was measured on {bus}; only on the virtual plant is the truth known."
-            " Judge this run by its report's intervals and residuals"
-        )
     true = true_parameters(run.robot, truth)
-    recordings = list(recorded(run))
+    for each in (run, *others):
+        refuse_other_plant(each, truth)
+    _refuse_other_model(run, others)
+    recordings = list(pooled([run, *others]))
     with named(run):
         found = estimate(run.robot, recordings, method)
     result = comparison(found, run.robot, true)
@@ -139,6 +148,20 @@ def compare(run: Run, truth: Path | str, console: Console, method: str = "improv
         soft_wrap=True,
     )
     return result
+
+
+def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
+    """Refuse to judge other recordings than those of the model that lies in the run's folder."""
+    path = run.path / NAME
+    if not path.exists():
+        return
+    together = read_model_file(path).provenance.together_with
+    if len(together) != len(others):
+        given = "".join(f" --with {each}" for each in together)
+        raise Mismatch(
+            f"{path}: was made from {len(together) + 1} runs, and {len(others) + 1} would be"
+            f" compared; compare with{given or 'out --with'}, or identify the same runs first"
+        )
 
 
 def render(result: Comparison, robot: Robot, console: Console) -> None:

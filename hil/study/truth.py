@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
+from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, FileModel, load_yaml
+from hil.errors import UnknownName
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import influences
 from hil.model.robot_file import LINK_PARAMETERS
@@ -133,10 +135,18 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     Raises
     ------
     FileError
-        No such file, another machine, or a plant whose torques no base parameters of `robot` can
+        Another machine, or a plant whose torques no base parameters of `robot` can
         give.
+    UnknownName
+        Neither a file nor a plant that comes along.
     """
     path = find_plant(plant)
+    if not path.exists():
+        known = [each.stem for each in _packaged()]
+        raise UnknownName(
+            f"{plant}: no plant file, nor the name of a plant that comes along"
+            f"{did_you_mean(str(plant), known)}; available: {', '.join(known) or 'none'}"
+        )
     content = load_yaml(path, Plant)
     refuse_other_machine(robot, content, path)
     standard = np.append(content.standard(), content.drives(robot))
@@ -147,10 +157,13 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
 
 def find_plant(plant: Path | str) -> Path:
     """Path of a plant file; the package of the plant is located, never imported."""
+    return next((path for path in _packaged() if path.stem == str(plant)), Path(plant))
+
+
+def _packaged() -> list[Path]:
     spec = find_spec(_PLANT)
     folders = [] if spec is None else list(spec.submodule_search_locations or [])
-    packaged = [Path(folder) / _PLANT_FILES / f"{plant}.yaml" for folder in folders]
-    return next((path for path in packaged if path.is_file()), Path(plant))
+    return sorted(path for each in folders for path in Path(each, _PLANT_FILES).glob("*.yaml"))
 
 
 def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> None:

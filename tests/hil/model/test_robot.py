@@ -136,7 +136,7 @@ def test_frames_may_be_written_in_lengths_and_pi(chains):
         ("- Iyy6 = Ixx6", "- Iyy6 = Ixx6\n  - Iyy6 = Izz6", "Iyy6 is tied twice"),
         ("- Iyy6 = Ixx6", "- Iyy6 = Ixx6\n  - Ixx6 = Izz6", "tie Iyy6 to what Ixx6 is tied to"),
         ("Iyy6 = Ixx6", "Iyy6 is Ixx6", "must read as in: Iyy6 = Ixx6"),
-        ("name: manutec-r15", "name: ''", "must match pattern"),
+        ("name: manutec-r15", "name: ''", "'' must begin with a letter or digit"),
         ("q_max: 2.880", "qmax: 2.880", "unknown key; remove it or correct its spelling"),
         ("velocity_limit: 3.0\n", "\n", "missing; add this key"),
     ],

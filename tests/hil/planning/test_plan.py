@@ -116,6 +116,11 @@ def test_layout_and_comments_do_not_change_the_digest(small_plan: Plan) -> None:
         ("travel: 0.3", "travel: 60", "plan.yaml:6: travel: 60: must be less than"),
         ("attempts: 3", "attempts: .nan", "plan.yaml:7: attempts"),
         ("cycles: 2", "cycles: 0", "cycles: 0: must be greater than or equal to 1"),
+        (
+            "cycles: 2",
+            "cycles: 100000000",
+            "cycles: 100000000: must be less than or equal to 10000",
+        ),
         ("velocity: 0.4", "velocity: .inf", "velocity"),
         ("format: 1", "format: 2", "plan.yaml:1: format: 2"),
     ],

@@ -16,10 +16,12 @@ from checked_files.yaml_file import FileError
 from hil.errors import Mismatch, NotIdentifiable
 from hil.estimation.identify import estimate
 from hil.model.base_parameters import base_parameters
+from hil.results.identification import identify
 from hil.results.validation_motion import SHARE, free_motion
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 from hil.study.comparison import compare, comparison
+from hil.study.measured_plant import refuse_other_plant
 from hil.study.truth import true_parameters
 
 PLANT = "manutec-r15"
@@ -175,6 +177,28 @@ class TestCommand:
         journal = tmp_path / "run" / "run.json"
         as_on_hardware(journal, "socketcan can0")
         with pytest.raises(Mismatch, match=r"measured on socketcan can0; only on the virtual"):
+            compare(Run.open(tmp_path / "run"), PLANT, console)
+
+    def test_a_run_of_another_plant_than_its_journal_names_is_refused(self, run, tmp_path, console):
+        other = plant_file(tmp_path, "sx: 48.491", "sx: 50.0")
+        with pytest.raises(Mismatch, match=r"on the plant manutec-r15, .*--truth manutec-r15"):
+            compare(Run.open(run), other, console)
+
+    def test_a_copy_of_the_plant_file_is_the_same_plant(self, run, tmp_path):
+        refuse_other_plant(Run.open(run), plant_file(tmp_path))
+
+    def test_a_model_of_two_runs_is_not_judged_by_one(self, run, tmp_path, console, manutec):
+        shutil.copytree(run, tmp_path / "run")
+        model = identify(Run.open(run))
+        of_two = model.provenance.model_copy(update={"together_with": ("second",)})
+        replace(model, provenance=of_two).save(tmp_path / "run" / "model.yaml")
+        with pytest.raises(Mismatch, match=r"made from 2 runs, .* --with second"):
+            compare(Run.open(tmp_path / "run"), PLANT, console)
+
+    def test_a_model_that_was_cut_off_is_refused(self, run, tmp_path, console):
+        shutil.copytree(run, tmp_path / "run")
+        (tmp_path / "run" / "model.yaml").write_text("provenance:\n")
+        with pytest.raises(FileError, match="write the file anew with: hil identify"):
             compare(Run.open(tmp_path / "run"), PLANT, console)
 
     def test_a_run_that_cannot_be_identified_is_refused(self, run, tmp_path, console):

@@ -1,0 +1,39 @@
+"""Which keys a model knows at a place of a file, for whoever mistyped one.
+
+pydantic says where an unknown key stands, not which ones would be known there; that follows from
+the annotations of the fields on the way.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import BaseModel
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+def known_keys(model: type[BaseModel], place: Iterable[str | int]) -> list[str]:
+    """Return the keys that values at `place` may have.
+
+    Parameters
+    ----------
+    model : type
+        Of the whole file.
+    place : iterable of str or int
+        As in an error of pydantic, in which a union's tag is a step of its own.
+    """
+    here = _models(model)
+    for step in place:
+        inner = [each.model_fields[step] for each in here if step in each.model_fields]
+        if inner:
+            here = [found for field in inner for found in _models(field.annotation)]
+    return [field for each in here for field in each.model_fields]
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """All models that an annotation names, through unions, tuples and dictionaries."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [found for part in get_args(annotation) for found in _models(part)]

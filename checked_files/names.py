@@ -1,0 +1,31 @@
+"""Names that become names of files and stand in messages and on terminals."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+_PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
+def _plain(name: str) -> str:
+    if not _PLAIN.fullmatch(name):
+        raise ValueError(
+            f"{name!r} must begin with a letter or digit and hold letters, digits, '.', '_' and '-'"
+            " only"
+        )
+    return name
+
+
+def _obeyed_by_no_terminal(name: str) -> str:
+    if not name or any(ord(c) < 0x20 or 0x7F <= ord(c) < 0xA0 for c in name):
+        raise ValueError(f"{name!r} must have at least one character, and no control characters")
+    return name
+
+
+PlainName = Annotated[str, AfterValidator(_plain)]
+"""Letters, digits, dots, underscores and hyphens."""
+ShownName = Annotated[str, AfterValidator(_obeyed_by_no_terminal)]
+"""Characters that a terminal shows and does not obey."""

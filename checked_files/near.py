@@ -1,0 +1,17 @@
+"""Which known name a mistyped one may stand for."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_CLOSE = 0.6
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """Return a clause that names the nearest of the known names; empty where none is near."""
+    near = get_close_matches(given, list(known), n=1, cutoff=_CLOSE)
+    return f"; did you mean {near[0]}?" if near else ""
