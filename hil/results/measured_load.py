@@ -46,8 +46,7 @@ NAME = "load.yaml"
 CONTRADICTS = 4.0
 """Standard errors between a stated mass and the one that is found, from which they contradict."""
 LOOSE = 0.001
-"""Chance of what a rigid load leaves, from which on it is not rigid; of 12 rigid ones, the least
-was 0.01, and of one whose centre sags by 10 mm it is 3e-8."""
+"""Chance of what a rigid load leaves, from which on it is not rigid."""
 ROUGH = 0.1
 """Half-width of an interval from which a figure is rough, as share of its value."""
 
