@@ -43,7 +43,7 @@ function played(scene, data) {
   page.follow();
   return {
     scene, player, show: (q) => scene.show(q), seek: (t) => player.seek(t), q: (t) => recorded.q(t),
-    segments: recorded.segments,
+    segments: recorded.segments, passed: (number) => page.passed(number),
   };
 }
 
@@ -99,8 +99,13 @@ class Played {
   }
 
   _sweep() {
+    this.scene.sweep(this.passed(this.segment));
+  }
+
+  /** Configurations by which the volume of a segment is drawn; none where it is hidden. */
+  passed(number) {
     const step = this.data.robot.joints.map(({ step: each }) => each);
-    this.scene.sweep(at('show-swept')?.checked ? this.recorded.passed(this.current, step) : []);
+    return at('show-swept').checked ? this.recorded.passed(this.recorded.segments[number], step) : [];
   }
 
   _draw() {

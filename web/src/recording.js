@@ -56,15 +56,27 @@ export class Recorded {
     };
   }
 
-  /** Configurations that a segment passes, none closer to another than about `step`. */
+  /** Configurations that a segment passes from end to end, each apart from all others by a step. */
   passed({ begin, end }, step) {
-    const found = [];
-    const n = 800;
-    const far = (a, b) => a.some((x, j) => Math.abs(x - b[j]) > step[j]);
-    for (let k = 0; k <= n && found.length < 96; k++) {
-      const q = this.q(begin + ((end - begin) * k) / n);
-      if (found.every((each) => far(q, each))) found.push(q);
+    const way = [];
+    for (let k = 0; k <= SAMPLES; k++) way.push(this.q(begin + ((end - begin) * k) / SAMPLES));
+    for (let share = 1; ; share *= 1.4) {
+      const found = apart(way, step.map((each) => share * each));
+      if (found.length <= POSES) return found;
     }
-    return found;
   }
+}
+
+const SAMPLES = 600;
+const POSES = 96;
+
+/** Those of the way that differ from all chosen before by more than a step in a joint. */
+function apart(way, step) {
+  const far = (a, b) => a.some((x, j) => Math.abs(x - b[j]) > step[j]);
+  const found = [];
+  for (const q of way) {
+    if (found.every((each) => far(q, each))) found.push(q);
+    if (found.length > POSES) break;
+  }
+  return found;
 }

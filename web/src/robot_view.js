@@ -111,6 +111,7 @@ export class RobotView {
 
   /** Where the origin of a link's frame is seen, in pixels of the picture from its upper left. */
   project(link) {
+    this.camera.updateMatrixWorld();
     const point = new Vector3().setFromMatrixPosition(this.chain.frames[link]).project(this.camera);
     const { width, height } = this.size;
     return { x: ((point.x + 1) / 2) * width, y: ((1 - point.y) / 2) * height };
@@ -198,7 +199,7 @@ export class RobotView {
   }
 
   _buildGrid() {
-    const grid = new GridHelper(4 * this.robot.reach, 16);
+    const grid = new GridHelper(4 * Math.max(this.robot.reach, this._extent().size), 16);
     grid.material.dispose();
     grid.material = this.materials.grid;
     grid.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), this.up);
@@ -209,7 +210,8 @@ export class RobotView {
     const { reach, joints } = this.robot;
     const far = this.chain.frames.map(({ elements: e }) => Math.hypot(e[12], e[13], e[14]));
     const radius = Math.max(...joints.map(({ capsule: { radius: each } }) => each));
-    const size = Math.min(Math.max(1.3 * (Math.max(...far) + 2 * radius), 0.3 * reach), reach);
+    const wanted = Math.max(1.3 * (Math.max(...far) + 2 * radius), 0.3 * reach);
+    const size = Math.max(Math.min(wanted, reach), 4 * radius);
     return { middle: this.up.clone().multiplyScalar(0.25 * size), size };
   }
 

@@ -12,6 +12,7 @@ from browser import colour_scheme, opened_browser, require_browser, resize
 from hil.model.axes_to_frames import Frames
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
+from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Box, Workspace
 from hil.view.page import write_page
 from hil.view.planned import planned
@@ -66,7 +67,7 @@ def show(
     resize(browser, width, height)
     colour_scheme(browser, scheme)
     browser.get(page.as_uri())
-    browser.set_script_timeout(20)
+    browser.set_script_timeout(60)
     browser.execute_async_script("""
         const done = arguments[0];
         const ready = () => requestAnimationFrame(() => done());
@@ -180,3 +181,20 @@ def test_sliders_of_a_robot_are_usable_too(browser: Chrome, manutec: Robot, tmp_
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []
     assert complaints(browser) == []
+
+
+def test_a_swept_volume_reaches_from_end_to_end(
+    browser: Chrome, manutec: Robot, tmp_path: Path
+) -> None:
+    """A trajectory passes more configurations than are drawn; those that are cover all of it."""
+    sine = tuple((0.5, -0.25) for _ in range(6))
+    cosine = ((0.0, 0.0),) * 6
+    long = Trajectory(id="t", q=(0.0,) * 6, period=20.0, sine=sine, cosine=cosine)
+    plan = design(manutec, COUNTS).model_copy(update={"measurements": (long,)})
+    write_page(tmp_path / "plan.html", lambda most: of_plan(plan, manutec, most))
+    show(browser, tmp_path / "plan.html")
+    passed = browser.execute_script("return window.view.passed(1)")
+    assert 30 < len(passed) <= 96
+    q = long.motion(np.linspace(0.0, 20.0, 400))[0]
+    np.testing.assert_allclose(np.max(passed, axis=0), q.max(axis=0), atol=0.12)
+    np.testing.assert_allclose(np.min(passed, axis=0), q.min(axis=0), atol=0.12)
