@@ -72,6 +72,11 @@ PANELS = {
         "export": _Command("exporting", "Write an identified model as files of other tools."),
     },
     "Drives and commissioning": {
+        "doctor": _Command(
+            "doctor",
+            "Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one"
+            " fails.",
+        ),
         "scan": _Command(
             "drives", "Find the nodes on a bus and what they lack for measuring; only reads."
         ),
