@@ -65,6 +65,11 @@ PANELS = {
         "payload": _Command(
             "payload", "Find a load from two runs, without and with it, or measure one in minutes."
         ),
+        "accept": _Command(
+            "accepting",
+            "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 on a"
+            " FAIL.",
+        ),
         "history": _Command(
             "history",
             "Show parameters and friction of one machine over many runs, and mark what changed.",
