@@ -2,7 +2,7 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage vcan lint bench clean
+.PHONY: help demo test coverage vcan docs lint bench view-bundle clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,8 +19,10 @@ help:
 	@echo 'make test     every check and every test'
 	@echo 'make coverage the tests, and how many lines they reach'
 	@echo 'make vcan     the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
+	@echo 'make docs     the documentation as a site, into build/docs'
 	@echo 'make lint     the checks alone: ruff, mypy, import-linter'
 	@echo 'make bench    the benchmarks'
+	@echo 'make view-bundle   the scripts of the page that hil view writes, from web/; takes npm'
 	@echo 'make clean    remove .venv and caches; runs/ stays'
 
 demo: $(RUNTIME)
@@ -40,6 +42,10 @@ coverage: $(DEV)
 vcan: $(DEV)
 	@sh tools/test_on_vcan.sh
 
+docs: $(DEV)
+	$(BIN)/sphinx-build -q -W --keep-going docs build/docs
+	@echo 'the documentation begins with build/docs/index.html'
+
 lint: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -48,6 +54,10 @@ lint: $(DEV)
 
 bench: $(DEV)
 	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file"; done
+
+# the result is committed, and a test finds it out of date: nobody else needs npm
+view-bundle:
+	@cd web && npm ci --silent && npm run --silent build
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

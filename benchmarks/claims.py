@@ -5,7 +5,7 @@ these seeds. Stated is too how often the largest cause of error was named first.
 
     default    drift and asymmetry on
     half       the same with half the measurements
-    still      no drift, symmetric: what the two-step method as printed makes of it
+    still      no drift, symmetric: what the two-step method as published makes of it
     lag        each current read 0 to 8 ms late, another lag for each axis and seed
     bodies     a second plant, whose links are real bodies
     load       friction that grows with the load, mu = 0.05

@@ -64,4 +64,4 @@ if __name__ == "__main__":
     if len(sys.argv) == 3:
         main(*sys.argv[1:])
     else:
-        print("needs two runs: see docs/export.md")
+        print("needs two runs: see docs/how-to/export.md")

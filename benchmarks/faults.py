@@ -1,9 +1,9 @@
 """Every fault of the plant in the middle of a campaign: what the driver makes of it, as a table.
 
-Over real frames, in lock-step; each row is a run of its own (`fault_table`). Writes docs/faults.md
-and fails if a row does not keep its promise::
+Over real frames, in lock-step; each row is a run of its own (`fault_table`). Writes
+docs/reference/faults.md and fails if a row does not keep its promise::
 
-    python benchmarks/faults.py [--output docs/faults.md]
+    python benchmarks/faults.py [--output docs/reference/faults.md]
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fault_table.promise import Row
     from fault_table.trial import Outcome
 
-DOCS = Path(__file__).parents[1] / "docs" / "faults.md"
+DOCS = Path(__file__).parents[1] / "docs" / "reference" / "faults.md"
 LONGEST = 220
 
 INTRODUCTION = """\

@@ -98,7 +98,7 @@ def gathered(twin: TwinRecorder, data: list) -> object:
 
 
 def write(folder: Path) -> None:
-    """Write the runs of docs/payload.md."""
+    """Write the runs of docs/how-to/payload.md."""
     twin = TwinRecorder("scara")
     for name, seed, load in (("bare", 1, None), ("loaded", 2, LOADS["scara"])):
         data = twin.recorded(seed, load)

@@ -92,7 +92,7 @@ def main() -> None:
 
 
 def _published() -> bool:
-    """The manutec-r15 as printed, each parameter with an error of 1 %."""
+    """The manutec-r15 as published, each parameter with an error of 1 %."""
     sys.path.insert(0, str(SUPPORT))
     from synthetic import TABLE_3_A
 

@@ -33,8 +33,7 @@ def arm(file: PlantFile) -> Arm:
     d, r = np.array([(axis.frame.d, axis.frame.r) for axis in file.axes]).T
     cos, sin = np.cos(angle), np.sin(angle)
     frames = np.column_stack([cos, sin, d, -sin * r, cos * r])
-    order = ("m", "sx", "sy", "sz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-    bodies = np.array([[getattr(body, key) for key in order] for body in file.bodies()])
+    bodies = np.array([body.row() for body in file.bodies()])
     return tuple(range(len(bodies))), frames, bodies, np.array(file.gravity), _kinds(file)
 
 

@@ -19,6 +19,7 @@ from sim_plant.machine_protocol import AxisEvent, Reading
 from sim_plant.physics import friction, machine_step, servo, soft_gears
 from sim_plant.physics import state as st
 from sim_plant.physics.gear_modes import refuse_steps_too_long
+from sim_plant.physics.giving_load import GivingLoad
 from sim_plant.physics.loop_stability import Unstable, refuse_hard_brakes, refuse_unstable
 from sim_plant.physics.reflected_inertia import NotPositive, reflected_inertia
 from sim_plant.plant_file import PlantFile, load_plant_file, plant_path
@@ -93,6 +94,8 @@ class Plant:
         n = len(file.axes)
         self._random = np.random.default_rng(file.seed if seed is None else seed)
         self._arm = build.arm(file)
+        loose = file.payload is not None and file.payload.gives > 0
+        self._giving = GivingLoad(self._arm, file.payload) if file.payload and loose else None
         self.const = np.array([build.constants(axis, file) for axis in file.axes])
         self.state = np.zeros((n, st.N_STATE))
         self.profile = np.zeros((n, st.N_PROFILE))
@@ -164,6 +167,8 @@ class Plant:
 
     def advance(self, duration: float) -> None:
         """Let the physics run for `duration` [s]; what is no whole step is kept for next time."""
+        if self._giving is not None:
+            self._giving.settle(self.state[:, st.Q], duration)
         h = self._step
         rest = self._rest + duration
         steps = int(rest / h + 1e-3)

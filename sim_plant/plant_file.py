@@ -11,6 +11,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
@@ -18,6 +19,8 @@ from checked_files.yaml_file import FileError, FileModel, load_yaml
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Self
+
+    from numpy.typing import NDArray
 
 PLANTS = Path(__file__).with_name("plants")
 """Folder of the plants that come with the package."""
@@ -49,15 +52,23 @@ class Body(FileModel):
     Ixz: float = 0.0
     Iyz: float = 0.0
 
+    def row(self) -> NDArray[np.float64]:
+        """As the compiled dynamics takes it, shape (10,)."""
+        return np.array([getattr(self, key) for key in type(self).model_fields])
+
 
 class Payload(FileModel):
-    """A body bolted to the last link: mass, centre of mass and inertia about that centre."""
+    """A body bolted to the last link: mass, centre of mass and inertia about that centre.
+
+    One that `gives` hangs loosely instead: its centre sags so far along gravity [m].
+    """
 
     mass: NotNegative
     centre: tuple[float, float, float]
     Ixx: NotNegative = 0.0
     Iyy: NotNegative = 0.0
     Izz: NotNegative = 0.0
+    gives: NotNegative = 0.0
 
     def body(self) -> Body:
         """The load as part of the last link, about that link's origin."""

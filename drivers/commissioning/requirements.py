@@ -2,9 +2,10 @@
 
 A row states what is done with an object, what becomes of a drive that lacks it and what follows
 from that, what is written to it and what may stand there instead. Start-up, `hil check`, the scan
-and the review of data sheets act on it, and the tables of `docs/can.md` and `docs/drives.md` are
-made from it. What depends on more than one object is code, which takes its sentences from here: the
-sequence for SYNC and PDOs, the range, who watches whom, the comparison of units.
+and the review of data sheets act on it, and the tables of `docs/reference/can.md` and
+`docs/reference/drives.md` are made from it. What depends on more than one object is code, which
+takes its sentences from here: the sequence for SYNC and PDOs, the range, who watches whom, the
+comparison of units.
 """
 
 from __future__ import annotations

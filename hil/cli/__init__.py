@@ -37,12 +37,20 @@ PANELS = {
         "dry-run": _Command(
             "planning", "State what a plan takes and what it gives; nothing moves."
         ),
+        "view": _Command(
+            "viewing",
+            "Write a page that plays a plan or a run in 3-D, or shows a robot; one HTML file.",
+        ),
     },
     "Run": {
         "run": _Command("measuring", "Measure a plan into a folder; the robot moves."),
         "track": _Command(
             "tracking",
             "Follow trajectories with neither, velocity and both fed forward; the robot moves.",
+        ),
+        "watch": _Command(
+            "watching",
+            "Compare torques with a model's while a plan moves the robot, and find pushes.",
         ),
         "import": _Command(
             "importing",

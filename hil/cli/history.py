@@ -60,9 +60,9 @@ def history(
     show(tables.runs(found), out)
     show(tables.condition(found), out)
     show(tables.changes(found), out)
-    newest = [each for each in found.of(found.runs[-1]) if each.marked]
-    for each in newest:
-        say(each.sentence, style="bold red")
+    newest = found.sentences(found.runs[-1])
+    for sentence in newest:
+        say(sentence, style="bold red")
     if not newest:
         say(f"{found.runs[-1].label}: nothing changed significantly")
     if json_file is not None:

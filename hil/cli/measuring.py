@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
+    from hil.cli.run_session import Display
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
 
@@ -123,6 +124,9 @@ def measure(
     resume: bool = False,
     rehearsal: float | None = None,
     feeding: Callable[[DriveBus], DriveBus] | None = None,
+    watching: Callable[[DriveBus], DriveBus] | None = None,
+    display: Display | None = None,
+    rounds: int = 1,
 ) -> None:
     """Measure a plan into a folder.
 
@@ -134,11 +138,19 @@ def measure(
         Share of the speed limits, to pass all ways at it instead of measuring.
     feeding : callable, optional
         Puts a bus that feeds forward in front of one whose drives take it.
+    watching : callable, optional
+        Puts a bus that watches its samples in front of one.
+    display : callable, optional
+        See `hil.cli.run_session.carry_out`.
+    rounds : int
+        How often the whole plan is measured, as measurements of their own.
     """
     from drivers.open_drive_bus import open_drive_bus
     from hil.cli import bus_access, drive_settings
     from hil.cli.run_session import carry_out, prepare_folder
+    from hil.planning.plan import repeated
     from hil.runs.journal import BusName
+    from hil.terminal.progress import shown
 
     feeds = feeding is not None
     drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
@@ -156,10 +168,12 @@ def measure(
             keeper,
             feed_forward=feeds,
         )
-        return found if feeding is None else feeding(found)
+        in_front = feeding or watching
+        return found if in_front is None else in_front(found)
 
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
-        folder = prepare_folder(output, the_plan, the_robot, text, resume, out)
+        planned = repeated(the_plan, rounds)
+        folder = prepare_folder(output, planned, the_robot, text, resume, out)
         carry_out(
             folder,
             bus,
@@ -167,6 +181,7 @@ def measure(
             out,
             rehearsal,
             lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
+            display or shown,
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +16,7 @@ from hil.terminal.console import out
 
 if TYPE_CHECKING:
     from hil.cli.measuring import OnBus
+    from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.results.bare_run import BareRun
     from hil.results.load_plan import LoadPlan
@@ -96,6 +99,13 @@ def measure(
             min=1e-3, help="Mass that the load has at most, for poses that hold it \\[kg]."
         ),
     ] = None,
+    pose: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Axis and where it is held in all measurements, such as axis5=90 \\[degrees; m];"
+            " may be given again."
+        ),
+    ] = None,
     interface: Interface = SIMULATED,
     channel: RobotsChannel = None,
     drives_file: RobotsDrives = None,
@@ -115,11 +125,12 @@ def measure(
         raise typer.BadParameter(f"{mass:g} kg must be at most --at-most", param_hint="--mass")
     bare_run = Run.open(model if model.is_dir() else model.parent)
     _refuse_output(bare_run, output, resume=resume)
+    poses = _poses(bare_run.robot, pose or [])
     bare = know(bare_run)
     how = OnBus(interface, channel, drives_file, bus_option)
     slow = _kept_plan(output / SLOW, bare)
     if slow is None:
-        stage = load_plan.slow_plan(bare, minutes, at_most if mass is None else mass)
+        stage = load_plan.slow_plan(bare, minutes, at_most if mass is None else mass, poses)
         slow = stage.plan
         _show_stage("slow", stage, bare)
         held = load_plan.holds(bare, slow)
@@ -132,7 +143,7 @@ def measure(
     fast = _kept_plan(output / FAST, bare)
     if fast is None:
         found = estimate_load(bare, [Run.open(output / SLOW)])
-        stage = load_plan.fast_plan(bare, minutes, slow, found)
+        stage = load_plan.fast_plan(bare, minutes, slow, found, poses)
         fast = stage.plan
         _show_stage("fast", stage, bare)
     _carry_out(fast, bare, output / FAST, how, resume=resume)
@@ -141,6 +152,21 @@ def measure(
     for line in kept.verdict:
         out.print(line, highlight=False, markup=False, soft_wrap=True)
     out.print(f"load in {output / NAME}", highlight=False, soft_wrap=True)
+
+
+def _poses(robot: Robot, stated: list[str]) -> tuple[tuple[int, float], ...]:
+    """Axes from 0 and where they are held [rad or m]."""
+    found = []
+    for each in stated:
+        fits = re.fullmatch(r"axis(\d+)=([-+]?\d+(?:\.\d*)?)", each)
+        if fits is None or not 1 <= int(fits[1]) <= robot.n_joints:
+            raise typer.BadParameter(
+                f"{each!r} must be axis1 to axis{robot.n_joints} and a position, such as axis5=90",
+                param_hint="--pose",
+            )
+        axis, at = int(fits[1]) - 1, float(fits[2])
+        found.append((axis, math.radians(at) if robot.revolute[axis] else at))
+    return tuple(found)
 
 
 def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:

@@ -50,6 +50,10 @@ def dry_run_(
     workspace: WorkspaceOption = None,
     noise_from: NoiseFrom = None,
     drives_file: RobotsDrives = None,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Write a page beside the plan that plays it in 3-D as well."),
+    ] = False,
 ) -> None:
     """State what a plan takes and what it gives; nothing moves."""
     from hil.cli import dry_run_view
@@ -62,6 +66,10 @@ def dry_run_(
     drives = known_drives(the_robot, drives_file)
     result = dry_run(the_plan, the_robot, bus_cycle(the_plan, the_robot.n_joints, drives, bitrate))
     dry_run_view.render(result, out)
+    if view:
+        from hil.cli import viewing
+
+        viewing.write(viewing.page_of_plan(plan_file), viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
         from hil.cli import precision_view

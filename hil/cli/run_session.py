@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from hil.runs.journal import BusName
 
     RealTime = Callable[[], AbstractContextManager[Sequence[str]]]
+    Display = Callable[[Console], AbstractContextManager[Callable[[Event], None]]]
 
 NOT_REHEARSED = (
     "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
@@ -69,6 +70,7 @@ def carry_out(
     out: Console,
     rehearsal: float | None = None,
     real_time: RealTime | None = None,
+    display: Display = shown,
 ) -> None:
     """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
 
@@ -80,6 +82,8 @@ def carry_out(
         Share of the speed limits, to pass all ways at it instead of measuring.
     real_time : callable, optional
         Makes the context in which the axes are moved; yields what the system granted.
+    display : callable
+        Makes the context in which events are shown; yields what takes them.
 
     Raises
     ------
@@ -94,7 +98,7 @@ def carry_out(
     if rehearsal is None and folder.journal.rehearsed is None and bus_name.interface != SIMULATED:
         out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
     with locked(folder.path):
-        _carry_out(folder, open_bus, bus_name, out, rehearsal, real_time)
+        _carry_out(folder, open_bus, bus_name, out, rehearsal, real_time, display)
 
 
 def _carry_out(
@@ -104,13 +108,16 @@ def _carry_out(
     out: Console,
     rehearsal: float | None,
     real_time: RealTime | None,
+    display: Display,
 ) -> None:
     def ended() -> str:
         return f"stopped, the axes are off; {_what_remains(folder)}"
 
     with interruptible(ended) as refuse_lost:
         try:
-            last = _move(folder, open_bus, bus_name, out, rehearsal, real_time, refuse_lost)
+            last = _move(
+                folder, open_bus, bus_name, out, rehearsal, real_time, refuse_lost, display
+            )
         except (BrokenPipeError, SystemExit):  # rich turns the one into the other
             say(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
             raise typer.Exit(1) from None
@@ -131,11 +138,12 @@ def _move(
     rehearsal: float | None,
     real_time: RealTime | None,
     refuse_lost: Callable[[], None],
+    display: Display,
 ) -> Event:
     """Pass the campaign's events to the terminal; return the last one."""
     with (
         KeyboardStop() as keyboard,
-        shown(out) as show,
+        display(out) as show,
         nullcontext(()) if real_time is None else real_time() as granted,
     ):
         for line in granted:

@@ -94,16 +94,11 @@ def _refuse(
 ) -> None:
     """Refuse before anything moves what cannot be fed forward."""
     from checked_files.yaml_file import FileError
-    from hil.errors import Mismatch
+    from hil.cli.plan_files import refuse_other_model
     from hil.measuring.feeding import refuse_beyond_torque
     from hil.planning.trajectory import Trajectory
 
-    if model.robot.digest != the_robot.digest:
-        raise Mismatch(
-            f"{model_path}: was identified with another robot file than {plan_file} was made for"
-            f" ({model.robot.name} {model.robot.digest[:12]}, {the_robot.name}"
-            f" {the_robot.digest[:12]}); give the model of this robot with --model"
-        )
+    refuse_other_model(model, model_path, the_robot, plan_file)
     for measurement in the_plan.measurements:
         if not isinstance(measurement, Trajectory):
             raise FileError(

@@ -11,16 +11,19 @@ that no other one beats by more than chance on measurements held out. A measurem
 as one draw, since friction's level stays much the same in it and differs in the next: covariances
 are Huber's sandwich over measurements. How far the level wanders is
 the greatest of the differences from one of the factors by which the law's level fits each of them.
+Where the warmth of the gear explains how the level changed
+(`hil.estimation.friction.warmth_choice`), the law is that at the mean warmth.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS
 from hil.estimation.free_motion.result import TermValue
+from hil.estimation.friction.warmth_choice import Levels, find_warmth
 from hil.estimation.friction_law import DIRECTED, AxisLaw, FrictionLaw
 from hil.regression.least_squares import inverse, solved
 from hil.regression.terms import ASYMMETRIC, LOAD
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.condensed import Stacked
+    from hil.estimation.friction.history import History
+    from hil.estimation.friction.warmth_choice import WarmLaw
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
@@ -49,7 +54,9 @@ SURE = 2.0
 """Standard errors by which a law must be worse than the best for not to be taken."""
 
 
-def campaign_friction(robot: Robot, p: Array, stacks: Iterable[Sequence[Stacked]]) -> FrictionLaw:
+def campaign_friction(
+    robot: Robot, p: Array, stacks: Iterable[Sequence[Stacked]], past: History | None = None
+) -> FrictionLaw:
     """Find the law of friction of each axis.
 
     Parameters
@@ -59,18 +66,27 @@ def campaign_friction(robot: Robot, p: Array, stacks: Iterable[Sequence[Stacked]
         Base parameters that the same measurements gave.
     stacks : iterable of sequence of Stacked
         Of each measurement, or period of a trajectory, the axes that move.
+    past : History, optional
+        What the axes did; without it no warmth is looked for.
     """
-    products: list[list[Array]] = [[] for _ in range(robot.n_joints)]
-    speeds: list[list[float]] = [[] for _ in range(robot.n_joints)]
+    found: list[list[_Measured]] = [[] for _ in range(robot.n_joints)]
     for each in (each for axes in stacks for each in axes):
-        products[each.axis].append(_products(each, p))
         v = np.abs(each.friction[:, 1]) * robot.velocity_limit[each.axis]
-        speeds[each.axis] += [float(v.min()), float(v.max())]
+        speeds = float(v.min()), float(v.max())
+        found[each.axis].append(_Measured(each.time, _products(each, p), speeds))
     axes_found = (
-        _law(np.array(own), float(limit), (min(v, default=0.0), max(v, default=0.0)))
-        for own, v, limit in zip(products, speeds, robot.velocity_limit, strict=True)
+        _law(sorted(own, key=lambda each: each.time), axis, float(limit), past)
+        for axis, (own, limit) in enumerate(zip(found, robot.velocity_limit, strict=True))
     )
     return FrictionLaw(axes=tuple(axes_found))
+
+
+class _Measured(NamedTuple):
+    """Time of an axis's share of a measurement, its products, its slowest and fastest sample."""
+
+    time: float
+    products: Array
+    speeds: tuple[float, float]
 
 
 def _products(each: Stacked, p: Array) -> Array:
@@ -87,13 +103,19 @@ def _products(each: Stacked, p: Array) -> Array:
     return np.asarray(each.each * (columns.T @ columns))
 
 
-def _law(products: Array, limit: float, speeds: tuple[float, float]) -> AxisLaw | None:
-    """Law of one axis from the products of its measurements, shape (n, 1 + n_terms, ...)."""
-    if len(products) < FEWEST:
+def _law(
+    measured: Sequence[_Measured], axis: int, limit: float, past: History | None
+) -> AxisLaw | None:
+    """Law of one axis from its measurements, in the order of time."""
+    if len(measured) < FEWEST:
         return None
+    products = np.array([each.products for each in measured])
+    slowest, fastest = zip(*(each.speeds for each in measured), strict=True)
     name, held_out = _choice(products)
     values, covariance = _solution(products, _LAWS[name])
     plain, of_plain = _solution(products, CLASSICAL)
+    if warm := _with_warmth(measured, products, _LAWS[name], axis, past):
+        values, covariance = warm.values, warm.covariance
     return AxisLaw(
         law=name,
         speed=limit,
@@ -102,9 +124,24 @@ def _law(products: Array, limit: float, speeds: tuple[float, float]) -> AxisLaw 
         held_out=held_out,
         covariance=tuple(tuple(row) for row in covariance.tolist()),
         wander=_wander(products, _LAWS[name], values),
-        speeds=speeds,
+        speeds=(min(slowest), max(fastest)),
         measurements=len(products),
+        warmth=None if warm is None else warm.warmth,
     )
+
+
+def _with_warmth(
+    measured: Sequence[_Measured],
+    products: Array,
+    terms: Sequence[str],
+    axis: int,
+    past: History | None,
+) -> WarmLaw | None:
+    if past is None:
+        return None
+    at = [0, *_places(terms)]
+    levels = Levels(products[:, at][:, :, at], np.isin(terms, DIRECTED))
+    return find_warmth(levels, np.array([each.time for each in measured]), past, axis)
 
 
 def _choice(products: Array) -> tuple[str, dict[str, float]]:

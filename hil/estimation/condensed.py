@@ -106,6 +106,8 @@ class Stacked:
         Samples for which each of these stands.
     index : ndarray, shape (n,)
         Of the samples in the measurement's signals.
+    time : float
+        Mean of the samples' [s].
     """
 
     axis: int
@@ -115,6 +117,7 @@ class Stacked:
     friction: Array
     each: int
     index: NDArray[np.intp]
+    time: float
 
     def loaded(self, load: Array) -> Stacked:
         """The same with the columns of load-dependent friction.
@@ -194,8 +197,11 @@ def stack_axis(
     for period in periods:
         index = np.flatnonzero(used & period)[::each]
         own = smoothed_at(index, columns, s.period, passes)
-        enough = len(own) * each >= FEWEST
-        yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index) if enough else None
+        if len(own) * each < FEWEST:
+            yield None
+            continue
+        time = float(s.time[index].mean())
+        yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index, time)
 
 
 def periods_of(measurement: ParameterMotion, s: Signals) -> Iterator[Mask]:

@@ -94,6 +94,8 @@ class Estimate:
         ``combination @ truth`` is what `p` stands for; None where that is each parameter itself.
     friction_law : FrictionLaw, optional
         Friction over the whole campaign, where the improved method found it.
+    torque_effect : ndarray, shape (n_base, n_joints), optional
+        Change of p per relative change of each axis's torque; None where the method states none.
     """
 
     method: str
@@ -116,6 +118,7 @@ class Estimate:
     half_sums: tuple[HalfSums, ...] = ()
     combination: Array | None = None
     friction_law: FrictionLaw | None = None
+    torque_effect: Array | None = None
 
     @property
     def standard_error(self) -> Array:

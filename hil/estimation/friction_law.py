@@ -5,7 +5,8 @@ whatever was identified. Two things are uncertain of it. The terms are, from the
 were found in; and friction itself changes with temperature and lubricant, which no term knows:
 while strokes were measured it had another level in each of them. How far it wandered there, as a
 share of the level, is kept and counts in every interval: an axis that has rested is at one end of
-what the campaign has seen, not at its mean.
+what the campaign has seen, not at its mean. Where the warmth of the gear explains a part of that
+(`hil.estimation.friction.warmth`), the level can be that of a stated warmth.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from hil.estimation.free_motion.bristles import (
 from hil.estimation.free_motion.columns import coupled_friction, motor_angle
 from hil.estimation.free_motion.friction_terms import TERMS, friction_columns
 from hil.estimation.free_motion.result import AxisFriction, CoupledFriction
+from hil.estimation.friction.warmth import Warmth  # noqa: TC001 - a field of the file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,16 +56,25 @@ class AxisLaw(AxisFriction):
     measurements : int, optional
         That the law was found from, each of which counts as one draw; None of free motions, and in
         files of earlier versions.
+    warmth : Warmth, optional
+        What the level depends on besides, where that is identified; the terms are those at its
+        reference. `wander` is of the law alone: the warmth of a motion may be unknown.
     """
 
     wander: float = 0.0
     speeds: tuple[float, float] | None = None
     measurements: int | None = None
+    warmth: Warmth | None = None
 
     @property
     def values(self) -> Array:
         """Coefficients, shape (n_terms,)."""
         return np.array([each.value for each in self.terms.values()])
+
+    @property
+    def directed(self) -> NDArray[np.bool_]:
+        """Terms of the level, which change their sign with the direction, shape (n_terms,)."""
+        return np.isin(list(self.terms), DIRECTED)
 
     @property
     def slope(self) -> float:
@@ -101,13 +112,20 @@ class FrictionLaw(FileModel):
     @classmethod
     def of_free_motions(cls, fit: FreeMotionFit) -> FrictionLaw:
         """Law that was found together with the base parameters."""
-        axes = (AxisLaw.model_validate(law.model_dump()) for law in fit.axes)
+        axes = (
+            AxisLaw.model_validate(law.model_dump() | {"wander": _wander(law)}) for law in fit.axes
+        )
         return cls(axes=tuple(axes), coupled=fit.coupled)
 
     @property
     def unknown(self) -> tuple[int, ...]:
         """Axes, from 1, whose friction nothing showed."""
         return tuple(axis for axis, law in enumerate(self.axes, start=1) if law is None)
+
+
+def _wander(law: AxisFriction) -> float:
+    """Greatest difference of the level from its mean, as a share of it."""
+    return max((abs(level - 1.0) for level in law.level), default=0.0)
 
 
 def friction_torque(
@@ -117,6 +135,7 @@ def friction_torque(
     qd: Array,
     load: Array,
     directions: Sequence[Direction] | None = None,
+    warmth: Array | None = None,
 ) -> Array:
     """Torque of friction and ripple of all axes, shape of `q` [N m or N].
 
@@ -131,6 +150,9 @@ def friction_torque(
     directions : sequence (n_joints,) of Direction, optional
         Of each axis's friction; by default that along the rows, where these are successive samples
         of a motion, and else the sign of the velocity.
+    warmth : ndarray, shape of `q`, optional
+        Of the gears; by default that at which each law stands. Without effect on axes whose
+        warmth is not identified.
     """
     q_rows, qd_rows, loads = (np.reshape(x, (-1, robot.n_joints)) for x in (q, qd, load))
     if directions is None:
@@ -142,14 +164,23 @@ def friction_torque(
             speed = np.abs(qd_rows[:, axis])
             beyond = directions[axis].sign * each.slope * (speed - each.known(speed))
             bend = each.bend.value * directions[axis].bend
-            found[:, axis] = columns @ each.values + bend + beyond
+            level = columns[:, each.directed] @ each.values[each.directed] + bend + beyond
+            other = columns[:, ~each.directed] @ each.values[~each.directed]
+            found[:, axis] = other + _factor(each, warmth, axis) * level
     shared = [part for each in law.coupled for part in (each.viscous.value, each.coulomb.value)]
     for axis in range(robot.n_joints if shared else 0):
         found[:, axis] += coupled_friction(robot, qd_rows, axis) @ np.array(shared)
     return found.reshape(np.shape(q))
 
 
-def friction_variance(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load: Array) -> Array:
+def friction_variance(
+    robot: Robot,
+    law: FrictionLaw,
+    q: Array,
+    qd: Array,
+    load: Array,
+    warmth: Array | None = None,
+) -> Array:
     """Variance of `friction_torque`, shape of `q` [(N m)^2 or N^2]; parameters as there."""
     q_rows, qd_rows, loads = (np.reshape(x, (-1, robot.n_joints)) for x in (q, qd, load))
     found = np.zeros(q_rows.shape)
@@ -157,15 +188,31 @@ def friction_variance(robot: Robot, law: FrictionLaw, q: Array, qd: Array, load:
         if each is not None:
             direction = at_once(qd_rows[:, axis], each.speed)
             columns = _columns(robot, each, q_rows, qd_rows, loads, axis, direction)
-            directed = np.isin(list(each.terms), DIRECTED)
-            level = columns[:, directed] @ each.values[directed]
+            level = columns[:, each.directed] @ each.values[each.directed]
+            factor = np.reshape(_factor(each, warmth, axis), (-1, 1))
+            columns = np.where(each.directed, factor * columns, columns)
             found[:, axis] = np.einsum("nk,kl,nl->n", columns, each.uncertainty, columns)
-            found[:, axis] += (each.wander * level) ** 2
+            found[:, axis] += (_wander(each, warmth, axis) * level) ** 2
     shared = [part for each in law.coupled for part in (each.viscous, each.coulomb)]
     for axis in range(robot.n_joints if shared else 0):
         errors = coupled_friction(robot, qd_rows, axis) * [part.standard_error for part in shared]
         found[:, axis] += np.sum(errors**2, axis=1)
     return found.clip(0.0).reshape(np.shape(q))
+
+
+def _factor(law: AxisLaw, warmth: Array | None, axis: int) -> Array:
+    """What warmth multiplies the level of an axis by, shape (n,) or ()."""
+    if law.warmth is None or warmth is None:
+        return np.ones(())
+    return law.warmth.factor(np.reshape(warmth, (-1, np.shape(warmth)[-1]))[:, axis])
+
+
+def _wander(law: AxisLaw, warmth: Array | None, axis: int) -> Array:
+    """Standard deviation of the level as a share of the law's, shape (n,) or ()."""
+    if law.warmth is None or warmth is None:
+        return np.asarray(law.wander)
+    own = np.reshape(warmth, (-1, np.shape(warmth)[-1]))[:, axis]
+    return law.warmth.deviation(own)
 
 
 def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:

@@ -226,7 +226,7 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
 """By kind of measurement, for all kinds that show an element of g(q) or M(q)."""
 ELSEWHERE = {
     "friction": "",
-    "trajectory": "the printed method takes strokes alone; the improved one takes trajectories too",
-    "free": "the printed method takes strokes alone; the improved one takes free motions too",
+    "trajectory": "the published method takes strokes alone; the improved one trajectories too",
+    "free": "the published method takes strokes alone; the improved one free motions too",
 }
 """The other kinds, from which no base parameters are identified here: what an estimate remarks."""

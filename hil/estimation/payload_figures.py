@@ -18,6 +18,8 @@ from hil.model.robot_file import LINK_PARAMETERS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.estimation.load_misfit import AxisMisfit
+
     Array = NDArray[np.float64]
 
 MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
@@ -67,6 +69,8 @@ class Payload:
         Effective degrees of freedom of `phi_covariance`; many where there are none.
     chance : float, optional
         `p_value`, where the covariance behind `chi_squared` is itself uncertain.
+    misfit : tuple of AxisMisfit
+        What a rigid load leaves of each axis's torque, beside without it, where that was tested.
     """
 
     before: Array
@@ -84,6 +88,7 @@ class Payload:
     unidentifiable: tuple[str, ...] = ()
     degrees: Array | None = None
     chance: float | None = None
+    misfit: tuple[AxisMisfit, ...] = ()
 
     @property
     def p_value(self) -> float:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class TwoStep:
-    """Step 2 as printed, over the local fits of step 1."""
+    """Step 2 as published, over the local fits of step 1."""
 
     def __init__(self, robot: Robot, local: Sequence[LocalFit]) -> None:
         self._groups = base_parameters(robot).groups

@@ -1,6 +1,6 @@
 """The two-step methods: from measurements to base parameters, with their uncertainty.
 
-printed
+published
     Section 6.1 as it stands (`two_step`): weighted least squares for p_g, then for p_Md with
     p_g compensated, then for p_Mod.
 improved
@@ -32,6 +32,7 @@ from hil.estimation.causes import CERTAIN, find_causes
 from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.friction.history import history
 from hil.estimation.identifiability import conditions, require_all_groups, require_rank
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.signals import signals
@@ -57,8 +58,8 @@ if TYPE_CHECKING:
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
-TwoStepMethod = Literal["improved", "printed"]
-TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "printed")
+TwoStepMethod = Literal["improved", "published"]
+TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
 _FEWEST_DEGREES = 2.0
 """Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
 
@@ -95,11 +96,11 @@ def estimates(
     raw, unusable = prepare(robot, recorded)
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
-        found[method] = (_improved if method == "improved" else _printed)(robot, raw, unusable)
+        found[method] = (_improved if method == "improved" else _published)(robot, raw, unusable)
     return found
 
 
-def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
+def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
     fits, useless = _local_fits(robot, raw)
     condition = conditions(robot, fits, together=False)
@@ -107,7 +108,7 @@ def _printed(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estima
     solver = TwoStep(robot, fits)
     p, changes = _left_out_in_turn(solver)
     return _estimate(
-        robot, "printed", fits, condition, (*unusable, *streamed, *useless), solver, p,
+        robot, "published", fits, condition, (*unusable, *streamed, *useless), solver, p,
         jackknife(changes), effective_degrees(changes**2, _FEWEST_DEGREES),
     )  # fmt: skip
 
@@ -144,7 +145,9 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
             robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
         ),
         noise_covariance=solver.noise_covariance[: len(p), : len(p)],
-        friction_law=campaign_friction(robot, p, (axes for _, axes in solver.stacked)),
+        friction_law=campaign_friction(
+            robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
+        ),
     )
 
 
@@ -178,7 +181,8 @@ def _estimate(
 ) -> Estimate:
     local = tuple(each.at(p) for each in fits)
     relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
-    carried = solver.sensitivity() * relative
+    effect = solver.sensitivity()
+    carried = effect * relative
     return Estimate(
         method=method,
         p=p,
@@ -191,6 +195,7 @@ def _estimate(
         local=local,
         left_out=left_out,
         n_measurements=solver.n_measurements,
+        torque_effect=effect[:, : robot.n_joints],
     )
 
 

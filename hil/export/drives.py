@@ -13,6 +13,8 @@ import numpy as np
 
 from hil.estimation.free_motion.bristles import STILL
 from hil.estimation.free_motion.friction_terms import BEND
+from hil.estimation.friction.warmth import REFERENCE
+from hil.estimation.friction_law import DIRECTED
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.estimation.friction.warmth import Warmth
     from hil.estimation.friction_law import AxisLaw, FrictionLaw
     from hil.export.expressions import Expression, Graph
     from hil.export.rigid_bodies import Scalar
@@ -61,18 +64,47 @@ def friction(
     q: Sequence[Expression],
     qd: Sequence[Expression],
     load: Sequence[Expression],
+    warmth: Sequence[Expression] | None = None,
 ) -> list[Scalar]:
     """Torques of friction and ripple; `load`: those of the rigid bodies."""
-    found: list[Scalar] = [
-        0.0 if each is None else _axis(graph, robot, each, axis, q[axis], qd[axis], load[axis])
-        for axis, each in enumerate(law.axes)
-    ]
+    found: list[Scalar] = []
+    for axis, own in enumerate(law.axes):
+        if own is None:
+            found.append(0.0)
+            continue
+        level, other = _axis(graph, robot, own, axis, q[axis], qd[axis], load[axis])
+        if warmth is not None and own.warmth is not None:
+            level = level * _factor(graph, own.warmth, warmth[axis])
+        found.append(level + other)
     for (motor, joint, ratio), each in zip(robot.couplings, law.coupled, strict=True):
         turning = graph.function("sign", ratio * qd[joint] + qd[motor])
         coulomb, viscous = each.coulomb.value * turning, each.viscous.value * ratio
         found[motor] += coulomb + viscous * qd[joint]
         found[joint] += ratio * coulomb + viscous * qd[motor]
     return found
+
+
+def warmth_rate(
+    graph: Graph,
+    law: FrictionLaw,
+    qd: Sequence[Expression],
+    warmth: Sequence[Expression],
+) -> list[Scalar]:
+    """Change of each axis's warmth in time; 0 where it is not identified."""
+    found: list[Scalar] = []
+    for each, speed, w in zip(law.axes, qd, warmth, strict=True):
+        if each is None or each.warmth is None:
+            found.append(0.0)
+            continue
+        own = each.warmth
+        heating = graph.function("abs", speed) * (1.0 / (each.speed * REFERENCE * own.warming))
+        found.append((graph.number(1.0) - w) * heating - w * (1.0 / own.cooling))
+    return found
+
+
+def _factor(graph: Graph, own: Warmth, warmth: Expression) -> Expression:
+    """What the level is multiplied by at a warmth, no further than was seen."""
+    return 1.0 + own.slope * (_clipped(graph, warmth, *own.seen) - own.reference)
 
 
 def current(robot: Robot, torque: Sequence[Expression]) -> list[Scalar] | None:
@@ -92,14 +124,15 @@ def _axis(
     q: Expression,
     qd: Expression,
     load: Expression,
-) -> Scalar:
+) -> tuple[Expression, Expression]:
+    """Level of an axis's friction, which changes its sign with the direction, and the rest."""
     direction = graph.function("direction", qd * (1.0 / (STILL * law.speed)))
-    u, total = qd * (1.0 / law.speed), graph.number(0.0)
+    u, level, other = qd * (1.0 / law.speed), graph.number(0.0), graph.number(0.0)
     if law.speeds is not None:
         speed = graph.function("abs", qd)
         known = _clipped(graph, speed, *law.speeds)
         u = direction * known * (1.0 / law.speed)
-        total = direction * (speed - known) * law.slope
+        level = direction * (speed - known) * law.slope
     shapes = {
         "offset": lambda: graph.number(1.0),
         "Coulomb": lambda: direction,
@@ -112,8 +145,11 @@ def _axis(
     }
     for term, value in law.terms.items():
         shape = shapes[term]() if term in shapes else _ripple(graph, robot, axis, term, q)
-        total = total + value.value * shape
-    return total
+        if term in DIRECTED:
+            level = level + value.value * shape
+        else:
+            other = other + value.value * shape
+    return level, other
 
 
 def _clipped(graph: Graph, x: Expression, low: float, high: float) -> Expression:

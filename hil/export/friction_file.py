@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.friction_law import friction_variance
+from hil.estimation.friction.warmth import REFERENCE
+from hil.estimation.friction_law import DIRECTED, friction_variance
 from hil.export.exported import Exported
 from hil.export.simple_friction import simple_friction
 from hil.results.rounding import percent, significant
@@ -29,6 +30,14 @@ FORMULAS = {
     "load": "|load| sgn(v)",
 }
 """What the coefficient of each term is multiplied by; u is the velocity over `speed`."""
+WARMTH = {
+    "level": "the directed terms, all that change their sign with v, times 1 + slope (clip(w, seen)"
+    " - reference); w is the warmth, from 0 cold to 1 warm, and reference that of the terms",
+    "state": f"dw/dt = (1 - w) x / ({REFERENCE} warming) - w / cooling, with x = |v| over the"
+    " velocity limit; w = 0 for a rested axis",
+    "directed": list(DIRECTED),
+}
+"""What `warmth` of an axis means."""
 
 
 def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
@@ -40,25 +49,31 @@ def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
         The model has no law of friction, or none of some axes.
     """
     law, simple = known_friction(model), simple_friction(model)
+    ends = list(zip(simple_friction(model, 0.0), simple_friction(model, 1.0), strict=True))
     content = {
         "origin": list(origin),
         "robot": model.robot.name,
         "formulas": FORMULAS | {"cosine k, sine k": "of k times the motor's angle"},
         "axes": [
-            _axis(model, own, each)
-            for own, each in zip(law.axes, simple, strict=True)
+            _axis(model, own, each) | _warmth(own, *cold_and_warm)
+            for own, each, cold_and_warm in zip(law.axes, simple, ends, strict=True)
             if own is not None
         ],
+        "warmth": WARMTH,
         "coupled": [each.model_dump(mode="json") for each in law.coupled],
     }
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    return Exported({"friction.json": text}, tuple(misfits(model, simple)))
+    warm = [axis for axis, own in enumerate(law.axes) if own is not None and own.warmth is not None]
+    said = misfits(model, simple)
+    for end, name in enumerate((", cold", ", warm")):
+        said += misfits(model, tuple(ends[axis][end] for axis in warm), name)
+    return Exported({"friction.json": text}, tuple(said))
 
 
-def misfits(model: Model, simple: tuple[SimpleFriction, ...]) -> list[str]:
-    """What the simplest simplification costs, axis by axis."""
+def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -> list[str]:
+    """What the simplest simplification costs, axis by axis; `state`: of the gears, for the text."""
     return [
-        f"axis {each.axis + 1}: Coulomb {significant(each.coulomb, 3)} and viscous"
+        f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous"
         f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
         f" s/{model.robot.position_unit(each.axis)} miss the law by"
         f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
@@ -68,7 +83,7 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...]) -> list[str]:
 
 
 def _axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[str, object]:
-    axis, stribeck = simple.axis, simple.stribeck
+    axis = simple.axis
     return {
         "axis": axis + 1,
         "torque_unit": model.robot.torque_unit(axis),
@@ -83,6 +98,26 @@ def _axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[str, objec
             "backward": simple.backward.tolist(),
             "standard_error": _errors(model, simple).tolist(),
         },
+        **_simplified(simple),
+    }
+
+
+def _warmth(law: AxisLaw, cold: SimpleFriction, warm: SimpleFriction) -> dict[str, object]:
+    """What warmth does to an axis's friction: null where it is not identified."""
+    own = law.warmth
+    if own is None:
+        return {"warmth": None}
+    ends = {"cold": (own.cold, cold), "warm": (own.warm, warm)}
+    return {
+        "warmth": own.model_dump(mode="json")
+        | {name: {"factor": factor} | _simplified(each) for name, (factor, each) in ends.items()}
+    }
+
+
+def _simplified(simple: SimpleFriction) -> dict[str, object]:
+    """Friction in the terms of simulators, with the misfit of each simplification."""
+    stribeck = simple.stribeck
+    return {
         "coulomb_and_viscous": {
             "coulomb": simple.coulomb,
             "viscous": simple.viscous,

@@ -11,6 +11,7 @@ from hil.export import drives
 from hil.export.expressions import Expression, Graph
 from hil.export.rigid_bodies import joints, rigid_bodies
 from hil.model.base_parameters import base_parameters
+from hil.results.warmth import known_warmth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,12 +43,15 @@ class Function(NamedTuple):
 
 
 POSITION, VELOCITY, ACCELERATION = "positions", "velocities", "accelerations"
+WARMTH = "warmth of the gears"
 WEIGHTLESS = (0.0, 0.0, 0.0)
 
 
 def functions(model: Model) -> tuple[Function, ...]:
     """All functions that the model has enough known of."""
-    made = (gravity, rigid, mass_matrix, friction, torque, current)
+    made = (
+        gravity, rigid, mass_matrix, friction, friction_at_warmth, warmth_rate, torque, current,
+    )  # fmt: skip
     return tuple(found for each in made if (found := each(model)) is not None)
 
 
@@ -98,6 +102,30 @@ def friction(model: Model) -> Function | None:
     return _function(graph, "friction", purpose, arguments, _friction(graph, model, q, qd, load))
 
 
+def friction_at_warmth(model: Model) -> Function | None:
+    """Friction at a stated warmth, where the model has a law of it and knows of any warmth."""
+    if not _has_friction(model) or not any(known_warmth(model)):
+        return None
+    graph = Graph()
+    q, qd, load, warmth = (_symbols(graph, model, each) for each in ("q", "qd", "load", "warmth"))
+    purpose = "Torques of friction at a warmth of the gears from 0 cold to 1 warm."
+    arguments = {"q": POSITION, "qd": VELOCITY, "load": "torques of the rigid bodies"}
+    found = _friction(graph, model, q, qd, load, warmth)
+    return _function(graph, "friction_at_warmth", purpose, arguments | {"warmth": WARMTH}, found)
+
+
+def warmth_rate(model: Model) -> Function | None:
+    """How warmth changes in time, where the model knows of any."""
+    if not _has_friction(model) or not any(known_warmth(model)):
+        return None
+    graph = Graph()
+    qd, warmth = _symbols(graph, model, "qd"), _symbols(graph, model, "warmth")
+    assert model.friction_law is not None  # noqa: S101 - asked for before
+    found = drives.warmth_rate(graph, model.friction_law, qd, warmth)
+    purpose = "Change of the warmth in time [1/s]; 0 where it is not identified. Begin at 0, cold."
+    return _function(graph, "warmth_rate", purpose, {"qd": VELOCITY, "warmth": WARMTH}, found)
+
+
 def torque(model: Model) -> Function:
     """What the drives have to give: all parts that the model has."""
     graph = Graph()
@@ -138,9 +166,11 @@ def _rigid(
     ]
 
 
-def _friction(graph: Graph, model: Model, q: Vector, qd: Vector, load: Vector) -> list[Scalar]:
+def _friction(
+    graph: Graph, model: Model, q: Vector, qd: Vector, load: Vector, warmth: Vector | None = None
+) -> list[Scalar]:
     assert model.friction_law is not None  # noqa: S101 - asked for before
-    return drives.friction(graph, model.robot, model.friction_law, q, qd, load)
+    return drives.friction(graph, model.robot, model.friction_law, q, qd, load, warmth)
 
 
 def _has_friction(model: Model) -> bool:

@@ -80,8 +80,14 @@ class SimpleFriction:
         return float(np.sqrt(np.mean(np.square([self.forward, self.backward]))))
 
 
-def simple_friction(model: Model) -> tuple[SimpleFriction, ...]:
+def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFriction, ...]:
     """Return the friction of all axes in the terms of simulators.
+
+    Parameters
+    ----------
+    model : Model
+    warmth : float, optional
+        Of the gears, from 0 cold to 1 warm; by default that at which the laws stand.
 
     Raises
     ------
@@ -89,7 +95,7 @@ def simple_friction(model: Model) -> tuple[SimpleFriction, ...]:
         The model has no law of friction, or none of some axes.
     """
     known_friction(model)
-    return tuple(_of_axis(model, axis) for axis in range(model.robot.n_joints))
+    return tuple(_of_axis(model, axis, warmth) for axis in range(model.robot.n_joints))
 
 
 def speeds_of(model: Model, axis: int) -> tuple[float, float]:
@@ -99,9 +105,9 @@ def speeds_of(model: Model, axis: int) -> tuple[float, float]:
     return law.speeds or (SLOWEST * law.speed, law.speed)
 
 
-def _of_axis(model: Model, axis: int) -> SimpleFriction:
+def _of_axis(model: Model, axis: int, warmth: float | None) -> SimpleFriction:
     v = np.linspace(*speeds_of(model, axis), SPEEDS)
-    forward, backward = (_law(model, axis, direction * v) for direction in (1.0, -1.0))
+    forward, backward = (_law(model, axis, side * v, warmth) for side in (1.0, -1.0))
     odd, even = (forward - backward) / 2, (forward + backward) / 2
     (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
     return SimpleFriction(
@@ -131,10 +137,11 @@ def _misfit(left: float, even: Array) -> float:
     return float(np.sqrt((left**2 + even @ even) / len(even)))
 
 
-def _law(model: Model, axis: int, v: Array) -> Array:
+def _law(model: Model, axis: int, v: Array, warmth: float | None) -> Array:
     """Friction of an axis that moves alone, at no load [N m or N]."""
     qd = np.zeros((len(v), model.robot.n_joints))
     qd[:, axis] = v
     still = np.zeros_like(qd)
-    found = friction_torque(model.robot, known_friction(model), still, qd, still)
+    state = None if warmth is None else np.full_like(qd, warmth)
+    found = friction_torque(model.robot, known_friction(model), still, qd, still, warmth=state)
     return np.asarray(found[:, axis])

@@ -224,7 +224,7 @@ def _alone(value: object) -> object:
 
 
 class RecordingMap(FileModel):
-    """A map as a whole; docs/recordings.md states its keys."""
+    """A map as a whole; docs/reference/recordings.md states its keys."""
 
     robot: Annotated[
         MappedRobot, BeforeValidator(lambda v: v if isinstance(v, dict) else {"name": v})

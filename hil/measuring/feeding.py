@@ -20,16 +20,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.drive_bus import DriveRefused, LimitExceeded, StreamingBus
+from drivers.drive_bus import LimitExceeded
+from hil.measuring.bus_in_front import BusInFront
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from types import TracebackType
-    from typing import Self
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from drivers.drive_bus import AxisInfo, DriveBus, Move, Sample
+    from drivers.drive_bus import DriveBus
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
 
@@ -45,7 +44,7 @@ SAMPLES = 2000
 """Instants of a period at which torques are held against their limits."""
 
 
-class FeedingBus:
+class FeedingBus(BusInFront):
     """A `drivers.drive_bus.StreamingBus` in front of another one.
 
     Parameters
@@ -72,56 +71,11 @@ class FeedingBus:
         delay: float = DELAY,
         loop: float = LOOP,
     ) -> None:
-        self._bus = bus
+        super().__init__(bus)
         self._velocity = velocity
         self._predict = predict
         self._delay = delay
         self._loop = loop
-
-    @property
-    def period(self) -> float:
-        """Time between two samples [s]."""
-        return self._bus.period
-
-    @property
-    def axes(self) -> tuple[AxisInfo, ...]:
-        """The axes in joint order; known once entered."""
-        return self._bus.axes
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What the operator should know though it stops nothing; grows."""
-        return self._bus.notes
-
-    def __enter__(self) -> Self:
-        """Check, configure and power on every drive."""
-        self._bus.__enter__()
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Stop the axes and power off."""
-        self._bus.__exit__(exc_type, exc, traceback)
-
-    def move(self, moves: Mapping[int, Move]) -> None:
-        """Give set-points to axes."""
-        self._bus.move(moves)
-
-    def sample(self) -> Sample:
-        """Wait for the next SYNC."""
-        return self._bus.sample()
-
-    def halt(self) -> None:
-        """Bring every axis to rest."""
-        self._bus.halt()
-
-    def reset(self) -> None:
-        """Power the axes on again after something has stopped them."""
-        self._bus.reset()
 
     def stream(
         self,
@@ -130,12 +84,10 @@ class FeedingBus:
         torque: Sequence[Sequence[float]] | None = None,
     ) -> None:
         """Begin to send a path, with what is fed forward for it where the caller states nothing."""
-        if not isinstance(self._bus, StreamingBus):
-            raise DriveRefused("these drives follow no stream of set-points")
         if velocity is None and torque is None:
             v, tau = self._fed(np.asarray(path, dtype=float))
             velocity, torque = v.tolist(), tau.tolist()
-        self._bus.stream(path, velocity, torque)
+        super().stream(path, velocity, torque)
 
     def _fed(self, path: Array) -> tuple[Array, Array]:
         ahead = 0.5 - self._loop / (2 * self.period) - self._delay

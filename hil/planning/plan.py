@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, load_yaml, place, read_text
 from hil.planning import LONGEST
 from hil.planning.measurement import KEYS, Measurement
-from hil.planning.plan_values import Fraction, to_millionths
+from hil.planning.plan_values import LONGEST_NAME, Fraction, to_millionths
 from hil.planning.workspace import Workspace, refuse_unfit
 
 if TYPE_CHECKING:
@@ -158,6 +158,30 @@ def _of_another(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...
                 f"{len(measurement.q)} values must be {robot.n_joints}, one for each joint of"
                 f" {robot.name}",
             )
+
+
+def repeated(plan: Plan, rounds: int) -> Plan:
+    """Return a plan with all measurements so many times, numbered by round where there are more.
+
+    Raises
+    ------
+    FileError
+        An id is too long for a number.
+    """
+    if rounds == 1:
+        return plan
+    measurements = [
+        each.model_copy(update={"id": f"{each.id}-{number}"})
+        for number in range(1, rounds + 1)
+        for each in plan.measurements
+    ]
+    longest = max((each.id for each in measurements), key=len)
+    if len(longest) > LONGEST_NAME:
+        raise FileError(
+            f"measurements: {longest} has {len(longest)} characters with its number, at most"
+            f" {LONGEST_NAME} may be; give it a shorter id"
+        )
+    return plan.model_copy(update={"measurements": tuple(measurements)})
 
 
 def dump_plan(plan: Plan) -> str:

@@ -21,5 +21,7 @@ def to_millionths(value: float) -> float:
 Real = Annotated[float, AfterValidator(to_millionths)]
 Positive = Annotated[float, Field(ge=1e-6), AfterValidator(to_millionths)]
 Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(to_millionths)]
-Name = Annotated[PlainName, Field(max_length=64)]
+LONGEST_NAME = 64
+"""Characters of the longest `Name`."""
+Name = Annotated[PlainName, Field(max_length=LONGEST_NAME)]
 """Identifies a measurement and names its file."""

@@ -12,7 +12,15 @@ jackknife
     How far the solution moves when a measurement is left out, exactly
     ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, says the same without first order: the covariance
     is (n - 1) / n times the sum of the changes' squares (Efron and Tibshirani, *An Introduction to
-    the Bootstrap*, 1993, chapter 11). It holds whatever differs from one measurement to the next.
+    the Bootstrap*, 1993, chapter 11). It holds whatever differs from one measurement to the next,
+    but where single measurements carry much it is too large: the solution without one of them is
+    worse than the solution is.
+bias-reduced
+    In between: scores made as large as they were before the solution came to meet them, by the
+    root of what it leaves of their variance were the noise white, which is then without bias (CR2
+    of Bell and McCaffrey, Survey Methodology 28 (2002) 169-181). For white noise and B of
+    ``B'N B = 1`` measurement k has the share ``H = B'S_k B`` of the solution, and changes it by
+    ``B (1 - H)^(-1/2) B'(s_k - S_k x)``; the jackknife's has (1 - H)^-1 and the sandwich's 1.
 
 How many measurements carry an unknown decides what such a covariance is worth. If they have the
 shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
@@ -25,22 +33,24 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.regression.least_squares import inverse, solved, undetermined
+from hil.regression.least_squares import inverse, inverse_root, solved, undetermined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
+_ALONE = 1e-6
+"""Of a direction that one measurement alone determines, what rounding leaves of 1 - H."""
 
-class Jackknifed(NamedTuple):
-    """A solution and how it changes when one measurement at a time is left out.
+
+class Solved(NamedTuple):
+    """A solution and how uncertain what differs between measurements makes it.
 
     Attributes
     ----------
     x : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
-        By the jackknife.
     degrees_of_freedom : ndarray, shape (n,)
     """
 
@@ -122,7 +132,7 @@ def effective_degrees(shares: Array, fewest: float) -> Array:
     return np.clip(degrees, fewest, len(shares) - 1.0)
 
 
-def leave_one_out(shares: Array, sides: Array) -> Jackknifed:
+def leave_one_out(shares: Array, sides: Array) -> Solved:
     """Solve normal equations with all measurements, and without each of them.
 
     Degrees of freedom come from each measurement's share of the variance were the noise white
@@ -142,7 +152,32 @@ def leave_one_out(shares: Array, sides: Array) -> Jackknifed:
     covariance = solved(N, np.eye(len(N)))
     white = np.einsum("ij,njk,ki->ni", covariance, shares, covariance)
     # one: a variance that a single measurement carries is evidence of next to nothing
-    return Jackknifed(x, jackknife(changes), effective_degrees(white, fewest=1.0))
+    return Solved(x, jackknife(changes), effective_degrees(white, fewest=1.0))
+
+
+def bias_reduced(shares: Array, sides: Array) -> Solved:
+    """Solve normal equations whose noise is about white, of variance 1.
+
+    No variance is less than that of such noise: of what one measurement alone determines it leaves
+    no score. Degrees of freedom are those of `leave_one_out`.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n, n)
+    sides : ndarray, shape (n_measurements, n)
+    """
+    N = shares.sum(axis=0)
+    B = inverse_root(N)
+    x = B @ (B.T @ sides.sum(axis=0))
+    scores = (sides - shares @ x) @ B
+    H, V = np.linalg.eigh(B.T @ shares @ B)
+    left = np.sqrt(np.clip(1.0 - H, _ALONE, 1.0))
+    changes = np.einsum("kij,kj->ki", V, np.einsum("kji,kj->ki", V, scores) / left) @ B.T
+    covariance, white = changes.T @ changes, np.einsum("ij,ij->i", B, B)
+    covariance += np.diag(np.maximum(white - np.diag(covariance), 0.0))
+    inverse_of_N = B @ B.T
+    of_white = np.einsum("ij,njk,ki->ni", inverse_of_N, shares, inverse_of_N)
+    return Solved(x, covariance, effective_degrees(of_white, fewest=1.0))
 
 
 def correlation_of(covariance: Array) -> Array:

@@ -29,12 +29,11 @@ def write_page(path: Path, found: History) -> None:
     """Write the page, whole or not at all."""
     templates = environment(*TEMPLATES)
     templates.filters["when"] = when
-    newest = [each for each in found.of(found.runs[-1]) if each.marked]
     with plotting():
         text = templates.get_template("history.html").render(
             robot=found.robot.name,
             newest=found.runs[-1].label,
-            marked=[each.sentence for each in newest],
+            marked=found.sentences(found.runs[-1]),
             tables=[table(found) for table in (tables.runs, tables.changes, tables.condition)],
             plots=list(_plots(found)),
             rate=f"{FALSE_ALARM:.0%}",

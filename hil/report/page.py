@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.report import header
+from hil.report.downloads import downloads
 from hil.report.friction_of_run import friction_alone
 from hil.report.header import when
 from hil.report.plots.style import plotting
@@ -27,8 +28,10 @@ if TYPE_CHECKING:
 
     from jinja2 import Environment
 
+    from hil.report.downloads import Downloads
     from hil.report.header import Header
     from hil.report.section import Plot, Section
+    from hil.results.model import Model
     from hil.runs.run import Run
 
 NAME = "report.html"
@@ -55,39 +58,48 @@ def report(run: Run, figures: Path | None = None) -> Path:
     NotIdentifiable, NotEnoughData
         Measurements that do not suffice.
     """
-    top, sections = _content(run)
+    top, sections, model = _content(run)
     path = run.path / NAME
     with plotting():
-        write_file(path, _html(run, top, sections).encode())
+        write_file(path, _html(run, top, sections, downloads(model) if model else ()).encode())
         if figures is not None:
             _write_figures(figures, [plot for each in sections for plot in each.plots])
     return path
 
 
-def _content(run: Run) -> tuple[Header, list[Section]]:
+def _content(run: Run) -> tuple[Header, list[Section], Model | None]:
     whole = read(run)
     if friction_alone(run):
-        return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION)
+        return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION), None
     if run.imported and method_for(run)[0] == BACK_AND_FORTH:
         strokes = stroked(whole)
-        return header.of_strokes(strokes), _present(each(strokes) for each in OF_STROKES)
+        return (
+            header.of_strokes(strokes),
+            _present(each(strokes) for each in OF_STROKES),
+            strokes.model,
+        )
     if run.imported:
         free = fitted(whole)
-        return header.of_free_motions(free), _present(each(free) for each in OF_FREE_MOTIONS)
+        return (
+            header.of_free_motions(free),
+            _present(each(free) for each in OF_FREE_MOTIONS),
+            free.model,
+        )
     found = identified(whole)
-    return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN)
+    return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN), found.model
 
 
 def _present(sections: Iterable[Section | None]) -> list[Section]:
     return [section for section in sections if section is not None]
 
 
-def _html(run: Run, top: Header, sections: Sequence[Section]) -> str:
+def _html(run: Run, top: Header, sections: Sequence[Section], files: Downloads) -> str:
     templates = environment(*TEMPLATES)
     templates.filters["when"] = when
     return templates.get_template(NAME).render(
         top=top,
-        sections=[(section.heading, _text(templates, section)) for section in sections],
+        sections=[(section, _text(templates, section)) for section in sections],
+        downloads=files,
         run=run,
         written=now(),
         version=versions()["canopen-robot-identification"],

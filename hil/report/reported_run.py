@@ -71,7 +71,7 @@ class IdentifiedRun(ReportedRun):
     estimate : Estimate
         By the improved method, which the report is about.
     model, check : Model
-        By the improved method, and by the printed one as a check.
+        By the improved method, and by the published one as a check.
     prediction : Prediction
         What the improved method's parameters mean in torques.
     advice : tuple of Advice
@@ -206,7 +206,7 @@ def identified(run: ReportedRun) -> IdentifiedRun:
         friction=run.friction,
         estimate=best,
         model=model,
-        check=model_of(run.source, found["printed"]),
+        check=model_of(run.source, found["published"]),
         prediction=prediction,
         advice=advice(
             best, prediction, model.error_budget, run.robot, run.source.planned, run.campaign

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from hil.report.plots.style import image
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from matplotlib.figure import Figure
 
@@ -47,7 +49,20 @@ class Plot:
     @property
     def uri(self) -> str:
         """As an address that holds the picture itself."""
-        return "data:image/svg+xml;base64," + base64.b64encode(self.image("svg")).decode()
+        return data_uri(self.image("svg"), "image/svg+xml")
+
+
+def data_uri(content: bytes, kind: str) -> str:
+    """Return an address that holds the content of a file itself."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def picture_uri(path: Path) -> str | None:
+    """Return an address that holds a PNG file; None where there is none that can be read."""
+    try:
+        return data_uri(path.read_bytes(), "image/png")
+    except OSError:
+        return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,3 +83,8 @@ class Section:
     template: str
     values: Mapping[str, Any] = field(default_factory=dict)
     plots: tuple[Plot, ...] = ()
+
+    @property
+    def anchor(self) -> str:
+        """Name under which the contents link to it."""
+        return re.sub(r"[^a-z0-9]+", "-", self.heading.lower()).strip("-")

@@ -257,7 +257,7 @@ def _offsets(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
             ", ".join(found),
             f"half-sums are off by {', '.join(found.values())} on average: friction differs by"
             " direction, or the current sensor has an offset",
-            "nothing, as the improved method fits it; it shifts the printed one's parameters",
+            "nothing, as the improved method fits it; it shifts the published one's parameters",
             urgent=False,
         )
 

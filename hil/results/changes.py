@@ -19,6 +19,7 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.intervals import combined_degrees
+from hil.results.common_friction import at_other_temperature
 from hil.results.rounding import rounded, signed, significant
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ FALSE_ALARM = 0.01
 
 MEANINGS: dict[Kind, str] = {
     "gravity parameter": "a load, counterweight, spring or cable, or the torque constant",
-    "inertia parameter": "something mounted, shifted or loose",
+    "inertia parameter": "something mounted, shifted or loose, or the torque constant",
     "friction level": "bearing, gear, seal, lubricant, a dragging brake or a loose screw",
     "offset": "the zero of the torque or current sensor, or a constant force such as a hose",
 }
@@ -47,7 +48,8 @@ class Change(NamedTuple):
         Labels of the newer and of the other run.
     quantity : Quantity
     before : float
-        Value in the other run [unit of the quantity].
+        Value in the other run [unit of the quantity]; of a level of friction with what is common to
+        all axes.
     size : float
         Value of the run less that of the other.
     half_width : float
@@ -56,6 +58,9 @@ class Change(NamedTuple):
         Of a difference at least as great without any change.
     adjusted : float
         The same for all that was tested of the run, by Holm.
+    allowance, error, degrees : float
+        By which the value may differ without any change; standard error of `size`, and its degrees
+        of freedom.
     """
 
     run: str
@@ -66,6 +71,15 @@ class Change(NamedTuple):
     half_width: float
     p_value: float
     adjusted: float = 1.0
+    allowance: float = 0.0
+    error: float = 0.0
+    degrees: float = 1.0
+
+    def less(self, explained: float) -> Change:
+        """The change that is left when some of its size is explained; p-value of it alone."""
+        size = self.size - explained
+        p = _p_value(abs(size), self.allowance, self.error, self.degrees)
+        return self._replace(size=size, p_value=p, adjusted=1.0)
 
     @property
     def marked(self) -> bool:
@@ -95,9 +109,16 @@ class Change(NamedTuple):
         )
 
 
-def change(quantity: Quantity, run: tuple[str, Reading], against: tuple[str, Reading]) -> Change:
-    """Difference between two runs, each with its label; p-value of this quantity alone."""
+def change(
+    quantity: Quantity, run: tuple[str, Reading], against: tuple[str, Reading], common: float = 0.0
+) -> Change:
+    """Difference between two runs, each with its label; p-value of this quantity alone.
+
+    Of a level of friction it is that beyond the share `common`, by which all axes' changed.
+    """
     new, old = run[1], against[1]
+    if quantity.kind == "friction level":
+        old = at_other_temperature(old, common)
     variances = np.array([new.standard_error**2, old.standard_error**2])
     error = float(np.sqrt(variances.sum()))
     freedom = np.array([new.degrees, old.degrees])
@@ -105,7 +126,10 @@ def change(quantity: Quantity, run: tuple[str, Reading], against: tuple[str, Rea
     allowance, size = max(new.allowance, old.allowance), new.value - old.value
     half = allowance + float(special.stdtrit(degrees, 0.975)) * error
     p = _p_value(abs(size), allowance, error, degrees)
-    return Change(run[0], against[0], quantity, old.value, size, half, p)
+    return Change(
+        run[0], against[0], quantity, old.value, size, half, p,
+        allowance=allowance, error=error, degrees=degrees,
+    )  # fmt: skip
 
 
 def _stated(p: float) -> str:

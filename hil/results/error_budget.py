@@ -37,7 +37,7 @@ REMEDIES = {
     CauseName.SOFT_GEARS: "nothing: links are placed where the gears let them be; a simulator or a"
     " feed-forward needs the compliances too",
     CauseName.LOAD_FRICTION: "nothing: it is fitted; methods without it find other parameters",
-    CauseName.ASYMMETRY: "nothing: it is fitted; it shifts what the printed method finds",
+    CauseName.ASYMMETRY: "nothing: it is fitted; it shifts what the published method finds",
     CauseName.RIPPLE: "strokes at higher speeds, whose ripple the window takes away",
     CauseName.ENCODERS: "encoders of more increments, or longer measurements",
     CauseName.SLOW_SYNC: "a shorter SYNC period, in drives file and plan alike, or longer"

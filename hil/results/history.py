@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 from hil.errors import InvalidValue, Mismatch
 from hil.results.changes import Change, adjusted, change
+from hil.results.common_friction import common_friction
 from hil.results.model import Model
 from hil.results.quantities import quantities, reading
+from hil.results.rescaled_torque import Rescaled, rescaled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -62,7 +64,12 @@ class History:
     changes : tuple of Change
         All that was tested, run by run, of each run the least probable first.
     notes : tuple of str
-        What restricts the comparison.
+        What restricts the comparison, and which drives are others than before.
+    common : dict of (str, str) to float
+        Share by which friction of all axes differs together, by the labels of a run and of the one
+        that it was compared with.
+    rescaled : tuple of Rescaled
+        Axes whose torques all changed by one factor, which explains what is marked.
     """
 
     quantities: tuple[Quantity, ...]
@@ -70,6 +77,8 @@ class History:
     reference: str
     changes: tuple[Change, ...]
     notes: tuple[str, ...]
+    common: dict[tuple[str, str], float]
+    rescaled: tuple[Rescaled, ...]
 
     @property
     def robot(self) -> Robot:
@@ -84,6 +93,13 @@ class History:
     def of(self, run: KnownRun) -> tuple[Change, ...]:
         """What was tested of a run."""
         return tuple(each for each in self.changes if each.run == run.label)
+
+    def sentences(self, run: KnownRun) -> tuple[str, ...]:
+        """What is marked of a run, in words: exchanged drives in place of what they explain."""
+        exchanged = [each for each in self.rescaled if each.run == run.label]
+        explained = {each.against for each in exchanged}
+        others = (e.sentence for e in self.of(run) if e.marked and e.against not in explained)
+        return (*(each.sentence for each in exchanged), *others)
 
 
 def read_history(
@@ -138,23 +154,59 @@ def history_of(
         for label, model in in_time
     )
     first = next((run for run in runs if run.label == reference), runs[0])
-    tests = tuple(each for k in range(len(runs)) for each in _tested(found, runs, k, first))
-    return History(found, runs, first.label, tests, tuple(_notes(runs, dated=dated)))
+    pairs = [(run, others) for k, run in enumerate(runs) if (others := _others(runs, k, first))]
+    common = {
+        (run.label, other.label): common_friction(found, run.readings, other.readings)
+        for run, others in pairs
+        for other in others
+    }
+    tests = tuple(each for pair in pairs for each in _tested(found, *pair, common))
+    notes = (*_notes(runs, dated=dated), *_other_drives(pairs))
+    return History(
+        found, runs, first.label, tests, notes, common, tuple(_rescaled(pairs, tests))
+    )  # fmt: skip
+
+
+def _others(runs: Sequence[KnownRun], k: int, first: KnownRun) -> list[KnownRun]:
+    """Runs that one is compared with: the reference and the one before."""
+    before = [runs[k - 1]] if k and runs[k - 1] is not first else []
+    return [each for each in (first, *before) if each is not runs[k]]
 
 
 def _tested(
-    found: Sequence[Quantity], runs: Sequence[KnownRun], k: int, first: KnownRun
+    found: Sequence[Quantity],
+    run: KnownRun,
+    others: Sequence[KnownRun],
+    common: dict[tuple[str, str], float],
 ) -> tuple[Change, ...]:
     """All tests of one run, p-values of all of them together."""
-    run, others = runs[k], [first]
-    if k and runs[k - 1] is not first:
-        others.append(runs[k - 1])
     return adjusted([
-        change(quantity, (run.label, new), (other.label, old))
-        for other in others if other is not run
+        change(quantity, (run.label, new), (other.label, old), common[run.label, other.label])
+        for other in others
         for quantity, new, old in zip(found, run.readings, other.readings, strict=True)
         if new is not None and old is not None and new.stands_for == old.stands_for
     ])  # fmt: skip
+
+
+def _rescaled(
+    pairs: Sequence[tuple[KnownRun, Sequence[KnownRun]]], tests: Sequence[Change]
+) -> Iterator[Rescaled]:
+    for run, other in ((run, other) for run, others in pairs for other in others):
+        own = [each for each in tests if (each.run, each.against) == (run.label, other.label)]
+        if found := rescaled(other.model, own):
+            yield found
+
+
+def _other_drives(pairs: Sequence[tuple[KnownRun, Sequence[KnownRun]]]) -> Iterator[str]:
+    """Drives that state to be others than those of the run before, where runs state it."""
+    for run, others in pairs:
+        new, old = (each.model.provenance.drives for each in (run, others[-1]))
+        for axis, (now, then) in enumerate(zip(new, old, strict=False), start=1):
+            if now != then:
+                yield (
+                    f"{run.label}: the drive of axis {axis} is another one than in"
+                    f" {others[-1].label}: {now}, before {then}"
+                )
 
 
 def _refuse_others(loaded: Sequence[tuple[str, Model]]) -> None:

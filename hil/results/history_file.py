@@ -1,4 +1,4 @@
-"""A history as JSON, for monitoring systems; docs/history.md explains the keys."""
+"""A history as JSON, for monitoring systems; docs/how-to/history.md explains the keys."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hil.results.changes import Change
     from hil.results.history import History, KnownRun
     from hil.results.quantities import Reading
+    from hil.results.rescaled_torque import Rescaled
 
 FORMAT = 1
 
@@ -39,6 +40,7 @@ def content(found: History) -> dict[str, Any]:
         "quantities": [each._asdict() for each in found.quantities],
         "runs": [_run(found, run) for run in found.runs],
         "changes": [_change(each) for each in found.marked],
+        "rescaled_torques": [_rescaled(each) for each in found.rescaled],
         "notes": list(found.notes),
     }
 
@@ -52,6 +54,9 @@ def _run(found: History, run: KnownRun) -> dict[str, Any]:
         "method": run.model.method,
         "changed": any(each.marked for each in tests),
         "tests": len(tests),
+        "common_friction": {
+            against: share for (label, against), share in found.common.items() if label == run.label
+        },
         "values": {quantity.name: read and _reading(read) for quantity, read in pairs},
     }
 
@@ -67,6 +72,17 @@ def _reading(read: Reading) -> dict[str, float]:
 def half_width(read: Reading) -> float:
     """Half-width of the interval of 95 % of a reading, without its allowance."""
     return float(special.stdtrit(read.degrees, 0.975)) * read.standard_error
+
+
+def _rescaled(each: Rescaled) -> dict[str, Any]:
+    return {
+        "run": each.run,
+        "against": each.against,
+        "axis": each.axis,
+        "share": each.share,
+        "interval_95": [each.share - each.half_width, each.share + each.half_width],
+        "changes_explained": each.explained,
+    }
 
 
 def _change(each: Change) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
+from hil.estimation.friction.history import history
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
@@ -64,8 +65,9 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
             raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
     if found.free is None and found.friction_law is None and _limits_known(run):
         prepared = prepared_for(run.robot, found, campaign)
+        past = history(run.robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
-        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks))
+        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
     return model_of(run, found, others, find_mistake(run.robot, campaign))
 
 
@@ -105,6 +107,7 @@ def model_of(
         friction=found.free,
         back_and_forth=found.back_and_forth,
         friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
+        torque_effect=found.torque_effect,
     )
     return replace(model, outcome=outcome(model, mistake))
 
@@ -117,6 +120,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         plan_digest=run.plan.digest,
         measured=sessions[-1].started if sessions else "",
         bus=sessions[-1].bus if sessions else "",
+        drives=tuple(axis.identity for axis in sessions[-1].axes) if sessions else (),
         measurements=found.n_measurements,
         missing=sum(len(each.missing) for each in (run, *others)),
         together_with=tuple(str(each.path) for each in others),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,8 @@ from hil.errors import InvalidValue, NotEnoughData
 from hil.estimation.payload_figures import FIRST_MOMENTS, INERTIAS, MASS
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
+from hil.model.robot_file import LINK_PARAMETERS
+from hil.planning.clearance import are_clear
 from hil.planning.design.candidates import judged, pool, weighed
 from hil.planning.design.load import (
     HOLD,
@@ -23,8 +25,10 @@ from hil.planning.design.load import (
     within_torque,
 )
 from hil.planning.measurement import shows_parameters
+from hil.planning.path_clearance import JointBoxes
 from hil.planning.prediction.predicted_samples import forecast
 from hil.planning.timetable import timetable
+from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import narrowed
 from hil.regression.terms import n_unknowns
 
@@ -34,11 +38,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.payload_figures import Payload
+    from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
+    from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
     from hil.results.bare_run import BareRun
 
     Array = NDArray[np.float64]
+    Poses = tuple[tuple[int, float], ...]
 
 SLOW_SHARE = 0.4
 """Of the time, for slow strokes."""
@@ -73,7 +81,9 @@ class LoadPlan:
     deviation: Array
 
 
-def slow_plan(bare: BareRun, minutes: float, heaviest: float | None = None) -> LoadPlan:
+def slow_plan(
+    bare: BareRun, minutes: float, heaviest: float | None = None, poses: Poses = ()
+) -> LoadPlan:
     """Choose strokes at constant velocity, a tenth of the limits.
 
     Parameters
@@ -82,14 +92,17 @@ def slow_plan(bare: BareRun, minutes: float, heaviest: float | None = None) -> L
         Of both stages, ways included.
     heaviest : float, optional
         Mass that the load has at most [kg].
+    poses : tuple of (int, float)
+        Axes, indices from 0, that are held where stated [rad or m].
 
     Raises
     ------
     InvalidValue
-        Too little time, or no stroke in which all axes hold `heaviest`.
+        Too little time, a pose out of an axis's range, or no stroke in which all axes hold
+        `heaviest`.
     """
     loads = [np.zeros(10), *([] if heaviest is None else _points(bare, heaviest))]
-    options = [each for each in _options(bare) if is_slow(each.measurement)]
+    options = [each for each in _options(bare, poses) if is_slow(each.measurement)]
     fitting = _fitting(bare, options, loads)
     if not fitting:
         load = "" if heaviest is None else f"a load of {heaviest:g} kg, its centre up to {REACH:g}"
@@ -98,20 +111,27 @@ def slow_plan(bare: BareRun, minutes: float, heaviest: float | None = None) -> L
             f" calls for more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct"
             " torque_limit in the robot file"
         )
-    return _chosen(bare, fitting, _without(bare, fitting), 60 * SLOW_SHARE * minutes)
+    return _chosen(bare, fitting, without_load(bare, fitting), 60 * SLOW_SHARE * minutes)
 
 
-def fast_plan(bare: BareRun, minutes: float, slow: Plan, found: Payload) -> LoadPlan:
+def fast_plan(
+    bare: BareRun, minutes: float, slow: Plan, found: Payload, poses: Poses = ()
+) -> LoadPlan:
     """Choose what is still missing, as fast as the axes can move the load found.
 
     Raises
     ------
     NotEnoughData
-        No measurement in which all axes can move it.
+        A mass that the slow stage leaves open, or no measurement in which all axes can move it.
     InvalidValue
         Too little time.
     """
-    options = _options(bare)
+    if LINK_PARAMETERS[MASS] in found.unidentifiable:
+        raise NotEnoughData(
+            f"{bare.robot.name}: the slow strokes leave the mass of the load open, so that nothing"
+            " says how fast it may be moved; measure again with more --minutes, or without --pose"
+        )
+    options = _options(bare, poses)
     fitting = _fitting(bare, options, _possible(found))
     if not fitting:
         raise NotEnoughData(
@@ -119,7 +139,7 @@ def fast_plan(bare: BareRun, minutes: float, slow: Plan, found: Payload) -> Load
             f" {HOLD:.0%} of the torque limits, however slow: this load overloads an axis; mount a"
             " lighter one"
         )
-    known = _without(bare, fitting)
+    known = without_load(bare, fitting)
     E = embedding(bare.robot, bare.shown)
     noise = bare.levels.noise
     for measurement in slow.measurements:
@@ -146,12 +166,61 @@ def holds(bare: BareRun, plan: Plan) -> float:
     return max(found, 0.0)
 
 
-@lru_cache(maxsize=1)
-def _options(bare: BareRun) -> list[Option]:
+def allowed(
+    bare: BareRun, found: Payload | None = None, options: Sequence[Option] | None = None
+) -> list[Option]:
+    """Measurements that could be made, with a load in which all axes can move it."""
+    options = _options(bare) if options is None else list(options)
+    return options if found is None else _fitting(bare, options, _possible(found))
+
+
+def at_position(
+    measurement: ParameterMeasurement, axis: int, position: float
+) -> ParameterMeasurement:
+    """Return a measurement with an axis held elsewhere; a trajectory, which moves all, as is."""
+    if isinstance(measurement, Trajectory):
+        return measurement
+    q = list(measurement.q)
+    q[axis] = position
+    return measurement.model_copy(update={"q": tuple(q)})
+
+
+@lru_cache(maxsize=4)
+def _options(bare: BareRun, poses: Poses = ()) -> list[Option]:
     """All that both stages choose from."""
+    if poses:
+        return _held(bare, _options(bare, poses[:-1]), *poses[-1])
     plan, levels = bare.run.planned, bare.levels
     guarded = narrowed(bare.robot, plan.workspace)
     return pool(guarded, plan.workspace, plan.sample_period, levels.noise, _EACH)
+
+
+def _held(bare: BareRun, options: Sequence[Option], axis: int, position: float) -> list[Option]:
+    """Options that do not move an axis, with it held at a position, clear of all boxes."""
+    robot, plan = narrowed(bare.robot, bare.run.planned.workspace), bare.run.planned
+    low, high = robot.q_min[axis], robot.q_max[axis]
+    if not low <= position <= high:
+        raise InvalidValue(
+            f"axis {axis + 1} at {position:.4g} must be within {low:.4g} ... {high:.4g}"
+            f" {'rad' if robot.revolute[axis] else 'm'}, its range; correct --pose"
+        )
+    found = []
+    for option in (each for each in options if axis not in each.measurement.moved):
+        held = at_position(option.measurement, axis, position)
+        if plan.workspace is None or _is_clear(robot, plan.workspace, held):
+            worth = judged(robot, held, plan.sample_period, bare.levels.noise)
+            found.append(replace(option, measurement=held, worth=worth))
+    if not found:
+        raise InvalidValue(
+            f"no measurement with axis {axis + 1} at {position:.4g} keeps clear of the workspace's"
+            " boxes; take another --pose"
+        )
+    return found
+
+
+def _is_clear(robot: Robot, workspace: Workspace, measurement: ParameterMeasurement) -> bool:
+    q = forecast(measurement, _PERIOD).q
+    return bool(are_clear(robot, workspace, JointBoxes(q[:-1], q[1:])).all())
 
 
 def _fitting(bare: BareRun, options: Sequence[Option], loads: Sequence[Array]) -> list[Option]:
@@ -176,7 +245,7 @@ def _chosen(bare: BareRun, options: Sequence[Option], known: Array, seconds: flo
     return LoadPlan(plan, deviation)
 
 
-def _without(bare: BareRun, options: Sequence[Option]) -> Array:
+def without_load(bare: BareRun, options: Sequence[Option]) -> Array:
     """Information about all unknowns by the run without the load; nearly none about a load."""
     E, n = embedding(bare.robot, bare.shown), n_unknowns(bare.robot)
     mean = np.mean([np.diag(embedded(option.worth, E)) for option in options], axis=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
@@ -16,6 +17,7 @@ from hil.estimation.payload import payload_names, require_load, without_mass
 from hil.estimation.payload_figures import MASS, Payload
 from hil.estimation.two_step_methods import prepare
 from hil.model.robot_file import LINK_PARAMETERS
+from hil.results.load_pose import helpful_poses, parameter_of
 from hil.results.naming import named
 from hil.results.payload_file import QuantityRecord
 from hil.results.rounding import rounded
@@ -26,14 +28,16 @@ from hil.runs.journal import now
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from hil.estimation.load_beside_bare import FittedLoad
     from hil.estimation.payload_figures import Quantity
+    from hil.model.robot import Robot
     from hil.results.bare_run import BareRun
+    from hil.results.load_pose import Pose
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
@@ -41,8 +45,32 @@ if TYPE_CHECKING:
 NAME = "load.yaml"
 CONTRADICTS = 4.0
 """Standard errors between a stated mass and the one that is found, from which they contradict."""
+LOOSE = 0.01
+"""Chance of what a rigid load leaves, from which on it is not rigid."""
 ROUGH = 0.1
 """Half-width of an interval from which a figure is rough, as share of its value."""
+
+
+WHOLE_RUNS = "take two whole runs"
+"""What helps where no pose does."""
+
+
+class AxisRecord(FileModel):
+    """How much more measurements of one axis contradict one another than without the load.
+
+    Attributes
+    ----------
+    axis : int
+        Number from 1.
+    ratio : float
+        Of mean squares.
+    p_value : float
+        Chance of one at least as great, were the load rigid.
+    """
+
+    axis: int
+    ratio: float
+    p_value: float
 
 
 class LoadFile(FileModel):
@@ -57,6 +85,7 @@ class LoadFile(FileModel):
         As it was stated [kg].
     verdict : tuple of str
         What the operator is to read, line by line.
+    rigidity : tuple of AxisRecord
     unseen : tuple of str
         Parameters of the load that the robot file takes as zero.
     unidentifiable : tuple of str
@@ -70,6 +99,7 @@ class LoadFile(FileModel):
     loaded: tuple[RunStamp, ...]
     mass: float | None
     verdict: tuple[str, ...]
+    rigidity: tuple[AxisRecord, ...] = ()
     load: tuple[QuantityRecord, ...]
     unseen: tuple[str, ...]
     unidentifiable: tuple[str, ...]
@@ -113,21 +143,19 @@ def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Payload:
         return _payload(bare, loaded, None)
 
 
-def verdict(found: Payload) -> tuple[str, ...]:
-    """What was found, in sentences: figures with intervals, what is rough, what is open."""
-    figures = found.quantities()
-    told = [q for q in figures if q.name == "mass" or "centre" in q.name]
-    lines = ["; ".join(_in_words(q) for q in told)]
-    rough = [q for q in told if q.standard_error and q.half_width > ROUGH * abs(q.value)
-             and not q.name.startswith("centre")]  # fmt: skip
-    if rough:
-        listed = ", ".join(f"{q.name} (± {100 * q.half_width / abs(q.value):.0f} %)" for q in rough)
-        lines.append(f"rough: {listed}; take two whole runs, or state the mass")
-    if found.unidentifiable:
-        lines.append(
-            f"not identifiable: {', '.join(found.unidentifiable)}; no measurement of this run shows"
-            " them: measure again with more --minutes, or with wider joint ranges"
-        )
+def verdict(found: Payload, advice: Mapping[str, str] | None = None) -> tuple[str, ...]:
+    """What was found, in sentences: figures with intervals, whether it is rigid, what is open.
+
+    Parameters
+    ----------
+    advice : mapping of str to str, optional
+        What would help, by the parameter of the load that is rough or open (`unsure`).
+    """
+    figures = [q for q in found.quantities() if q.name == "mass" or "centre" in q.name]
+    lines = ["; ".join(_in_words(q) for q in figures)]
+    lines += _of_rigidity(found)
+    if not is_loose(found):
+        lines += _of_unsure(found, advice or {})
     if found.unseen:
         lines.append(
             f"taken as zero: {', '.join(found.unseen)}, absent from the last link in the robot file"
@@ -135,15 +163,94 @@ def verdict(found: Payload) -> tuple[str, ...]:
     return tuple(lines)
 
 
+def unsure(found: Payload) -> tuple[str, ...]:
+    """Parameters of the load that are rough or open, each once."""
+    rough = [parameter_of(q.name) for q in _rough(found)]
+    return tuple(dict.fromkeys([*rough, *found.unidentifiable]))
+
+
+def advised(robot: Robot, poses: Mapping[str, Pose]) -> dict[str, str]:
+    """What would help in words, by parameter."""
+    return {name: _advice(robot, pose) for name, pose in poses.items()}
+
+
+def _advice(robot: Robot, pose: Pose) -> str:
+    to = f"to {100 * pose.share:.0f} % of its error by one more measurement, as predicted"
+    if pose.position is None:
+        return f"measure again with more strokes of axis {pose.axis} ({to})"
+    turns = bool(robot.revolute[pose.axis - 1])
+    at = f"{math.degrees(pose.position):.0f}" if turns else f"{pose.position:.2g}"
+    unit_of = "degrees" if turns else "m"
+    return (
+        f"measure again with axis {pose.axis} at {at} {unit_of}: --pose axis{pose.axis}={at} ({to})"
+    )
+
+
+def _of_unsure(found: Payload, advice: Mapping[str, str]) -> Iterator[str]:
+    """What is rough or open, and what would help; what the same would help in one line."""
+    else_ = "" if found.stated_mass else ", or state the mass"
+    rough = _rough(found)
+    for help_ in dict.fromkeys(advice.get(parameter_of(q.name), WHOLE_RUNS) for q in rough):
+        listed = ", ".join(
+            f"{q.name} (± {100 * q.half_width / abs(q.value):.0f} %)"
+            for q in rough if advice.get(parameter_of(q.name), WHOLE_RUNS) == help_
+        )  # fmt: skip
+        yield f"rough: {listed}; {help_}{else_}"
+    for name in found.unidentifiable:
+        yield f"not identifiable: {name}; {advice.get(name, WHOLE_RUNS)}"
+
+
+def _rough(found: Payload) -> list[Quantity]:
+    """Mass and inertias about the centre whose intervals are wide."""
+    return [
+        q for q in found.quantities()
+        if (q.name == "mass" or q.name.endswith("about the centre"))
+        and q.standard_error and q.half_width > ROUGH * abs(q.value)
+    ]  # fmt: skip
+
+
+def is_loose(found: Payload) -> bool:
+    """Whether the axes' torques contradict a load that is rigid and fixed."""
+    return _rigid_chance(found) <= LOOSE
+
+
+def _rigid_chance(found: Payload) -> float:
+    """Chance of the worst axis's misfit, as one of so many that were tested."""
+    chances = [each.p_value for each in found.misfit]
+    return min(1.0, len(chances) * min(chances)) if chances else 1.0
+
+
+def _of_rigidity(found: Payload) -> list[str]:
+    if not found.misfit:
+        return []
+    chance = _rigid_chance(found)
+    if not is_loose(found):
+        axes = ", ".join(str(each.axis + 1) for each in found.misfit)
+        return [f"rigid and fixed, as far as axes {axes} show (p = {chance:.2g})"]
+    worst = min(found.misfit, key=lambda each: each.p_value)
+    return [
+        f"not rigid, not fixed, or friction changed with it: measurements of axis {worst.axis + 1}"
+        f" contradict one another {np.sqrt(worst.ratio):.2g} times as much as without the load"
+        f" (p = {chance:.2g}); fasten the load and its cables, empty what can flow, and measure"
+        " again"
+    ]
+
+
 def write_load(path: Path, bare: BareRun, loaded: Sequence[Run], found: Payload) -> LoadFile:
     """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""
+    plans = [run.planned for run in loaded]
+    advice = advised(bare.robot, helpful_poses(bare, plans, found, unsure(found)))
     kept = LoadFile(
         made=now(),
         version=version("canopen-robot-identification"),
         without=_stamp(bare.run, path),
         loaded=tuple(_stamp(run, path) for run in loaded),
         mass=found.stated_mass,
-        verdict=verdict(found),
+        verdict=verdict(found, advice),
+        rigidity=tuple(
+            AxisRecord(axis=each.axis + 1, ratio=each.ratio, p_value=each.p_value)
+            for each in found.misfit
+        ),
         load=tuple(QuantityRecord.of(q) for q in found.quantities()),
         unseen=found.unseen,
         unidentifiable=found.unidentifiable,
@@ -214,6 +321,7 @@ def _payload(bare: BareRun, loaded: Sequence[Run], mass: float | None) -> Payloa
         unidentifiable=tuple(name for name, is_open in zip(LINK_PARAMETERS, open_ones, strict=True)
                              if is_open),
         degrees=_degrees(fit, free),
+        misfit=fit.misfit,
     )  # fmt: skip
 
 

@@ -29,6 +29,7 @@ from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
 from hil.results.tables.torques import residuals
 from hil.results.torque_parts import PARTS, interval_of, torque_of
+from hil.results.warmth import warmth_along, warmth_of
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -90,6 +91,9 @@ class Model:
         What the model was worth on other recordings.
     consistent : ConsistentRobot, optional
         The nearest robot that consists of bodies, and what it costs, where it was asked for.
+    torque_effect : ndarray, shape (n_base, n_joints), optional
+        Change of `values` per relative change of each axis's torque, as another torque constant
+        makes it; None where the method states none.
     """
 
     robot: Robot
@@ -108,6 +112,7 @@ class Model:
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptVerdict, ...] = ()
     consistent: ConsistentRobot | None = None
+    torque_effect: Array | None = None
 
     @classmethod
     def load(cls, path: Path | str) -> Model:
@@ -140,6 +145,7 @@ class Model:
             friction_law=kept.law(),
             validations=kept.validations,
             consistent=kept.consistent,
+            torque_effect=None if kept.torque_effect is None else np.array(kept.torque_effect),
         )
 
     def save(self, path: Path | str) -> None:
@@ -209,6 +215,8 @@ class Model:
         qd: ArrayLike,
         qdd: ArrayLike,
         parts: Collection[str] = PARTS,
+        *,
+        warmth: ArrayLike | None = None,
     ) -> Array:
         """Torques that the drives have to give at positions, velocities and accelerations.
 
@@ -230,6 +238,11 @@ class Model:
                 resting axis is no function of velocity. Where rows are successive samples of a
                 motion, positions changing as velocities say, it turns round after a reversal over
                 the presliding distance that imported recordings showed.
+        warmth : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints), optional
+            Of the gears, from 0 cold to 1 as warm as motion makes them (`warmth`). By default
+            friction is that at the mean warmth of what the model was found from. Without effect on
+            axes whose warmth is not identified; beyond what was seen it counts as the nearest
+            that was.
 
         Returns
         -------
@@ -243,10 +256,35 @@ class Model:
         UnknownName
             There is no such part.
         NotEnoughData
-            Friction, of which the model knows nothing.
+            Friction, of which the model knows nothing, or warmth, which no axis's friction is
+            known to depend on.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        return torque_of(self, parts, q, qd, qdd)
+        return torque_of(self, parts, q, qd, qdd, warmth_of(self, warmth, q))
+
+    def warmth(self, time: ArrayLike, qd: ArrayLike, start: ArrayLike = 0.0) -> Array:
+        """Warmth of the gears along a motion, from 0 cold to 1 as warm as motion makes them.
+
+        Parameters
+        ----------
+        time : array_like, shape (n_samples,)
+            Ascending [s].
+        qd : array_like, shape (n_samples, n_joints)
+            [rad/s or m/s].
+        start : scalar, or array_like of shape (n_joints,)
+            Warmth at the first sample; cold by default.
+
+        Returns
+        -------
+        ndarray, shape (n_samples, n_joints)
+            As `torque` takes it; NaN for axes whose warmth is not identified.
+
+        Raises
+        ------
+        InvalidArray
+            Another shape, NaN, times that do not ascend, or a start outside 0 to 1.
+        """
+        return warmth_along(self, time, qd, start)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Gravity torques g(q); shapes, units and errors as of `torque`."""
@@ -270,15 +308,17 @@ class Model:
         *,
         parts: Collection[str] = PARTS,
         of_samples: bool = False,
+        warmth: ArrayLike | None = None,
     ) -> Array:
         """Intervals of `torque`.
 
         They hold what is uncertain of the base parameters and of the law of friction, with its
-        wandering over the campaign. Base parameters and friction count as independent.
+        wandering over the campaign, or what is left of that at a stated warmth. Base parameters and
+        friction count as independent.
 
         Parameters
         ----------
-        q, qd, qdd, parts
+        q, qd, qdd, parts, warmth
             As of `torque`.
         level : float
             Share of the intervals that hold the torque.
@@ -299,8 +339,11 @@ class Model:
             As of `torque`.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        tau = torque_of(self, parts, q, qd, qdd)
-        half = interval_of(self, parts, q, qd, qdd, _level(level), of_samples=of_samples)
+        state = warmth_of(self, warmth, q)
+        tau = torque_of(self, parts, q, qd, qdd, state)
+        half = interval_of(
+            self, parts, q, qd, qdd, _level(level), of_samples=of_samples, warmth=state
+        )
         return np.stack([tau - half, tau + half], axis=-1)
 
     def summary(self) -> Summary:

@@ -66,7 +66,8 @@ class Provenance(FileModel):
     """Where a model comes from.
 
     `together_with` names further runs that it was made from, `without` measurements that whoever
-    identified it left out.
+    identified it left out, `drives` what each axis's drive said it is, in the last session; empty
+    where that was not recorded.
     """
 
     robot: str
@@ -74,6 +75,7 @@ class Provenance(FileModel):
     plan_digest: str
     measured: str
     bus: str
+    drives: tuple[str, ...] = ()
     measurements: int
     missing: int = 0
     together_with: tuple[str, ...] = ()
@@ -116,6 +118,8 @@ class ModelFile(FileModel):
         The nearest robot that consists of bodies, as `hil identify --consistent` found.
     robot_file : str, optional
         The robot file, verbatim.
+    torque_effect : tuple of tuple of float, optional
+        Change of the values per relative change of each axis's torque, a row a parameter.
     """
 
     format: Literal[1] = 1
@@ -134,6 +138,7 @@ class ModelFile(FileModel):
     validations: tuple[KeptVerdict, ...] = ()
     consistent: ConsistentRobot | None = None
     robot_file: str | None = None
+    torque_effect: tuple[tuple[float, ...], ...] | None = None
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:
@@ -169,6 +174,7 @@ class ModelFile(FileModel):
             validations=model.validations,
             consistent=model.consistent,
             robot_file=model.robot.text,
+            torque_effect=None if model.torque_effect is None else _rows(model.torque_effect),
         )
 
     def robot(self, path: Path) -> Robot:
@@ -212,6 +218,7 @@ class ModelFile(FileModel):
         """As YAML, the robot file as a block of its own."""
         optional = (
             "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
+            "torque_effect",
         )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(

@@ -2,7 +2,8 @@
 
 Methods for strokes and trajectories fit friction anew in every measurement. Of their models the
 rigid bodies are judged: friction is fitted in the recording itself, motion by motion and period by
-period, by the terms that the methods use (`hil.regression.terms`).
+period, by the terms that the methods use (`hil.regression.terms`). What drives are to give by the
+model's own law of friction is judged beside that, since whoever feeds torques forward has no other.
 
 A model from free motions was found with its law of friction. Then nothing is fitted: what the model
 states is the whole of the prediction (`hil.results.recorded_torque`).
@@ -17,7 +18,9 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
+from hil.estimation.friction_law import friction_torque, friction_variance
 from hil.estimation.signals import signals
+from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
 from hil.regression.least_squares import orthonormal
 from hil.regression.terms import ASYMMETRIC
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.condensed import Stacked
+    from hil.estimation.signals import Signals
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
@@ -53,6 +57,9 @@ class PredictedTorque:
     stated : ndarray, shape (n,)
         What of the prediction the model states by itself, as far as nothing fitted in the recording
         can take its place [N m or N].
+    drive, drive_error : ndarray, shape (n,), or None
+        The torque with the friction that the model states, and its standard error [N m or N]; None
+        where `predicted` is that, or where the model states none of this axis.
     """
 
     measurement: str
@@ -64,6 +71,8 @@ class PredictedTorque:
     standard_error: Array
     parameter_error: Array
     stated: Array
+    drive: Array | None = None
+    drive_error: Array | None = None
 
 
 def predicted_torques(
@@ -87,9 +96,10 @@ def predicted_torques(
             s = signals(recording)
         except NotEnoughData:
             continue
+        law = _LawInRecording(model, s)
         for stretch in stack(model.robot, motion, s):
             for axis in stretch:
-                yield _of_axis(model, motion.id, axis, s.time, s.qd)
+                yield _of_axis(model, motion.id, axis, s, law)
 
 
 def _with_friction(model: Model, name: str, recording: Recording) -> Iterator[PredictedTorque]:
@@ -111,7 +121,27 @@ def _with_friction(model: Model, name: str, recording: Recording) -> Iterator[Pr
         )
 
 
-def _of_axis(model: Model, name: str, each: Stacked, time: Array, qd: Array) -> PredictedTorque:
+class _LawInRecording:
+    """Friction by a model's own law along one recording, and its variance."""
+
+    def __init__(self, model: Model, s: Signals) -> None:
+        self._law, robot = model.friction_law, model.robot
+        if self._law is not None:
+            load = inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
+            self._torque = friction_torque(robot, self._law, s.q, s.qd, load)
+            self._variance = friction_variance(robot, self._law, s.q, s.qd, load)
+
+    def of(self, each: Stacked) -> tuple[Array, Array] | None:
+        """At the samples of one axis; None where the law has no such axis."""
+        if self._law is None or each.axis + 1 in self._law.unknown:
+            return None
+        at = each.index, each.axis
+        return self._torque[at], self._variance[at]
+
+
+def _of_axis(
+    model: Model, name: str, each: Stacked, s: Signals, law: _LawInRecording
+) -> PredictedTorque:
     """The rigid bodies' torque, and with it the friction that fits what is left of them."""
     A, y = each.X[:, : each.n_base], each.torques[:, 0]
     common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
@@ -121,15 +151,17 @@ def _of_axis(model: Model, name: str, each: Stacked, time: Array, qd: Array) -> 
     stated = rigid - basis @ (basis.T @ rigid)
     variance = np.einsum("nk,kl,nl->n", A, model.covariance, A, optimize=True).clip(0.0)
     noise = np.nan_to_num(model.residual[each.axis])
-    motor = each.torques[:, 1]
+    motor, own = each.torques[:, 1], law.of(each)
     return PredictedTorque(
         measurement=name,
         axis=each.axis,
-        time=time[each.index],
-        qd=qd[each.index, each.axis],
+        time=s.time[each.index],
+        qd=s.qd[each.index, each.axis],
         measured=y + motor,
         predicted=rigid + friction + motor,
         standard_error=np.sqrt(variance + noise**2),
         parameter_error=np.sqrt(variance),
         stated=stated,
+        drive=None if own is None else rigid + motor + own[0],
+        drive_error=None if own is None else np.sqrt(variance + noise**2 + own[1]),
     )

@@ -31,8 +31,15 @@ PARTS = ("rigid bodies", "motors", "friction")
 """Of the torque that a drive gives; gravity alone is `hil.results.model.Model.gravity`."""
 
 
-def torque_of(model: Model, parts: Collection[str], q: Array, qd: Array, qdd: Array) -> Array:
-    """Sum of the `parts` of the torque, shape of `q` [N m or N].
+def torque_of(
+    model: Model,
+    parts: Collection[str],
+    q: Array,
+    qd: Array,
+    qdd: Array,
+    warmth: Array | None = None,
+) -> Array:
+    """Sum of the `parts` of the torque, shape of `q` [N m or N]; `warmth` has that shape too.
 
     Raises
     ------
@@ -47,7 +54,9 @@ def torque_of(model: Model, parts: Collection[str], q: Array, qd: Array, qdd: Ar
     total = rigid if "rigid bodies" in parts else np.zeros_like(rigid)
     if "motors" in parts:
         total = total + motor_torque(model.robot, q, qd, qdd)
-    return total if law is None else total + friction_torque(model.robot, law, q, qd, rigid)
+    if law is None:
+        return total
+    return total + friction_torque(model.robot, law, q, qd, rigid, warmth=warmth)
 
 
 def interval_of(
@@ -59,6 +68,7 @@ def interval_of(
     level: float,
     *,
     of_samples: bool,
+    warmth: Array | None = None,
 ) -> Array:
     """Half-widths of intervals of `torque_of`, shape of `q` [N m or N].
 
@@ -75,7 +85,8 @@ def interval_of(
     degrees = combined_degrees(rows, variances, model.degrees_of_freedom)
     if "friction" in parts:
         load = A @ model.values
-        stated = stated + friction_variance(model.robot, known_friction(model), q, qd, load)
+        law = known_friction(model)
+        stated = stated + friction_variance(model.robot, law, q, qd, load, warmth)
     if of_samples:
         stated = stated + np.nan_to_num(model.residual) ** 2
     return half_width(scatter, stated, degrees, level)

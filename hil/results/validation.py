@@ -68,6 +68,9 @@ class AxisScore(FileModel):
         Share of samples at the greatest torque.
     identified : float, optional
         Residual where the model was identified.
+    drive_relative, drive_inside : float, optional
+        `relative` and `inside` of the torque with the friction that the model states, where the
+        others have friction fitted in the recording.
     """
 
     axis: int = Field(ge=1)
@@ -84,6 +87,8 @@ class AxisScore(FileModel):
     asymmetry: float
     limited: float
     identified: float | None
+    drive_relative: float | None = None
+    drive_inside: float | None = None
 
 
 class _Sums:
@@ -94,6 +99,7 @@ class _Sums:
         self.moments = np.zeros(6)
         self.by_direction = np.zeros((2, 2))
         self.inside = 0
+        self.driven = np.zeros(3)
         self.greatest: list[Array] = []
 
     def add(self, each: PredictedTorque) -> None:
@@ -107,12 +113,16 @@ class _Sums:
             self.by_direction[k] += [own.sum(), r[own].sum()]
         self.inside += int(np.sum(np.abs(r) <= TWICE * each.standard_error))
         self.greatest.append(np.abs(y))
+        if each.drive is not None and each.drive_error is not None:
+            d = y - each.drive
+            inside = float(np.sum(np.abs(d) <= TWICE * each.drive_error))
+            self.driven += [float(len(y)), float(d @ d), inside]
 
     def score(self, axis: int, unit: str, identified: float) -> AxisScore:
         y, yy, rr, ff, rf, ee = self.moments / self.n
         torque, residual = np.sqrt(yy), np.sqrt(rr)
         forward, back = self.by_direction[:, 1] / np.maximum(self.by_direction[:, 0], 1.0)
-        size = np.concatenate(self.greatest)
+        size, (n, driven, inside) = np.concatenate(self.greatest), self.driven
         return AxisScore(
             axis=axis + 1,
             unit=unit,
@@ -128,6 +138,8 @@ class _Sums:
             asymmetry=float(abs(forward - back) / 2 / residual) if residual > 0 else 0.0,
             limited=float(np.mean(size >= size.max() * (1 - 1e-6))),
             identified=None if np.isnan(identified) else float(identified),
+            drive_relative=float(np.sqrt(driven / n) / torque) if n else None,
+            drive_inside=float(inside / n) if n else None,
         )
 
 

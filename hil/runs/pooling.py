@@ -2,7 +2,8 @@
 
 Friction is fitted measurement by measurement, so runs of different days can be identified together;
 what is common to all measurements of an axis (offset, ripple over the motor's angle, the lag of the
-current) must have stayed as it was. Time goes on from one run to the next.
+current) must have stayed as it was. Time goes on from one run to the next, `APART` later: each
+begins with rested gears.
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
+
+
+APART = 86400.0
+"""Between runs [s]."""
 
 
 def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[RecordedMotion, Recording]]:
@@ -89,7 +94,7 @@ def pooled(folders: Sequence[Run]) -> Iterator[tuple[RecordedMotion, Recording]]
             last = max(last, float(shifted.time[-1]))
             yield measurement.model_copy(update={"id": name}), shifted
         taken |= own
-        offset = last
+        offset = last + APART
 
 
 class Pooled:

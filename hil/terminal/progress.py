@@ -79,7 +79,7 @@ class _LiveBar:
         left = f"{clock(self._pace.left(event))} left"
         total = event.time + event.remaining
         self._progress.update(
-            self._task, description=_doing(event), completed=event.time, total=total, left=left
+            self._task, description=doing(event), completed=event.time, total=total, left=left
         )
 
 
@@ -97,7 +97,7 @@ class _PlainLines:
             self._console.print(text, highlight=False, soft_wrap=True)
         elif time.monotonic() >= self._next and not isinstance(event, Finished):
             self._next = time.monotonic() + EVERY
-            self._console.print(f"{_doing(event)}, {clock(left)} left", highlight=False)
+            self._console.print(f"{doing(event)}, {clock(left)} left", highlight=False)
 
 
 def _notice(event: Event) -> str:
@@ -116,7 +116,8 @@ def _notice(event: Event) -> str:
     return ""
 
 
-def _doing(event: Event) -> str:
+def doing(event: Event) -> str:
+    """What is being done, in words."""
     match event:
         case Started():
             return f"{event.pending} of {event.planned} measurements to do"

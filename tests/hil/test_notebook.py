@@ -26,7 +26,8 @@ def place(manutec, tmp_path_factory):
 
 def test_the_examples_of_the_how_to_do_what_they_say(place, monkeypatch):
     monkeypatch.chdir(place)
-    blocks = re.findall(r"```pycon\n(.*?)```", (DOCS / "notebook.md").read_text(), re.DOTALL)
+    text = (DOCS / "how-to" / "notebook.md").read_text()
+    blocks = re.findall(r"```pycon\n(.*?)```", text, re.DOTALL)
     assert len(blocks) > 5
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     runner = doctest.DocTestRunner(optionflags=flags)

@@ -49,8 +49,8 @@ def kept() -> str:
 
 
 TABLES: dict[tuple[str, str], Callable[[], str]] = {
-    ("can.md", "requirements"): needed,
-    ("drives.md", "kept values"): kept,
+    ("reference/can.md", "requirements"): needed,
+    ("reference/drives.md", "kept values"): kept,
 }
 """By file and name of the mark."""
 

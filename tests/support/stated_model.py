@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS
 from hil.estimation.free_motion.result import CoupledFriction, TermValue
+from hil.estimation.friction.warmth import Warmth
 from hil.estimation.friction_law import AxisLaw, FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.results.model import Model
@@ -19,8 +20,13 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-def stated_model(robot: Robot, seed: int = 0, *, friction: Collection[str] = LAWS["all"]) -> Model:
-    """A model as if it had been identified, with these terms of friction; none without any."""
+def stated_model(
+    robot: Robot, seed: int = 0, *, friction: Collection[str] = LAWS["all"], warm: bool = False
+) -> Model:
+    """A model as if it had been identified, with these terms of friction; none without any.
+
+    With `warm` friction of all axes but the last depends on their warmth.
+    """
     rng = np.random.default_rng(seed)
     n = len(base_parameters(robot))
     return Model(
@@ -43,11 +49,19 @@ def stated_model(robot: Robot, seed: int = 0, *, friction: Collection[str] = LAW
             method="improved",
             version="0",
         ),
-        friction_law=_law(robot, rng, friction) if friction else None,
+        friction_law=_law(robot, rng, friction, warm=warm) if friction else None,
     )
 
 
-def _law(robot: Robot, rng: np.random.Generator, terms: Collection[str]) -> FrictionLaw:
+WARMTH = Warmth(
+    warming=20.0, cooling=200.0, slope=-0.3, slope_error=0.02, reference=0.4, seen=(0.1, 0.8),
+    wander=0.01, over_law=1.5, over_last=1.4,
+)  # fmt: skip
+
+
+def _law(
+    robot: Robot, rng: np.random.Generator, terms: Collection[str], *, warm: bool
+) -> FrictionLaw:
     def value() -> TermValue:
         return TermValue(value=float(rng.uniform(0.2, 2.0)), standard_error=0.01)
 
@@ -60,8 +74,9 @@ def _law(robot: Robot, rng: np.random.Generator, terms: Collection[str]) -> Fric
             held_out={},
             wander=0.03,
             speeds=(0.1, 2.0),
+            warmth=WARMTH if warm and axis + 1 < robot.n_joints else None,
         )
-        for _ in range(robot.n_joints)
+        for axis in range(robot.n_joints)
     ]
     coupled = [
         CoupledFriction(motor=m + 1, joint=j + 1, viscous=value(), coulomb=value())

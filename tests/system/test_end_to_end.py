@@ -74,7 +74,7 @@ def test_the_improved_method_finds_the_plant_s_parameters(folder, robot, truth):
 
 
 def test_the_printed_method_finds_them_to_a_few_percent(folder, robot, truth):
-    found = judged(folder, robot, truth, "printed")
+    found = judged(folder, robot, truth, "published")
     assert found.group_error["gravity"] < 1e-2
     assert found.group_error["diagonal"] < 5e-2
     assert found.mean_torque_error < 5e-2

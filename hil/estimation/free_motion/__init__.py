@@ -3,7 +3,8 @@
 Nothing is known of such a motion beforehand: not its set-points, not its noise, not how friction
 behaves. So what others choose by hand is chosen by the data, by rules that are stated with the
 result: cut-off frequency and source of velocities (`settings`), the law of friction and the dead
-zone (`choice`), the latter two by the error of prediction on blocks that were held out. Recordings
+zone (`choice`), the latter two by the error of prediction on blocks that were held out, and so is
+whether friction changed its level meanwhile (`drift`). Recordings
 are condensed one after the other (`accumulation`) to inner products of columns (`columns`) of
 filtered motion (`filtering`); samples are never all in memory at once. The methods are in
 `methods`.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
-    from hil.estimation.free_motion.motion import Processing
+    from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import Solution
     from hil.estimation.free_motion.survey import Survey
     from hil.model.robot import Robot
@@ -43,9 +43,11 @@ LOOSE = 0.01
 
 
 def axis_friction(
-    solution: Solution, plain: Solution, choice: Choice, processing: Processing, n_shared: int
+    solution: Solution, plain: Solution, gathered: Gathered, products: Products
 ) -> tuple[AxisFriction, ...]:
     """Law and coefficients of each axis; `plain` is the solution with the classical law."""
+    choice, processing, n_shared = gathered.choice, gathered.processing, products.n_shared
+    levels = gathered.drift.found(solution.x, n_shared, len(products.pieces))
 
     def values(found: Solution, axis: int, law: Sequence[str]) -> dict[str, TermValue]:
         first = n_shared + axis * len(COLUMNS)
@@ -66,6 +68,7 @@ def axis_friction(
             plain=values(plain, axis, CLASSICAL),
             held_out=choice.held_out[axis],
             covariance=covariance(axis, LAWS[law]),
+            level=tuple(levels[axis].tolist()),
         )
         for axis, law in enumerate(choice.laws)
     )

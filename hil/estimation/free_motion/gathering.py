@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import choose, without_choice
+from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.first_estimate import first_estimate
 from hil.estimation.free_motion.presliding import with_presliding
 from hil.estimation.free_motion.settings import processing_of
@@ -79,6 +80,8 @@ class Gathered:
         The signals as they were recorded.
     scaling : Scaling
     choice : Choice
+    drift : Drift
+        Of friction's level; none where gains are unknown.
     """
 
     found: Survey
@@ -88,11 +91,12 @@ class Gathered:
     recorded: Products
     scaling: Scaling
     choice: Choice
+    drift: Drift
 
     @property
     def products(self) -> Products:
-        """Inner products of torques in SI."""
-        return self.scaling.applied(self.recorded)
+        """Inner products of torques in SI, with columns of levels that change."""
+        return self.drift.applied(self.scaling.applied(self.recorded))
 
 
 def gather(
@@ -137,4 +141,8 @@ def gather(
     products = scaling.applied(condensed)
     choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
     scaling = refined(condensed, scaling, choice)
-    return Gathered(found, processing, reasons, first, condensed, scaling, choice)
+    drift = Drift.none(robot.n_joints)
+    if chosen and not unknown:
+        drift = find_drift(products, choice, found.duration)
+        choice = choose(drift.applied(products)) if any(drift.spans) else choice
+    return Gathered(found, processing, reasons, first, condensed, scaling, choice, drift)

@@ -92,7 +92,7 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
         dead_zone=dead_zone(choice),
         recorded_velocity=tuple(int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)),
         velocity_reasons=gathered.reasons.velocities,
-        axes=axis_friction(solution, plain, choice, processing, products.n_shared),
+        axes=axis_friction(solution, plain, gathered, products),
         coupled=coupled_friction(robot, solution),
         relative_residual=tuple(None if np.isnan(r) else float(r) for r in relative),
         overall_residual=overall,

@@ -41,6 +41,9 @@ class AxisFriction(FileModel):
     held_out : dict of str to float
         Root mean square error of all axes on held-out blocks by law, over that of the law chosen;
         empty where no law was chosen.
+    level : tuple of float
+        Of friction at instants spread evenly over the time recorded, the first and the last
+        included, over its mean, which `terms` state; empty where it keeps its level.
     """
 
     law: str
@@ -51,6 +54,7 @@ class AxisFriction(FileModel):
     plain: dict[str, TermValue]
     held_out: dict[str, float]
     covariance: tuple[tuple[float, ...], ...] = ()
+    level: tuple[float, ...] = ()
 
 
 class CoupledFriction(FileModel):

@@ -97,26 +97,34 @@ def recast(products: Products, first: Array, kept: Indices, added: Array, gains:
         What is to be explained, column 0 of the result.
     kept : ndarray of int
         Shared columns that stay, which come next.
-    added : ndarray, shape (n_joints, m, n_added)
-        Shared columns that follow; then come those of each axis alone, as they are.
+    added : ndarray, shape (n_joints, m, n_added) or (n_pieces, n_joints, m, n_added)
+        Shared columns that follow; then come those of each axis alone, as they are. Those that
+        differ from piece to piece are 0 in cells, which have no time.
     gains : ndarray, shape (n_joints,)
         That the recorded torque is multiplied by.
     """
     own = np.arange(1 + products.n_shared, products.pieces.shape[-1])
-    made = np.concatenate([first[:, :, np.newaxis], added], axis=2)
-    k = added.shape[2]
+    k = added.shape[-1]
+    whole = _beside(first, added)
+    of_cells = whole if added.ndim == 3 else _beside(first, np.zeros_like(added[0]))
     order = np.concatenate([[0], 1 + k + np.arange(len(kept)), 1 + np.arange(k),
                             1 + k + len(kept) + np.arange(len(own))])  # fmt: skip
     places = np.concatenate([kept, own])
     instruments = products.instruments
     return replace(
         products,
-        pieces=_combined(products.pieces, made[:, np.newaxis], places, order),
-        cells=_combined(products.cells, made[:, np.newaxis], places, order),
-        instruments=None if instruments is None else _combined(instruments, made, places, order),
+        pieces=_combined(products.pieces, whole[..., np.newaxis, :, :], places, order),
+        cells=_combined(products.cells, of_cells[:, np.newaxis], places, order),
+        instruments=None if instruments is None else _combined(instruments, whole, places, order),
         squares=gains**2 * products.squares,
         n_shared=len(kept) + k,
     )
+
+
+def _beside(first: Array, added: Array) -> Array:
+    """Combinations side by side, those of `first` in every piece."""
+    shape = (*added.shape[:-1], 1)
+    return np.concatenate([np.broadcast_to(first[..., np.newaxis], shape), added], axis=-1)
 
 
 def _combined(P: Array, made: Array, kept: Indices, order: Sequence[int] | Indices) -> Array:

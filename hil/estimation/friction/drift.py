@@ -20,12 +20,13 @@ by bounded least squares. Residuals wander, so standard errors are widened by th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import accumulate, product
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from hil.estimation.friction.warmth import REFERENCE, relaxed
 from hil.regression.least_squares import fitted
 from hil.regression.uncertainty import classical
 
@@ -37,10 +38,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.history import History
 
     Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
-REFERENCE = 0.5
-"""Mean speed, as share of the limit, that the time constant of motion is stated for."""
 AT_REST = 0.01
 """Mean speed, as share of the limit, below which the lubricant settles."""
 BOUNDS = {"warm-up": (120.0, 14400.0), "settling": (10.0, 3600.0), "stirring": (1.0, 600.0)}
@@ -204,8 +202,8 @@ class _Fit:
         spans, x = np.diff(ends), self._speed
         resting = x < AT_REST
         rate = np.where(resting, 1.0 / settling, x / REFERENCE / stirring)
-        warmth = _relaxed(0.0, x, np.exp(-spans / warm_up))
-        settled = _relaxed(1.0, resting, np.exp(-spans * rate))
+        warmth = relaxed(0.0, x, np.exp(-spans / warm_up))
+        settled = relaxed(1.0, resting, np.exp(-spans * rate))
         return np.column_stack([np.interp(self._time, ends, s) for s in (warmth, settled)])
 
     def _solve(self, taus: Array) -> tuple[Array, Array, Array]:
@@ -226,15 +224,6 @@ class _Fit:
             for d in step * np.eye(len(taus))
         ]
         return classical(np.column_stack([X, *by_tau]), variance)
-
-
-def _relaxed(start: float, goals: Array | Mask, left: Array) -> list[float]:
-    """A state that goes from `start` to one goal after the other, shape (1 + n_goals,).
-
-    Of its distance from each goal the share `left` remains.
-    """
-    steps = zip(left.tolist(), ((1.0 - left) * goals).tolist(), strict=True)
-    return list(accumulate(steps, lambda state, step: step[0] * state + step[1], initial=start))
 
 
 def _wandering(left: Array) -> float:

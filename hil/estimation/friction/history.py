@@ -9,7 +9,7 @@ whose ends are known.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -22,9 +22,20 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
+
+
+class Way(Protocol):
+    """A recording, or its signals: where the axes were when."""
+
+    @property
+    def time(self) -> Array:
+        """Shape (n,) [s]."""
+
+    @property
+    def q(self) -> Array:
+        """Shape (n, n_joints) [rad or m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +57,7 @@ class History:
     begin: float
 
 
-def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Recording]]) -> History:
+def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Way]]) -> History:
     """Put together the history of a run, in the order in which it was measured."""
     in_time = sorted(recorded, key=lambda pair: float(pair[1].time[0]))
     begin = float(in_time[0][1].time[0]) if in_time else 0.0

@@ -1,6 +1,6 @@
 """Is friction the same in both directions? The one assumption of the two-step method.
 
-The printed method takes half the sum of both directions for the gravity torque, so any difference
+The published method takes half the sum of both directions for the gravity torque, so any difference
 between them becomes an error of p_g (eq. (14)). Each measurement gives that difference as a share
 of the friction level, (half-sum - gravity) / half-difference. Over the measurements of an axis the
 weighted mean is tested against zero by Student's t; what the gravity model is uncertain by is

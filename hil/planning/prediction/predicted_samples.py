@@ -18,6 +18,8 @@ from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 from hil.regression.window import smooth, widened
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from hil.planning.measurement import ParameterMeasurement
@@ -84,7 +86,8 @@ def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
     for number, begin in enumerate(beginnings[:-1]):
         _add(motion, measurement.index, measurement.profile(number), time, begin)
     for partner in measurement.partners:
-        _add_partner(motion, measurement, partner, time)
+        for begin, profile in partner_strokes(measurement, partner):
+            _add(motion, partner.index, profile, time, begin)
     return Forecast(period, time, *motion)
 
 
@@ -98,20 +101,20 @@ def _add(
         wanted[first:last, axis] = found
 
 
-def _add_partner(
-    motion: tuple[Array, Array, Array],
-    measurement: Strokes,
-    partner: Partner,
-    time: Array,
-) -> None:
-    """Strokes of the partner while the other axis creeps, as many as fit."""
+def partner_strokes(measurement: Strokes, partner: Partner) -> Iterator[tuple[float, Trapezoid]]:
+    """Strokes of the partner while the other axis creeps, as many as fit.
+
+    Yields
+    ------
+    tuple of float and Trapezoid
+        When a stroke begins, since the recording does [s], and its profile.
+    """
     number = 0
     for each, begin in enumerate(measurement.beginnings[:-1]):
         first, last = (begin + t for t in measurement.profile(each).window)
         due = first + SETTLED
         duration = partner.profile(measurement.q, 0).duration
         while due <= last - duration - PARTNER_TURN:
-            profile = partner.profile(measurement.q, number)
-            _add(motion, partner.index, profile, time, due)
+            yield due, partner.profile(measurement.q, number)
             due += duration + PARTNER_TURN
             number += 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,12 @@ APART = 0.5
 
 
 def draw_prediction(
-    panel: Axes, strip: Axes, time: Array, measured: Array, predicted: Array
+    panel: Axes,
+    strip: Axes,
+    time: Array,
+    measured: Array,
+    predicted: Array,
+    half_width: Array | None = None,
 ) -> None:
     """Draw a prediction beside what was measured, and the residual in the strip below.
 
@@ -29,6 +34,8 @@ def draw_prediction(
     ----------
     time, measured, predicted : ndarray, shape (n,)
         [s], [N m or N].
+    half_width : ndarray, shape (n,), optional
+        Of the 95 % interval of the prediction [N m or N].
     """
     shown = slice(None, None, max(1, -(-len(time) // POINTS)))
     t = time[shown] - time[0]
@@ -38,6 +45,11 @@ def draw_prediction(
     panel.plot(t, predicted[shown] + hole, "--", color=MODEL, label="predicted")
     panel.tick_params(labelbottom=False)
     strip.plot(t, residual, color=MUTED, linewidth=0.7)
+    if half_width is not None:
+        width, below = half_width[shown], predicted[shown] - half_width[shown]
+        look: dict[str, Any] = {"color": MODEL, "alpha": 0.25, "linewidth": 0}
+        panel.fill_between(t, below, below + 2 * width, label="95 % interval", **look)
+        strip.fill_between(t, -width, width, **look)
     size = 1.1 * float(np.nanmax(np.abs(residual), initial=1e-9))
     strip.set_ylim(-size, size)
     strip.set_ylabel("residual")

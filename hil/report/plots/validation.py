@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from hil.report.plots.predicted_torque import draw_prediction
 from hil.report.plots.style import image, legend, panels_in_rows, plotting
+from hil.results.validation import TWICE
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from hil.results.predicted_torques import PredictedTorque
     from hil.results.validation import Validation
 
+NAME = "validation.png"
 SHOWN = 20.0
 """Of each axis's recordings, from where it moves first [s]."""
 
@@ -40,7 +42,10 @@ def validation(found: Validation, first: dict[int, PredictedTorque]) -> Figure:
     for score, (above, below) in zip(found.axes, panels, strict=True):
         each = first[score.axis - 1]
         shown = each.time <= each.time[0] + SHOWN
-        draw_prediction(above, below, each.time[shown], each.measured[shown], each.predicted[shown])
+        width = TWICE * each.standard_error[shown]
+        draw_prediction(
+            above, below, each.time[shown], each.measured[shown], each.predicted[shown], width
+        )
         above.set_ylabel(f"axis {score.axis} [{score.unit}]")
         above.set_title(f"off by {score.relative:.1%}")
     legend(figure, panels[0][0])
@@ -51,7 +56,7 @@ def write_validation_plot(
     folder: Path, found: Validation, first: dict[int, PredictedTorque]
 ) -> Path:
     """Draw a validation into a run's folder; return the file's path."""
-    path = folder / "validation.png"
+    path = folder / NAME
     with plotting():
         write_file(path, image(validation(found, first), "png"))
     return path

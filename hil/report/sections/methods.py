@@ -1,4 +1,4 @@
-"""The improved and the printed method side by side."""
+"""The improved and the published method side by side."""
 
 from __future__ import annotations
 

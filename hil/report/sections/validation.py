@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.report.kept_result import kept_model
-from hil.report.section import Section
+from hil.report.plots.validation import NAME as PLOT_NAME
+from hil.report.section import Section, picture_uri
 from hil.results.tables.validation import verdicts
 
 if TYPE_CHECKING:
@@ -13,8 +14,16 @@ if TYPE_CHECKING:
 
 
 def section(run: IdentifiedRun | FreeRun | StrokesRun) -> Section | None:
-    """Verdicts on the model that is kept, as long as it is the one of this report."""
+    """Verdicts on the kept model, if it is the one of this report, and the newest's picture."""
     kept = kept_model(run)
     if kept is None or not kept.validations:
         return None
-    return Section("Validation", "validation.html", {"verdicts": verdicts(kept.validations)})
+    pictures = (run.source.path / each.run / PLOT_NAME for each in reversed(kept.validations))
+    return Section(
+        "Validation",
+        "validation.html",
+        {
+            "verdicts": verdicts(kept.validations),
+            "picture": next(filter(None, map(picture_uri, pictures)), None),
+        },
+    )

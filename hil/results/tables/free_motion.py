@@ -43,7 +43,8 @@ def friction(model: Model) -> Table:
             " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
             " that none beats by more than chance on blocks held out; of others the error is stated"
             " over that of the law chosen. Presliding is the way over which friction turns round"
-            " after a reversal. Ripple of motors is not listed."
+            " after a reversal. Levels are those of friction at instants spread evenly over the"
+            " time recorded, over their mean. Ripple of motors is not listed."
         ),
     )
 
@@ -60,6 +61,9 @@ def _axis(model: Model, axis: int) -> Row:
     if law.presliding:
         distance = significant(law.presliding, 2)
         named.append(f"presliding over {distance} {model.robot.position_unit(axis)}")
+    if law.level:
+        levels = ", ".join(significant(100 * each, 3) for each in law.level)
+        named.append(f"level {levels} %")
     plain = [
         _coefficient(term, value, law, unit, model.robot.position_unit(axis))
         for term, value in law.plain.items()

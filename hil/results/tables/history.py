@@ -22,11 +22,13 @@ def runs(found: History) -> Table:
     return Table(
         title=f"Runs of {found.robot.name}",
         columns=(Column("run", folds=True), Column("measured"), Column("method"),
-                 *figures("tests", "marked"), Column("named first", folds=True)),
+                 *figures("friction, %", "tests", "marked"), Column("named first", folds=True)),
         parts=(Part(tuple(_run(found, run) for run in found.runs)),),
         explanation=(
             f"Each run is compared with {found.reference} and with the one before. Of an unchanged"
-            f" machine anything is marked in at most {FALSE_ALARM:.0%} of the runs."
+            f" machine anything is marked in at most {FALSE_ALARM:.0%} of the runs. Friction: what"
+            f" that of all axes differs by together from {found.reference}, which is put down to"
+            " the temperature of the machine."
         ),
         notes=found.notes,
     )  # fmt: skip
@@ -36,10 +38,17 @@ def _run(found: History, run: KnownRun) -> Row:
     tests = found.of(run)
     marked = [each for each in tests if each.marked]
     count = Marked(len(marked)) if marked else "0"
-    named = marked[0].quantity.name if marked else ""
+    named = _named_first(found, run) or (marked[0].quantity.name if marked else "")
     own = "reference" if run.label == found.reference else named
     measured = run.measured[:16].replace("T", " ")
-    return run.label, measured, run.model.method, str(len(tests)), count, own
+    common = found.common.get((run.label, found.reference))
+    friction = "" if common is None else signed(f"{100 * common:.1f}")
+    return run.label, measured, run.model.method, friction, str(len(tests)), count, own
+
+
+def _named_first(found: History, run: KnownRun) -> str:
+    axes = [each.axis for each in found.rescaled if each.run == run.label]
+    return f"torque constant or drive of axis {axes[0]}" if axes else ""
 
 
 def condition(found: History) -> Table:

@@ -26,7 +26,7 @@ def test_the_documentation_has_the_table_as_it_is(file: str) -> None:
 
 @pytest.mark.parametrize("names", [VELOCITIES, ACCELERATIONS])
 def test_the_documentation_names_all_units_of_rates(names: dict[str, RateUnit]) -> None:
-    assert f" one of {', '.join(names)}, " in (DOCS / "drives.md").read_text()
+    assert f" one of {', '.join(names)}, " in (DOCS / "reference" / "drives.md").read_text()
 
 
 SET_IF_PRESENT = [

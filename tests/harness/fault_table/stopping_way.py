@@ -1,4 +1,4 @@
-"""How far an axis may go after an event that ends a session: the way that docs/safety.md states.
+"""How far an axis may go after an event that ends a session, by docs/explanation/safety.md.
 
 While nobody can reach the drives, at most until their watchdogs act, an axis goes on at its speed;
 so it does for the delay that a stop may have; then it slows down at the deceleration that the

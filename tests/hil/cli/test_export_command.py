@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-HOW_TO = (Path(__file__).parents[3] / "docs" / "export.md").read_text(encoding="utf-8")
+HOW_TO = (Path(__file__).parents[3] / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

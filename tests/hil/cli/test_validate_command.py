@@ -71,7 +71,12 @@ def test_a_report_shows_what_its_model_was_worth_elsewhere(
     first, other = folders
     hil("validate", other, "--model", first)
     assert hil("report", first)[0] == 0
-    assert "Judged by other recordings" in (first / "report.html").read_text()
+    page = (first / "report.html").read_text()
+    assert "Judged by other recordings" in page
+    assert "Torques of the recording that was validated last" in page
+    (other / "validation.png").unlink()
+    assert hil("report", first)[0] == 0
+    assert "that was validated last" not in (first / "report.html").read_text()
 
 
 def test_a_model_of_another_robot_is_refused(

@@ -116,15 +116,15 @@ class TestExactness:
         found = estimate(robot, campaign(robot, plan, friction))
         assert relative_error(found.p) < 1e-5
 
-    def test_the_printed_method_finds_the_parameters_of_a_symmetric_machine(self, robot, symmetric):
-        found = estimate(robot, symmetric, "printed")
+    def test_the_published_method_finds_what_a_symmetric_machine_has(self, robot, symmetric):
+        found = estimate(robot, symmetric, "published")
         assert relative_error(found.p) < 3e-4
 
-    def test_a_constant_offset_disturbs_the_printed_method_only(self, robot, plan):
+    def test_a_constant_offset_disturbs_the_published_method_only(self, robot, plan):
         friction = Friction(offset=np.array([1.0, -3.0, 2.0, 0.5, -0.5, 0.2]))
         found = estimates(robot, campaign(robot, plan, friction))
         assert relative_error(found["improved"].p) < 1e-5
-        assert relative_error(found["printed"].p) > 3e-3
+        assert relative_error(found["published"].p) > 3e-3
 
     def test_missing_samples_do_not_bias_the_result(self, robot, symmetric):
         rng = np.random.default_rng(4)

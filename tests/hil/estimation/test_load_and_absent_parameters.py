@@ -159,7 +159,7 @@ def test_what_is_left_out_shifts_the_sinusoid_that_gravity_is_over_an_angle(robo
 
 def test_signals_behind_an_estimate_have_its_drive_train_taken_into_account(robot, runs):
     lag = np.array([0.004, 0.0, 0.0, 0.0, 0.0, 0.0])
-    found = estimate(robot, runs[0], "printed")
+    found = estimate(robot, runs[0], "published")
     (_, plain), *_ = prepared_for(robot, found, runs[0])
     late = replace(found, drive_train=replace(directly_driven(robot), lag=lag))
     (_, advanced), *_ = prepared_for(robot, late, runs[0])

@@ -83,6 +83,22 @@ def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
     assert "miss the law by" in exported.remarks[1]
 
 
+def test_friction_cold_and_warm_is_stated_with_its_own_misfit() -> None:
+    model = stated_model(load_robot("manutec-r15"), friction=("Coulomb", "arc tangent"), warm=True)
+    exported = write_friction(model, ())
+    *axes, last = json.loads(exported.files["friction.json"])["axes"]
+    assert last["warmth"] is None
+    for axis in axes:
+        warmth, mean = axis["warmth"], axis["coulomb_and_viscous"]
+        for end in (warmth["cold"], warmth["warm"]):
+            simple = end["coulomb_and_viscous"]
+            for key in ("coulomb", "viscous", "misfit_rms"):
+                assert simple[key] == pytest.approx(end["factor"] * mean[key])
+        assert warmth["cold"]["factor"] > 1 > warmth["warm"]["factor"]
+    assert sum(", cold: Coulomb" in each for each in exported.remarks) == 5
+    assert sum(", warm: Coulomb" in each for each in exported.remarks) == 5
+
+
 def test_a_model_without_friction_is_refused_with_the_remedy() -> None:
     with pytest.raises(NotEnoughData, match=r"no law of friction: .* hil identify"):
         write_friction(stated_model(load_robot("manutec-r15"), friction=()), ())

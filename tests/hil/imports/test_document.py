@@ -1,4 +1,4 @@
-"""docs/recordings.md: its commands print what it says, and it names every key and unit."""
+"""docs/reference/recordings.md: its commands print what it says; it names every key and unit."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,8 @@ from hil.imports import units
 from hil.imports.map_file import Check, Format, MappedJoint, Position, RecordingMap, Torque
 from hil.imports.readers import ARRAYS, BAGS, HDF5, PARQUET, TEXT
 
-DOCUMENT = (Path(__file__).parents[3] / "docs" / "recordings.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[3]
+DOCUMENT = (ROOT / "docs" / "reference" / "recordings.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w*)\n(.*?)```", DOCUMENT, re.DOTALL)
 
 

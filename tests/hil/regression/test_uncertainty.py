@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from hil.regression.least_squares import fitted, inverse, solved
 from hil.regression.uncertainty import (
+    bias_reduced,
     classical,
     correlation_of,
     effective_degrees,
@@ -75,6 +76,29 @@ def test_one_measurement_that_carries_an_unknown_leaves_the_fewest_degrees() -> 
     shares = np.zeros((9, 2))
     shares[:, 0], shares[3, 1] = 1.0, 1.0
     np.testing.assert_allclose(effective_degrees(shares, 2.0), [8.0, 2.0])
+
+
+def test_the_bias_reduced_covariance_of_white_noise_is_right_on_average_however_few() -> None:
+    random = np.random.default_rng(3)
+    W = random.normal(size=(5, 4, 3)) * np.array([1.0, 100.0, 0.01])
+    S, N = np.einsum("kmi,kmj->kij", W, W), np.einsum("kmi,kmj->ij", W, W)
+    # a covariance is quadratic in the noise: its mean is the sum over noise in single samples
+    large = 1e6 * np.eye(20).reshape(20, 5, 4)
+    mean, left_out = (
+        sum(of(S, np.einsum("kmi,km->ki", W, y)).covariance for y in large) / 1e12
+        for of in (bias_reduced, leave_one_out)
+    )
+    variances = np.diag(inverse(N))
+    np.testing.assert_allclose(np.diag(mean), variances, rtol=1e-6)
+    assert np.all(np.diag(left_out) > 1.1 * variances)
+
+
+def test_what_one_measurement_alone_shows_is_as_uncertain_as_its_noise() -> None:
+    shares = np.array([np.diag([4.0, 0.0]), np.diag([0.0, 1.0]), np.diag([0.0, 1.0])])
+    found = bias_reduced(shares, np.array([[8.0, 0.0], [0.0, 1.0], [0.0, 5.0]]))
+    np.testing.assert_allclose(found.x, [2.0, 3.0])
+    np.testing.assert_allclose(np.diag(found.covariance), [0.25, 4.0])
+    np.testing.assert_allclose(found.degrees_of_freedom, 1.0)
 
 
 def test_the_sandwich_reduces_to_the_classical_covariance_for_white_noise() -> None:

@@ -1,6 +1,8 @@
 """The report: self-contained, complete, right, and honest about what is weak."""
 
 import base64
+import csv
+import json
 import re
 import shutil
 from dataclasses import replace
@@ -90,7 +92,7 @@ def text_of(markup):
 
 class TestPage:
     def test_it_is_one_file_that_needs_no_network(self, page):
-        assert not re.search(r'(src|href)\s*=\s*"(?!data:)', page)
+        assert not re.search(r'(src|href)\s*=\s*"(?!data:|#)', page)
         assert not re.search(r"url\(|@import|<script|<link|<iframe", page)
 
     def test_every_picture_is_embedded_and_described(self, page):
@@ -110,9 +112,29 @@ class TestPage:
             for value in (best.p[k], error, best.p[k] - half, best.p[k] + half):
                 assert rounded(value, error) in row
 
+    def test_the_contents_lead_to_every_section(self, page):
+        (contents,) = re.findall(r"(?s)<nav.*?</nav>", page)
+        linked = re.findall(r'href="#([\w-]+)"', contents)
+        assert linked == re.findall(r'<section id="([\w-]+)"', page)
+        assert len(set(linked)) == len(linked) > 5
+
+    def test_the_parameters_can_be_taken_along_as_csv_and_json(self, page, found):
+        links = r'download="manutec-r15-parameters\.(\w+)" href="data:[^,]+;base64,([^"]+)"'
+        files = {
+            kind: base64.b64decode(content).decode() for kind, content in re.findall(links, page)
+        }
+        table = list(csv.DictReader(files["csv"].splitlines()))
+        assert [float(row["value"]) for row in table] == list(found["improved"].p)
+        for row in table:
+            assert float(row["low_95"]) < float(row["value"]) < float(row["high_95"])
+        kept = json.loads(files["json"])
+        assert kept["parameters"][0]["expression"] == table[0]["expression"]
+        assert np.shape(kept["covariance"]) == (14, 14)
+
     def test_both_methods_stand_side_by_side(self, page, found):
         text = text_of(page)
-        compared = text[text.index("Both methods") : text.index("How the numbers")]
+        sections = text[text.index("What needs attention") :]
+        compared = sections[sections.rindex("Both methods") : sections.rindex("How the numbers")]
         for k in range(14):
             for estimate in found.values():
                 assert rounded(estimate.p[k], estimate.standard_error[k]) in compared
@@ -143,7 +165,10 @@ class TestModelNote:
 
     @pytest.mark.parametrize(
         ("method", "stated"),
-        [("printed", "holds the parameters of the printed method"), ("improved", "same method")],
+        [
+            ("published", "holds the parameters of the published method"),
+            ("improved", "same method"),
+        ],
     )
     def test_it_states_by_which_method_the_model_was_made(self, as_it_was, method, stated):
         identify(Run.open(as_it_was), method).save(as_it_was / "model.yaml")
@@ -173,14 +198,14 @@ class TestOtherRuns:
         text = text_of(report(Run.open(copy)).read_text())
         assert "i05 1 of 39 planned measurements are missing finish the run" in text
 
-    def test_a_run_that_tells_too_little_is_refused(self, copy):
+    def test_a_run_that_holds_too_little_is_refused(self, copy):
         for path in (copy / "recordings").glob("i*.h5"):
             path.unlink()
         with pytest.raises(NotIdentifiable, match="0 usable inertia measurements"):
             report(Run.open(copy))
         assert not (copy / "report.html").exists()
 
-    def test_the_command_tells_where_the_report_is(self, copy, capsys):
+    def test_the_command_states_where_the_report_is(self, copy, capsys):
         with pytest.raises(SystemExit) as ended:
             cli.main(["report", str(copy)])
         assert not ended.value.code
@@ -234,14 +259,14 @@ class TestAdvice:
         assert re.search(r"scatters by .* N m, \d+ times as much", items[odd.id].what)
         assert not {v.id for v in local if v is not odd} & set(items)
 
-    def test_axes_on_which_the_local_models_do_not_fit_are_told(self, folder, found):
+    def test_axes_on_which_the_local_models_do_not_fit_are_stated(self, folder, found):
         best = found["improved"]
         residual = folder.robot.torque_limit * [0.003, 0.02, 0.003, 0.015, np.nan, 0.003]
         item = self.advised(folder, replace(best, residual=residual))["axis 2, axis 4"]
         assert "leave 2.0 %, 1.5 % of the torque limit" in item.what
         assert item.urgent
 
-    def test_findings_and_measurements_left_out_are_told(self, folder, found):
+    def test_findings_and_measurements_left_out_are_stated(self, folder, found):
         campaign = list(folder)
         finding = Finding("stuck", "axis 2 stood still for 0.3 s", 0.3, 0.1)
         campaign[3] = replace(campaign[3], findings=(finding,), attempts=3)
@@ -260,13 +285,13 @@ class TestAdvice:
         items = self.advised(folder, replace(best, covariance=covariance))
         assert "−0.97" in items["p1, p2"].what
 
-    def test_friction_that_differs_by_direction_is_to_be_known(self, folder, found):
+    def test_friction_that_differs_by_direction_is_of_note(self, folder, found):
         items = self.advised(folder, replace(found["improved"], causes=()))
         (subject,) = [s for s in items if s.startswith("axis 2")]
         assert "−2.0" in items[subject].what
         assert not items[subject].urgent
 
-    def test_drives_taken_as_exact_are_to_be_known(self, folder, found):
+    def test_drives_taken_as_exact_are_of_note(self, folder, found):
         item = self.advised(folder, found["improved"])["torque constants and rotor inertias"]
         assert "state their uncertainty in the robot file" in item.remedy
 

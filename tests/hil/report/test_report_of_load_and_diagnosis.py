@@ -169,7 +169,7 @@ class TestDiagnosis:
             evidence_for(diagnosis, "m1")
 
     def test_the_phase_is_that_of_the_forearms_first_moments(self, diagnosis):
-        """tan(phase) = sy4 / (p13 sin q5): see docs/model_errors.md."""
+        """tan(phase) = sy4 / (p13 sin q5): see docs/explanation/model_errors.md."""
         phase = diagnosis.phase
         assert (phase.axis + 1, phase.over + 1) == (3, 4)
         found, p13 = diagnosis.errors.found[0].value, diagnosis.errors.p[12]
@@ -191,7 +191,7 @@ class TestDiagnosis:
         names = {path.name for path in (copies / "offset" / "diagnosis").iterdir()}
         assert names == {"gravity.svg", "inertia.svg", "phase.svg"}
         text = text_of(page_of(copies / "offset"))
-        section = text[text.index("What the robot file leaves out") :][:1500]
+        section = text[text.rindex("What the robot file leaves out") :][:1500]
         assert f"is {kept.found[0]}: add it to the robot file" in section
         assert "ranked by evidence" in section
 

@@ -15,12 +15,14 @@ from stated_model import stated_model
 from hil.errors import FileError, InvalidValue, Mismatch
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction_law import level_at
-from hil.model.robot import Robot
+from hil.model.robot import Robot, load_robot
 from hil.results.changes import FALSE_ALARM, Change, adjusted, change
 from hil.results.history import history_of, read_history
+from hil.results.history_file import content
 from hil.results.quantities import Quantity, Reading
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from hil.results.model import Model
@@ -108,6 +110,111 @@ def test_friction_is_marked_beyond_what_it_wandered_within_a_campaign(
     names = {each.quantity.name for each in found.marked}
     assert bool(names) == marked
     assert all(name.startswith("friction of axis 2 at") for name in names)
+
+
+def with_friction(model: Model, factors: Sequence[float], measurements: int = 30) -> Model:
+    """The model with each axis's friction times a factor."""
+    assert model.friction_law is not None
+    laws = [
+        own and own.model_copy(
+            update={
+                "terms": {
+                    name: TermValue(value=factor * term.value, standard_error=term.standard_error)
+                    for name, term in own.terms.items()
+                },
+                "measurements": measurements,
+            }
+        )
+        for own, factor in zip(model.friction_law.axes, factors, strict=True)
+    ]  # fmt: skip
+    return replace(model, friction_law=model.friction_law.model_copy(update={"axes": tuple(laws)}))
+
+
+def six_axes() -> Model:
+    model = stated_model(load_robot("manutec-r15"), friction=("Coulomb", "viscous"))
+    return with_friction(model, [1.0] * 6)
+
+
+WARM = [0.82, 0.79, 0.84, 0.80, 0.78, 0.81]
+
+
+def test_a_warm_machine_is_no_changed_one() -> None:
+    found = history_of([
+        ("cold", measured(six_axes(), 1, seed=1)),
+        ("warm", measured(with_friction(six_axes(), WARM), 2, seed=2)),
+    ])  # fmt: skip
+    assert not found.marked
+    assert found.common["warm", "cold"] == pytest.approx(-0.2, abs=0.02)
+
+
+def test_an_axis_that_changed_is_marked_though_the_machine_is_warm() -> None:
+    loose = [*WARM[:3], 1.3 * WARM[3], *WARM[4:]]
+    found = history_of([
+        ("cold", measured(six_axes(), 1, seed=1)),
+        ("warm", measured(with_friction(six_axes(), loose), 2, seed=2)),
+    ])  # fmt: skip
+    assert {each.quantity.axis for each in found.marked} == {4}
+
+
+def test_friction_of_two_axes_is_put_down_to_no_temperature() -> None:
+    model = with_coulomb(with_coulomb(machine(), 1, 1.0), 2, 1.0)
+    changed = with_coulomb(with_coulomb(model, 1, 1.5), 2, 1.5)
+    found = history_of([("a", measured(model, 1, 1)), ("b", measured(changed, 2, 2))])
+    assert found.common["b", "a"] == 0.0
+    assert {each.quantity.axis for each in found.marked} == {1, 2}
+
+
+def other_torque_constant(model: Model, axis: int, share: float) -> Model:
+    """The model as it is found where all torques of an axis are read otherwise by a share."""
+    assert model.torque_effect is not None
+    factors = [1.0 + share * (k + 1 == axis) for k in range(model.robot.n_joints)]
+    scaled = with_friction(model, factors)
+    return replace(scaled, values=model.values + share * model.torque_effect[:, axis - 1])
+
+
+def with_torque_effect() -> Model:
+    model = six_axes()
+    effect = np.zeros((len(model.values), 6))
+    effect[[9, 10, 12], 4] = model.values[[9, 10, 12]] * 10  # as if of three parameters
+    return replace(model, torque_effect=effect)
+
+
+def test_an_exchanged_drive_is_named_in_place_of_all_that_it_changed() -> None:
+    before = with_torque_effect()
+    found = history_of([
+        ("old", measured(before, 1, seed=1)),
+        ("new", measured(other_torque_constant(before, 5, 0.1), 2, seed=2)),
+    ])  # fmt: skip
+    (exchanged,) = found.rescaled
+    assert exchanged.axis == 5
+    assert abs(exchanged.share - 0.1) < exchanged.half_width
+    assert exchanged.explained == len(found.marked) > 1
+    (sentence,) = found.sentences(found.runs[1])
+    assert "torque constant or drive of axis 5 exchanged or rescaled" in sentence
+    assert content(found)["rescaled_torques"][0]["axis"] == 5
+
+
+def test_a_parameter_beside_friction_that_do_not_change_alike_are_no_exchanged_drive() -> None:
+    before = with_torque_effect()
+    heavier = replace(before, values=before.values + 0.5 * np.eye(len(before.values))[12])
+    heavier = with_friction(heavier, [1, 1, 1, 1, 0.7, 1])
+    found = history_of([("old", measured(before, 1, 1)), ("new", measured(heavier, 2, 2))])
+    assert len(found.marked) > 1
+    assert not found.rescaled
+
+
+def test_a_drive_that_says_it_is_another_one_is_stated() -> None:
+    def with_drives(model: Model, *drives: str) -> Model:
+        provenance = model.provenance.model_copy(update={"drives": drives})
+        return replace(model, provenance=provenance)
+
+    model = machine()
+    found = history_of([
+        ("a", with_drives(measured(model, 1, 1), "serial 1", "serial 2")),
+        ("b", with_drives(measured(model, 2, 2), "serial 1", "serial 7")),
+    ])  # fmt: skip
+    note = "b: the drive of axis 2 is another one than in a: serial 7, before serial 2"
+    assert found.notes == (note,)
 
 
 def test_a_greater_wander_accounts_for_more() -> None:

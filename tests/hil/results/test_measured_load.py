@@ -18,7 +18,17 @@ from hil.planning.plan import PlannedRobot
 from hil.planning.timetable import timetable
 from hil.results.bare_run import know
 from hil.results.load_plan import SLOW_SHARE, fast_plan, holds, slow_plan
-from hil.results.measured_load import NAME, estimate_load, find_load, verdict, write_load
+from hil.results.load_pose import helpful_poses
+from hil.results.measured_load import (
+    NAME,
+    advised,
+    estimate_load,
+    find_load,
+    is_loose,
+    unsure,
+    verdict,
+    write_load,
+)
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
@@ -45,7 +55,11 @@ def loaded_parameters(robot):
 
 
 def carried_out(path, plan, robot, p, seed=7):
-    """A run of `plan` by a machine with base parameters `p`; each has offsets of its own."""
+    """A run of `plan` by a machine with base parameters `p`, a row for each measurement or one.
+
+    Each run has offsets of its own.
+    """
+    p = np.broadcast_to(p, (len(plan.measurements), np.shape(p)[-1]))
     folder = RunFolder.create(path, plan, robot)
     rng, begin = np.random.default_rng(seed), 0.0
     offset = np.array([1.0, -1.0, 0.4, -0.3, 0.2, 0.1]) * rng.uniform(0.5, 1.5, 6)
@@ -53,8 +67,8 @@ def carried_out(path, plan, robot, p, seed=7):
     with folder.session(SIMULATED) as session:
         folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
                           for n in range(1, 7)])  # fmt: skip
-        for measurement in plan.measurements:
-            recording = record(robot, measurement, p, friction, begin=begin, noise=NOISE, rng=rng)
+        for measurement, own in zip(plan.measurements, p, strict=True):
+            recording = record(robot, measurement, own, friction, begin=begin, noise=NOISE, rng=rng)
             folder.write(Measured(measurement, recording, session=session))
             begin = float(recording.time[-1]) + 1.0
     return Run.open(path)
@@ -117,6 +131,58 @@ def test_slow_strokes_alone_leave_the_inertia_about_the_flange_rough_or_open(bar
     assert "Izz" in lines
 
 
+def test_a_load_that_is_rigid_is_said_to_be(found):
+    assert not is_loose(found)
+    assert verdict(found)[1].startswith("rigid and fixed, as far as axes ")
+
+
+def test_a_load_that_gives_way_is_named_and_no_more_than_that_advised(
+    bare, stages, robot, tmp_path
+):
+    plan = stages[1].plan
+    K = loaded_parameters(robot) - TABLE_3_A
+    sags = np.random.default_rng(2).uniform(-0.03, 0.03, (len(plan.measurements), 1))
+    run = carried_out(tmp_path / "loose", plan, robot, TABLE_3_A + (1 + sags) * K)
+    found = find_load(bare, [stages[0][0], run])
+    assert is_loose(found)
+    lines = verdict(found)
+    assert lines[1].startswith("not rigid, not fixed, or friction changed with it: ")
+    assert "fasten the load" in lines[1]
+    assert not any(line.startswith("rough") for line in lines)
+
+
+def test_the_pose_that_would_help_is_named_and_helps(bare, stages, slow):
+    found = find_load(bare, stages[0][:1])
+    poses = helpful_poses(bare, [slow.plan], found, unsure(found))
+    assert set(poses) == set(unsure(found)) != set()
+    lines = "\n".join(verdict(found, advised(bare.robot, poses)))
+    for name, pose in poses.items():
+        assert pose.share < 0.5, name
+        assert f"axis {pose.axis}" in lines
+    held = [pose for pose in poses.values() if pose.position is not None]
+    for pose in held:
+        assert f"--pose axis{pose.axis}={np.degrees(pose.position):.0f}" in lines
+
+
+def test_a_pose_is_held_in_all_measurements(bare, slow, found):
+    stated = ((4, np.pi / 2),)
+    for plan in (
+        slow_plan(bare, MINUTES, poses=stated).plan,
+        fast_plan(bare, MINUTES, slow.plan, found, stated).plan,
+    ):
+        assert all(m.q[4] == np.pi / 2 and 4 not in m.moved for m in plan.measurements)
+
+
+def test_a_pose_out_of_range_is_refused(bare):
+    with pytest.raises(InvalidValue, match=r"axis 5 at 9 must be within .* rad"):
+        slow_plan(bare, MINUTES, poses=((4, 9.0),))
+
+
+def test_a_mass_that_slow_strokes_leave_open_is_not_moved_fast(bare, slow, found):
+    with pytest.raises(NotEnoughData, match="leave the mass of the load open"):
+        fast_plan(bare, MINUTES, slow.plan, replace(found, unidentifiable=("m",)))
+
+
 def test_a_stated_mass_is_held(bare, stages):
     found = find_load(bare, stages[0], MASS)
     assert found.phi[9] == MASS
@@ -176,7 +242,8 @@ def test_a_heavier_load_is_moved_more_slowly_or_less(robot, bare, slow, found):
 def test_what_was_found_is_kept(bare, stages, found, tmp_path):
     kept = write_load(tmp_path, bare, stages[0], found)
     assert (tmp_path / NAME).exists()
-    assert kept.verdict == verdict(found)
+    assert kept.verdict[0] == verdict(found)[0]
+    assert [each.axis for each in kept.rigidity] == [each.axis + 1 for each in found.misfit]
     assert kept.load[0].half_width == pytest.approx(found.mass.half_width)
     assert all(
         (tmp_path / each.folder / "run.json").exists() for each in (kept.without, *kept.loaded)
@@ -188,6 +255,12 @@ def refusal(capsys, *arguments):
         cli.main([str(each) for each in ("payload", "measure", *arguments)])
     assert ended.value.code
     return capsys.readouterr().err
+
+
+@pytest.mark.parametrize("pose", ["5=90", "axis7=0", "axis5", "axis5=ninety"])
+def test_a_pose_that_is_none_is_refused(bare, tmp_path, pose, capsys):
+    said = refusal(capsys, "--model", bare.run.path, "-o", tmp_path / "load", "--pose", pose)
+    assert "must be axis1 to axis6" in said
 
 
 def test_the_folder_of_another_run_is_refused(bare, stages, tmp_path, capsys):

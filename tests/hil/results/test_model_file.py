@@ -96,8 +96,8 @@ def test_identifying_writes_nothing(copy):
 
 
 def test_the_printed_method_says_so(copy):
-    assert identified(copy, "printed").method == "printed"
-    assert Model.load(copy).method == "printed"
+    assert identified(copy, "published").method == "published"
+    assert Model.load(copy).method == "published"
 
 
 def test_without_model_the_remedy_is_named(copy):

@@ -11,6 +11,7 @@ from small_run import write_run
 
 from hil.results.identification import identify
 from hil.results.predicted_torques import PredictedTorque, predicted_torques
+from hil.results.tables.validation import validation as table
 from hil.results.validation import AxisScore, validate
 from hil.results.verdict import judged
 from hil.runs.pooling import pooled
@@ -59,6 +60,40 @@ def test_scores_are_those_of_measured_and_predicted_torque(model: Model, other: 
     assert score.residual == pytest.approx(np.sqrt(np.mean((y - f) ** 2)))
     assert score.naive == pytest.approx(y.std() / np.sqrt(np.mean(y**2)))
     assert score.inside == pytest.approx(np.mean(np.abs(y - f) <= 1.96 * e))
+
+
+def test_the_torque_of_the_drives_is_judged_with_the_model_s_own_friction(
+    model: Model, other: Run
+) -> None:
+    assert model.friction_law is not None
+    every = list(predicted_torques(model, pooled([other])))
+    found = validate(model, every)
+    for each in every:
+        assert each.drive is not None
+    for score in found.axes:
+        assert score.drive_relative is not None
+        assert score.drive_inside is not None
+        assert score.relative <= score.drive_relative < 0.2
+    assert "with what the model states of it torques are within" in found.reason
+
+
+def test_friction_that_changed_is_named_though_the_bodies_hold(model: Model, other: Run) -> None:
+    def warmer(each: PredictedTorque) -> PredictedTorque:
+        assert each.drive is not None
+        level = 0.3 * float(np.abs(each.measured).mean()) * np.sign(each.qd)
+        return replace(each, drive=each.drive + level)
+
+    found = validate(model, map(warmer, predicted_torques(model, pooled([other]))))
+    assert found.verdict == "WARN"
+    assert "the friction that the model states does not" in found.reason
+
+
+def test_a_model_without_a_law_is_judged_by_its_bodies_alone(model: Model, other: Run) -> None:
+    bare = replace(model, friction_law=None)
+    found = validate(bare, predicted_torques(bare, pooled([other])))
+    assert found.verdict == "PASS"
+    assert {score.drive_relative for score in found.axes} == {None}
+    assert "own friction, %" not in [column.head for column in table(found).columns]
 
 
 def test_another_arm_is_refused(model: Model, other: Run) -> None:

@@ -1,4 +1,4 @@
-"""Faults by plan: read, begun and ended in time, and survived as docs/faults.md says."""
+"""Faults by plan: read, begun and ended in time, and survived as docs/reference/faults.md says."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,3 +46,16 @@ def test_it_is_a_covariance_of_what_all_laws_have(strange: np.ndarray) -> None:
     offset = COLUMNS.index("offset")
     assert (of_friction[:, offset] > 0).all()
     assert not np.delete(of_friction, offset, axis=1).any()
+
+
+def test_a_dead_zone_smaller_than_the_chosen_one_is_no_alternative() -> None:
+    gathered = gather(arm(), recorded(arm(), TRUTH, noise=0.05), VARIANTS[DEFAULT])
+    spoilt = gathered.products.pieces.copy()
+    spoilt[:, :, 0, 0] *= 2.0
+    spoilt[:, :, 0, :, 0] *= 2.0
+    products = replace(gathered.products, pieces=spoilt)
+    none, some = (
+        np.diag(covariance_of_choices(products, replace(gathered.choice, slowest=k)))[:N_BASE].max()
+        for k in (0, 1)
+    )
+    assert some < 0.01 * none

@@ -1,0 +1,86 @@
+"""How smoothly the page of hil view plays: frames a second, and what a frame costs the scripts.
+
+    python benchmarks/view_frames.py [SECONDS]
+
+The plan of the manutec-r15 with a workspace is played in headless Chromium. Without a graphics card
+its processor draws (SwiftShader), so the frames a second are a lower bound for that machine; what a
+frame costs the page's own scripts is the same with a card, and 16.7 ms is what 60 frames a second
+leave for it. The peer is the same page with the swept volume hidden.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+from browser import opened_browser, resize
+
+from hil.model.robot import load_robot
+from hil.planning.design.by_counts import design
+from hil.planning.workspace import Box, Workspace
+from hil.view.page import write_page
+from hil.view.scene import of_plan
+
+WORKSPACE = Workspace(boxes=(Box(name="cabinet", low=(0.9, 0.6, -0.8), high=(1.4, 1.2, 0.2)),))
+PLAY = """
+const [seconds, swept, done] = arguments;
+const { player, scene } = window.view;
+document.getElementById('show-swept').checked || document.getElementById('show-swept').click();
+if (!swept) document.getElementById('show-swept').click();
+const costs = [];
+const seek = player.seek.bind(player);
+player.seek = (t) => {
+  const begin = performance.now();
+  seek(t);
+  costs.push(performance.now() - begin);
+};
+const [frames, begun] = [scene.frames, performance.now()];
+player.seek(30);
+player.play();
+setTimeout(() => {
+  player.pause();
+  player.seek = seek;
+  done([scene.frames - frames, (performance.now() - begun) / 1000, costs]);
+}, 1000 * seconds);
+"""
+
+
+def main(seconds: float = 10.0) -> None:
+    """Write the page, open it and play it."""
+    robot = load_robot("manutec-r15")
+    plan = design(robot, {}, 0.0, WORKSPACE)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        opened_browser(Path(folder) / "profile") as browser,
+    ):
+        page = Path(folder) / "plan.html"
+        begun = perf_counter()
+        size = write_page(page, lambda most: of_plan(plan, robot, most))
+        took = perf_counter() - begun
+        print(
+            f"{len(plan.measurements)} measurements: {size / 1e6:.2f} MB, written in {took:.1f} s"
+        )
+        resize(browser, 1440, 900)
+        begun = perf_counter()
+        browser.get(page.as_uri())
+        browser.set_script_timeout(10 * seconds + 60)
+        browser.execute_async_script(
+            "const d = arguments[0]; const w = () => window.view ? d() : setTimeout(w, 5); w();"
+        )
+        print(f"opened in {perf_counter() - begun:.2f} s")
+        for swept in (True, False):
+            frames, took, costs = browser.execute_async_script(PLAY, seconds, swept)
+            slowest = sorted(costs)[int(0.99 * (len(costs) - 1))]
+            print(
+                f"swept volume {'shown' if swept else 'hidden'}: {frames / took:.0f} frames/s drawn"
+                f" by the processor at 1440 x 900; scripts take {statistics.median(costs):.2f} ms a"
+                f" frame (median), {slowest:.2f} ms (99 %)"
+            )
+
+
+if __name__ == "__main__":
+    main(*map(float, sys.argv[1:]))

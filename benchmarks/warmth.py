@@ -1,0 +1,105 @@
+"""Friction of a cold start, predicted at the mean level and at the warmth of the gears.
+
+    python benchmarks/warmth.py FOLDER
+
+Makes four campaigns of 39 measurements of the manutec-r15, each begun cold with a seed of its own,
+identifies them together, and predicts the friction of two more, of other seeds. Printed is, axis by
+axis, what is left of the friction torque in their first three minutes and in all of them, as a
+share of it: by the law alone, at the mean level of the campaigns, and by the law at the warmth that
+the motion so far leads to. Campaigns that are there already are not made again; they are those of
+benchmarks/history.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from history import COUNTS, hil, made
+
+from hil.estimation.friction.history import history
+from hil.estimation.friction.warmth import warmth_at
+from hil.estimation.signals import signals
+from hil.results.identification import identify
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from hil.estimation.friction.history import History
+    from hil.results.model import Model
+
+SEEDS, OTHERS = (300, 302, 304, 306), (308, 310)
+BEGIN = 180.0
+"""First part of a run [s]."""
+SLOW = 0.05
+"""Share of the velocity limit below which samples do not count."""
+
+
+def main() -> None:
+    """Make what is not there yet, and print what is left."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    folder = parser.parse_args().folder
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (plan := folder / "plan.yaml").exists():
+        hil("plan", "manutec-r15", *COUNTS, "-o", plan)
+    first, *more = (Run.open(made(folder, "unchanged", seed)) for seed in SEEDS)
+    model = identify(first, others=more)
+    squares = sum(left(model, Run.open(made(folder, "unchanged", seed))) for seed in OTHERS)
+    print(
+        "axis  warming, s  cooling, s   cold   warm   begin: law, warmth, %   all: law, warmth, %"
+    )
+    for axis, rows in enumerate(squares):
+        print(f"{axis + 1:4} {described(model, axis)}  {shares(rows)}")
+
+
+def left(model: Model, run: Run) -> np.ndarray:
+    """Squares of friction and of what law and warmth leave, shape (n_joints, 2, 3).
+
+    Of the first minutes and of all samples.
+    """
+    robot, pairs = model.robot, list(recorded(run))
+    past, sums = history(robot, pairs), np.zeros((robot.n_joints, 2, 3))
+    for motion, recording in pairs:
+        s = signals(recording)
+        time = np.array([s.time.mean()])
+        warmth = [course(model, past, axis, time) for axis in range(robot.n_joints)]
+        rigid = s.tau - model.torque(s.q, s.qd, s.qdd, ["rigid bodies", "motors"])
+        found = [model.torque(s.q, s.qd, s.qdd, ["friction"], warmth=w) for w in (None, warmth)]
+        for axis in motion.moved:
+            used = s.valid & (np.abs(s.qd[:, axis]) > SLOW * robot.velocity_limit[axis])
+            own = rigid[used, axis]
+            values = [own @ own, *(np.sum((own - f[used, axis]) ** 2) for f in found)]
+            sums[axis, 1] += values
+            sums[axis, 0] += np.multiply(values, s.time[0] < past.begin + BEGIN)
+    return sums
+
+
+def course(model: Model, past: History, axis: int, time: np.ndarray) -> float:
+    """Warmth of an axis; NaN where it is not identified."""
+    own = model.friction_law.axes[axis].warmth
+    if own is None:
+        return float("nan")
+    return float(warmth_at(past, axis, own.warming, own.cooling, time)[0])
+
+
+def described(model: Model, axis: int) -> str:
+    """Time constants and levels of an axis."""
+    own = model.friction_law.axes[axis].warmth
+    if own is None:
+        return "          none identified             "
+    return f"{own.warming:11.0f} {own.cooling:11.0f}  {own.cold:5.3f}  {own.warm:5.3f}"
+
+
+def shares(rows: np.ndarray) -> str:
+    """Root mean squares left as percentages of friction."""
+    return "   ".join(
+        " ".join(f"{100 * np.sqrt(each / row[0]):6.2f}" for each in row[1:]) if row[0] else "     -"
+        for row in rows
+    )
+
+
+if __name__ == "__main__":
+    main()

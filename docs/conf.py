@@ -1,0 +1,59 @@
+"""How the site of the documentation is made: `make docs` writes it to build/docs."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import version as installed_version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+from typer.cli import get_docs_for_click
+
+from hil import cli
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+sys.path.insert(0, str(Path(__file__).parent / "site"))
+
+project = "Robot identification over CANopen"
+version = release = installed_version("canopen-robot-identification")
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "keys_of_files",
+]
+html_theme = "furo"
+html_title = project
+html_show_copyright = False
+myst_heading_anchors = 3
+copybutton_prompt_text = r"\$ |>>> |\.\.\. "
+copybutton_prompt_is_regexp = True
+napoleon_use_rtype = False
+autodoc_typehints = "none"
+add_module_names = False
+
+REFERENCE = Path(__file__).parent / "reference"
+
+
+def write_commands(_: Sphinx) -> None:
+    """Write the page of all commands from the commands themselves."""
+    pages = [_described(name) for panel in cli.PANELS.values() for name in panel]
+    text = "\n".join(["# Commands", "", "As `hil COMMAND --help` states them.", "", *pages])
+    (REFERENCE / "commands.md").write_text(text, encoding="utf-8")
+
+
+def _described(name: str) -> str:
+    command = cli.imported(name)
+    context = typer.Context(command, info_name="hil")
+    return get_docs_for_click(obj=command, ctx=context, name=name, indent=1, call_prefix="hil")
+
+
+def setup(app: Sphinx) -> None:
+    """Have the generated pages written before any is read."""
+    app.connect("builder-inited", write_commands)

@@ -1,0 +1,172 @@
+"""`hil view`: a page that plays a plan, a run or a robot in three dimensions."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hil.cli.arguments import RobotOption, WorkspaceOption
+from hil.terminal.console import say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.results.model import Model
+    from hil.view.scene import Scene
+    from hil.view.visuals import Visual
+
+commands = typer.Typer()
+
+RUN_PAGE = "view.html"
+"""Name of the page in a run's folder."""
+
+
+@commands.command()
+def view(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="PLAN|RUN|ROBOT",
+            help="Plan, folder of a run, or robot by its name, its file or its URDF.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Page to write; by default beside the plan, in the run's folder, or here.",
+        ),
+    ] = None,
+    model_path: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            help="Model that predicts torques: its file, or the folder of the run that gave it.",
+        ),
+    ] = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option("--urdf", help="URDF of the same robot whose visual meshes are shown."),
+    ] = None,
+    robot_file: RobotOption = None,
+    workspace: WorkspaceOption = None,
+) -> None:
+    """Write a page that plays a plan or a run in 3-D, or shows a robot; one HTML file."""
+    path = Path(what)
+    if path.is_dir():
+        _refuse(robot_file, "--robot", "a run, which has its own")
+        _refuse(workspace, "--workspace", "a run, which has its own")
+        make, page = _of_run(path, model_path, urdf), path / RUN_PAGE
+    elif _is_plan(path):
+        make, page = _of_plan(path, robot_file, workspace, model_path, urdf), page_of_plan(path)
+    else:
+        _refuse(robot_file, "--robot", "a robot")
+        _refuse(model_path, "--model", "a robot, which stands still")
+        make, page = _of_robot(what, workspace, urdf), Path(f"{path.stem}.html")
+    write(output or page, make)
+
+
+def page_of_plan(plan_file: Path) -> Path:
+    """Where the page of a plan stands unless another place is named."""
+    return plan_file.with_suffix(".html")
+
+
+def write(path: Path, make: Callable[[int], Scene]) -> None:
+    """Write a page, and state where it is."""
+    from hil.view.page import write_page
+
+    size = write_page(path, make)
+    say(f"page in {path} ({size / 1e6:.1f} MB)")
+
+
+def scene_of_plan(
+    plan: Plan, robot: Robot, model: Model | None = None, visuals: Sequence[Visual] = ()
+) -> Callable[[int], Scene]:
+    """How the page of a plan is made, with a number of instants."""
+    from hil.view.scene import of_plan
+
+    return partial(of_plan, plan, robot, model=model, visuals=visuals)
+
+
+def _of_plan(
+    path: Path,
+    robot_file: str | None,
+    workspace: Path | None,
+    model_path: Path | None,
+    urdf: Path | None,
+) -> Callable[[int], Scene]:
+    from hil.cli.plan_files import load
+
+    plan, robot = load(path, robot_file, workspace)
+    model = _model(model_path, robot) if model_path else None
+    return scene_of_plan(plan, robot, model, _visuals(urdf, robot))
+
+
+def _of_run(path: Path, model_path: Path | None, urdf: Path | None) -> Callable[[int], Scene]:
+    from hil.results.model_file import NAME
+    from hil.runs.run import Run
+    from hil.view.scene import of_run
+
+    run = Run.open(path)
+    if model_path is None and (path / NAME).exists():
+        model_path = path / NAME
+    model = _model(model_path, run.robot) if model_path else None
+    return partial(of_run, run, model=model, visuals=_visuals(urdf, run.robot))
+
+
+def _of_robot(name: str, workspace: Path | None, urdf: Path | None) -> Callable[[int], Scene]:
+    from hil.cli.plan_files import load_guard
+    from hil.model.robot import load_robot
+    from hil.view.scene import of_robot
+
+    robot = load_robot(name)
+    guard = load_guard(workspace, robot)
+    if urdf is None and name.endswith(".urdf"):
+        urdf = Path(name)
+    visuals = _visuals(urdf, robot)
+
+    def make(_most: int) -> Scene:
+        return of_robot(robot, guard, visuals)
+
+    return make
+
+
+def _visuals(urdf: Path | None, robot: Robot) -> Sequence[Visual]:
+    """Visual meshes of a URDF; what of them is left out is stated."""
+    if urdf is None:
+        return ()
+    from hil.view.visuals import visuals
+
+    found = visuals(urdf, robot)
+    for each in found.left_out:
+        say(each, style="yellow")
+    return found.visuals
+
+
+def _model(path: Path, robot: Robot) -> Model:
+    from hil.results.model import Model
+    from hil.view.predicted import refuse_other_robot
+
+    model = Model.load(path)
+    refuse_other_robot(model, robot, str(path))
+    return model
+
+
+def _is_plan(path: Path) -> bool:
+    """Whether a file lists measurements, as plans do and robot files do not."""
+    if path.suffix not in {".yaml", ".yml"} or not path.is_file():
+        return False
+    from checked_files.yaml_file import read_text
+
+    return any(line.startswith("measurements:") for line in read_text(path).splitlines())
+
+
+def _refuse(given: object, option: str, what: str) -> None:
+    if given is not None:
+        raise typer.BadParameter(f"{option} does not go with {what}; leave it out")

@@ -1,0 +1,88 @@
+"""Torques of all axes beside their thresholds, live; plain lines where there is no terminal."""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from hil.results.rounding import clock, significant
+from hil.terminal.console import say
+from hil.terminal.progress import doing, shown
+from hil.watching.watching_bus import in_words
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from rich.console import Console
+
+    from hil.measuring.events import Event
+    from hil.model.robot import Robot
+    from hil.results.watch import Alarm
+    from hil.watching.watcher import Watcher
+
+REDRAWN = 0.1
+"""Time between two tables [s]."""
+
+
+class WatchView:
+    """Shows alarms as they begin, and on a terminal the torques of all axes.
+
+    Parameters
+    ----------
+    watcher : Watcher
+    robot : Robot
+    """
+
+    def __init__(self, watcher: Watcher, robot: Robot) -> None:
+        self._watcher = watcher
+        self._robot = robot
+        self._live: Live | None = None
+        self._next = 0.0
+        self._doing = ""
+
+    def take(self, alarm: Alarm | None) -> None:
+        """Show an alarm; draw the table anew when it is time."""
+        if alarm is not None:
+            say(in_words(alarm, self._watcher.unit(alarm)), style="bold red")
+        if self._live is not None and time.monotonic() >= self._next:
+            self._next = time.monotonic() + REDRAWN
+            self._live.update(self.table(), refresh=True)
+
+    @contextmanager
+    def display(self, console: Console) -> Iterator[Callable[[Event], None]]:
+        """Show events as they come; yields what takes them."""
+        if not console.is_terminal:
+            with shown(console) as show:
+                yield show
+            return
+        with Live(console=console, auto_refresh=False, transient=True) as live:
+            self._live = live
+            try:
+                yield self._note
+            finally:
+                self._live = None
+
+    def _note(self, event: Event) -> None:
+        self._doing = f"{doing(event)}, {clock(event.remaining)} of robot time left"
+
+    def table(self) -> Table:
+        """Draw one table."""
+        watcher = self._watcher
+        state = "learning thresholds, no alarms yet" if watcher.learning else "watching"
+        drawn = Table(title=f"{state}, {len(watcher.alarms)} alarms", caption=self._doing)
+        drawn.add_column("axis")
+        for heading in ("measured", "predicted", "from outside", "threshold", "last alarm"):
+            drawn.add_column(heading, justify="right", no_wrap=True)
+        last = {alarm.axis: alarm for alarm in watcher.alarms}
+        for axis, torques in enumerate(watcher.torques(), start=1):
+            cells = (significant(torque, 3) for torque in torques)
+            alarm = last.get(axis)
+            text = "" if alarm is None else f"{alarm.peak:+.3g} at {alarm.time:.1f} s"
+            unit = self._robot.torque_unit(axis - 1)
+            drawn.add_row(f"{axis}, {unit}", *cells, Text(text, style="bold red"))
+        return drawn

@@ -1,0 +1,158 @@
+"""`hil watch`: measured torques beside a model's while axes move, and alarms at pushes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hil.cli.arguments import (
+    BusOptions,
+    Interface,
+    ModelPath,
+    PlanFile,
+    RealTime,
+    RobotOption,
+    RobotsChannel,
+    RobotsDrives,
+    WorkspaceOption,
+)
+from hil.cli.measuring import OnBus
+from hil.runs import SIMULATED
+from hil.terminal.console import out, say
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.watching.watcher import Watcher
+
+commands = typer.Typer()
+ALARMED = 3
+"""Exit status where there were alarms."""
+RUN = "run"
+"""Run folder within the one of a watch."""
+
+
+@commands.command()
+def watch(
+    plan_file: PlanFile,
+    model_path: ModelPath,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder of the run and of what was found.")
+    ],
+    interface: Interface = SIMULATED,
+    channel: RobotsChannel = None,
+    drives_file: RobotsDrives = None,
+    bus_option: BusOptions = None,
+    repeat: Annotated[
+        int | None, typer.Option(min=1, max=100_000, help="Number of times the plan is passed.")
+    ] = None,
+    hours: Annotated[
+        float | None,
+        typer.Option(min=0, max=1000, help="Time for which the plan is passed again and again."),
+    ] = None,
+    learn: Annotated[
+        float,
+        typer.Option(
+            min=5,
+            max=3600,
+            help="Time of motion without a push from which thresholds are learned \\[s].",
+        ),
+    ] = 30.0,
+    stop: Annotated[
+        bool, typer.Option("--stop", help="Stop all axes and switch them off at the first alarm.")
+    ] = False,
+    robot_file: RobotOption = None,
+    workspace: WorkspaceOption = None,
+    realtime: RealTime = False,
+) -> None:
+    """Compare torques with a model's while a plan moves the robot, and find pushes.
+
+    Exit status 3 where there were alarms.
+    """
+    from hil.cli.arguments import refuse_existing
+    from hil.cli.plan_files import load, refuse_other_model
+    from hil.results.model import Model
+    from hil.results.model_file import file_of
+    from hil.watching.watcher import Watcher
+
+    refuse_existing(output)
+    the_plan, the_robot = load(plan_file, robot_file, workspace)
+    model = Model.load(model_path)
+    refuse_other_model(model, model_path, the_robot, plan_file)
+    watcher = Watcher(model, the_plan.sample_period, learn)
+    how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
+    rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
+    try:
+        _pass(the_plan, the_robot, plan_file, output, how, rounds, watcher, stop)
+    finally:
+        _keep(output, the_plan, watcher, str(file_of(model_path)))
+    if watcher.alarms:
+        raise typer.Exit(ALARMED)
+
+
+def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, learn: float) -> int:
+    """How often the plan is passed; one pass must not be used up by learning."""
+    from math import ceil
+
+    from checked_files.yaml_file import FileError
+    from hil.planning.timetable import timetable
+
+    if repeat is not None and hours is not None:
+        raise FileError("--repeat and --hours both say how long to watch; give one of them")
+    once = sum(e.travel + e.duration for e in timetable(plan, robot, plan.measurements))
+    rounds = repeat or (1 if hours is None else max(1, ceil(3600 * hours / once)))
+    if rounds * once <= learn:
+        raise FileError(
+            f"the plan moves for {rounds * once:.0f} s, and thresholds are learned for {learn:g} s:"
+            f" nothing would be watched; repeat it, with --repeat {int(learn / once) + 2}"
+        )
+    return rounds
+
+
+def _pass(
+    the_plan: Plan,
+    the_robot: Robot,
+    plan_file: Path,
+    output: Path,
+    how: OnBus,
+    rounds: int,
+    watcher: Watcher,
+    stop: bool,
+) -> None:
+    from functools import partial
+
+    from hil.cli.measuring import measure
+    from hil.cli.watch_view import WatchView
+    from hil.watching.watching_bus import WatchingBus
+
+    view = WatchView(watcher, the_robot)
+    measure(
+        the_plan.model_copy(update={"attempts": 1}),  # a push is the result, no reason to repeat
+        the_robot,
+        plan_file,
+        output / RUN,
+        how,
+        watching=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
+        display=view.display,
+        rounds=rounds,
+    )
+
+
+def _keep(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
+    """Write and show what was found, however the watch ended."""
+    from hil.report.plots.watch import write_watch_plot
+    from hil.results.tables.terminal import show
+    from hil.results.tables.watch import alarms, watched
+    from hil.results.watch import write_watched
+
+    found = watcher.found(the_plan.digest, model)
+    if not found.learned:
+        return
+    output.mkdir(parents=True, exist_ok=True)
+    show(watched(found), out)
+    show(alarms(found), out)
+    file, units = write_watched(output, found), tuple(axis.unit for axis in found.axes)
+    picture = write_watch_plot(output, watcher.trace, units)
+    say(f"alarms and thresholds in {file}, picture in {picture}")

@@ -1,0 +1,208 @@
+"""What a run has measured, one recording after the other in time, and the set-points beside it.
+
+The clock of the page is not that of the run: pauses, repetitions and time between sessions are left
+out, and the ways between recordings, of which nothing is recorded, take as long as the dry run
+reckons and are drawn straight. Set-points are those of the strokes, each from the sample on with
+which the recording numbers it, and those that were streamed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.errors import NotEnoughData
+from hil.planning.free_motion import FreeMotion
+from hil.planning.strokes import REST, Strokes
+from hil.planning.timetable import SETTLING, travel_time
+from hil.runs.recording import IDLE
+from hil.view.segment import Segment
+from hil.view.track import Track, simplified
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.planning.trapezoid import Trapezoid
+    from hil.runs.recording import Recording
+    from hil.runs.run import Run
+
+    Array = NDArray[np.float64]
+
+BETWEEN = 1.0
+"""Time between two motions that were recorded elsewhere [s]."""
+ANGLE = 2e-5
+"""By how much a drawn position may be off [rad or m]."""
+SHARE = 1e-3
+"""By how much a drawn velocity or torque may be off, as share of the greatest that occurs."""
+
+
+class Measured(NamedTuple):
+    """A run in time: tracks of each joint."""
+
+    segments: tuple[Segment, ...]
+    position: tuple[Track, ...]
+    velocity: tuple[Track, ...]
+    torque: tuple[Track, ...]
+    set_point: tuple[Track, ...] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """Samples of one recording, thinned: time on the page's clock, arrays (n, n_joints)."""
+
+    time: Array
+    q: Array
+    qd: Array
+    tau: Array
+    set_point: Array
+
+
+def measured(run: Run, most: int) -> Measured:
+    """Lay all recordings of a run behind each other, with about `most` instants in all.
+
+    Raises
+    ------
+    NotEnoughData
+        There is none.
+    FileError
+        One is damaged.
+    """
+    segments: list[Segment] = []
+    pieces: list[_Piece] = []
+    every = _thinning(run, most)
+    for motion, recording in ((each.measurement, each.recording) for each in run):
+        begin = segments[-1].end if segments else 0.0
+        if pieces:
+            end = begin + _way(run.robot, motion, pieces[-1].q[-1])
+            segments.append(Segment("travel", f"travel to {motion.id}, not recorded", begin, end))
+            begin = end
+        pieces.append(_piece(motion, recording, begin, every))
+        segments.append(_segment(motion, begin, float(pieces[-1].time[-1])))
+    if not pieces:
+        raise NotEnoughData(f"{run.path}: no recordings to show; measure them with --resume")
+    return Measured(tuple(segments), *_tracks(pieces))
+
+
+def _thinning(run: Run, most: int) -> int:
+    """One of how many samples is shown."""
+    samples = sum(each.recording.n_samples for each in run)
+    return max(1, -(-samples // most))
+
+
+def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
+    """Duration of the way from `place` to where a motion begins [s]."""
+    if isinstance(motion, FreeMotion):
+        return BETWEEN
+    start = np.where(np.isfinite(place), place, motion.start).tolist()
+    return travel_time(robot, start, motion.start, 1.0) + SETTLING
+
+
+def _segment(motion: RecordedMotion, begin: float, end: float) -> Segment:
+    words = f"{motion.id}: {motion.kind}, {motion.axes_in_words}"
+    return Segment(motion.kind, words, begin, end, motion.read, recorded=True)
+
+
+def _piece(motion: RecordedMotion, recording: Recording, begin: float, every: int) -> _Piece:
+    time = recording.time - recording.time[0]
+    kept = slice(None, None, every)
+    return _Piece(
+        time=begin + time[kept],
+        q=recording.q[kept],
+        qd=_velocity(recording, time)[kept],
+        tau=_means(recording.tau, every),
+        set_point=_set_points(motion, recording)[kept],
+    )
+
+
+def _velocity(recording: Recording, time: Array) -> Array:
+    """As it was recorded, or from positions over some samples on either side."""
+    if recording.qd is not None:
+        return recording.qd
+    n = len(time)
+    reach = min(4, max((n - 1) // 2, 0))
+    if not reach:
+        return np.zeros_like(recording.q)
+    low, high = np.maximum(np.arange(n) - reach, 0), np.minimum(np.arange(n) + reach, n - 1)
+    found: Array = (recording.q[high] - recording.q[low]) / (time[high] - time[low])[:, None]
+    return found
+
+
+def _means(values: Array, every: int) -> Array:
+    """Means of `every` successive rows; what is missing is left out."""
+    there = np.isfinite(values)
+    starts = np.arange(0, len(values), every)
+    sums = np.add.reduceat(np.where(there, values, 0.0), starts)
+    counts = np.add.reduceat(there.astype(float), starts)
+    return np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
+
+
+def _set_points(motion: RecordedMotion, recording: Recording) -> Array:
+    """Planned positions at the samples (n, n_joints); NaN where nothing was planned."""
+    if isinstance(motion, Strokes):
+        return _of_strokes(motion, recording)
+    if isinstance(motion, FreeMotion):
+        return np.full_like(recording.q, np.nan)
+    # the first sample comes with the SYNC that follows the first set-point
+    t = (np.arange(recording.n_samples) + 1 - round(REST / recording.period)) * recording.period
+    return motion.motion(np.clip(t, 0.0, motion.cycles * motion.period))[0]
+
+
+def _of_strokes(motion: Strokes, recording: Recording) -> Array:
+    found: Array = np.tile(np.array(motion.start), (recording.n_samples, 1))
+    moved: list[tuple[int, NDArray[np.int16], Callable[[int], Trapezoid]]] = [
+        (motion.index, recording.stroke, motion.profile),
+        *(
+            (partner.index, recording.partner_stroke, partial(partner.profile, motion.q))
+            for partner in motion.partners
+        ),
+    ]
+    for joint, numbers, profile in moved:
+        for first, number in _beginnings(numbers):
+            t = recording.time[first:] - recording.time[first]
+            found[first:, joint] = profile(number).q(t)
+    return found
+
+
+def _beginnings(numbers: NDArray[np.int16]) -> Iterator[tuple[int, int]]:
+    """First sample and number of each stroke."""
+    changed = np.flatnonzero(np.diff(numbers, prepend=IDLE))
+    yield from ((int(i), int(numbers[i])) for i in changed if numbers[i] != IDLE)
+
+
+def _tracks(
+    pieces: Sequence[_Piece],
+) -> tuple[tuple[Track, ...], tuple[Track, ...], tuple[Track, ...], tuple[Track, ...] | None]:
+    time = np.concatenate([piece.time for piece in pieces])
+    q, qd, tau, planned = (
+        np.concatenate([getattr(piece, name) for piece in pieces])
+        for name in ("q", "qd", "tau", "set_point")
+    )
+    known = bool(np.isfinite(planned).all())
+    return (
+        _each(time, q, ANGLE),
+        _each(time, qd, SHARE * _greatest(qd)),
+        _each(time, tau, SHARE * _greatest(tau)),
+        _each(time, planned, ANGLE) if known else None,
+    )
+
+
+def _each(time: Array, values: Array, tolerance: float | Array) -> tuple[Track, ...]:
+    allowed = np.broadcast_to(tolerance, values.shape[1])
+    return tuple(
+        simplified(time, column, float(most))
+        for column, most in zip(values.T, allowed, strict=True)
+    )
+
+
+def _greatest(values: Array) -> Array:
+    """Of each joint; NaN where there is nothing."""
+    there = np.where(np.isfinite(values), np.abs(values), 0.0)
+    greatest: Array = np.maximum(there.max(axis=0), 1e-9)
+    return greatest

@@ -1,0 +1,101 @@
+"""The page: one HTML file with everything in it, no server, no network, below `LARGEST` bytes.
+
+Its scripts are bundled from `web/` beforehand (`make view-bundle`); here the data joins them. Where
+a page becomes too large, fewer instants are shown.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+
+from checked_files.yaml_file import FileError
+from hil.errors import InvalidValue
+from hil.results.tables.html import environment
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import versions
+from hil.view.packed import deflated
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.view.scene import Scene
+
+ASSETS = Path(__file__).parent / "assets"
+LARGEST = 3_000_000
+"""Of a page [bytes]."""
+MOST = (100_000, 50_000, 25_000, 12_000, 6_000)
+"""Instants that are shown, tried one after the other."""
+MARK = '<meta name="generator" content="hil view">'
+"""By which a page is known for one that may be written anew."""
+
+
+def write_page(path: Path, make: Callable[[int], Scene]) -> int:
+    """Write the page of a scene; return its size in bytes.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the scene with a number of instants.
+
+    Raises
+    ------
+    FileError
+        The file is there and is no such page, or cannot be written.
+    InvalidValue
+        It is too large with the fewest instants.
+    """
+    refuse_other_file(path)
+    size = 0
+    for most in MOST:
+        content = html(make(most)).encode()
+        size = len(content)
+        if size < LARGEST:
+            write_file(path, content)
+            return size
+    raise InvalidValue(
+        f"{path}: the page has {size / 1e6:.1f} MB, at most {LARGEST / 1e6:.0f} MB; show fewer"
+        " measurements, or leave --urdf out"
+    )
+
+
+def html(scene: Scene) -> str:
+    """Return the page of a scene."""
+    return (
+        environment(ASSETS)
+        .get_template("page.html")
+        .render(
+            scene=scene,
+            data=deflated(scene.data()),
+            style=_asset("view.css"),
+            script=_asset("view.js"),
+            mark=Markup(MARK),  # noqa: S704 - our own
+            version=versions()["canopen-robot-identification"],
+        )
+    )
+
+
+def refuse_other_file(path: Path) -> None:
+    """Refuse to write over what is no page of ours.
+
+    Raises
+    ------
+    FileError
+        There is something else.
+    """
+    if not path.exists():
+        return
+    if path.is_file():
+        with path.open("rb") as file:
+            if MARK.encode() in file.read(1000):
+                return
+    raise FileError(
+        f"{path}: is there already and no page of hil view; remove it or choose another name"
+        " with -o"
+    )
+
+
+def _asset(name: str) -> Markup:
+    return Markup((ASSETS / name).read_text(encoding="utf-8"))  # noqa: S704 - our own

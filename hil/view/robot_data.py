@@ -1,0 +1,86 @@
+"""A robot as a page draws it: frames by constant poses, capsules, limits, and which way is up."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.model.capsules import capsules, reaches
+from hil.model.frames import link_pose, pose_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.workspace import Workspace
+    from hil.view.visuals import Visual
+
+    Array = NDArray[np.float64]
+
+STEP = 0.7
+"""Way between two capsules of a swept volume, as share of the smallest radius."""
+
+
+def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object]:
+    """As a page has it; `visuals` are shown in place of the capsules."""
+    shapes = capsules(robot)
+    ways = np.maximum(shapes.reach.max(axis=0), shapes.radii.min())
+    return {
+        "name": robot.name,
+        "up": _up(robot.gravity),
+        "reach": float(reaches(robot).max()),
+        "joints": [
+            _joint(robot, j) | {"step": float(STEP * shapes.radii.min() / ways[j])}
+            for j in range(robot.n_joints)
+        ],
+        "meshes": [visual.data() for visual in visuals],
+    }
+
+
+def workspace_data(workspace: Workspace | None) -> dict[str, object] | None:
+    """Boxes and margin as a page has them."""
+    if workspace is None:
+        return None
+    boxes = [{"name": b.name, "low": b.low, "high": b.high} for b in workspace.boxes]
+    return {"margin": workspace.margin, "boxes": boxes}
+
+
+def standing(robot: Robot, joint: int) -> Array:
+    """Pose of frame j in frame j-1 at q_j = 0, shape (4, 4)."""
+    pose = link_pose(robot, joint)
+    if not robot.revolute[joint]:
+        return pose
+    turned: Array = pose @ pose_of(0.0, 0.0, float(robot.theta[joint]), 0.0)
+    return turned
+
+
+def _joint(robot: Robot, joint: int) -> dict[str, object]:
+    shapes = capsules(robot)
+    return {
+        "revolute": bool(robot.revolute[joint]),
+        "before": standing(robot, joint).ravel().tolist(),
+        "lower": float(robot.q_min[joint]),
+        "upper": float(robot.q_max[joint]),
+        "velocity": _known(robot.velocity_limit[joint]),
+        "torque": _known(robot.torque_limit[joint]),
+        "unit": robot.position_unit(joint),
+        "torque_unit": robot.torque_unit(joint),
+        "capsule": {
+            "ends": shapes.ends[joint].tolist(),
+            "radius": float(shapes.radii[joint]),
+            "stated": shapes.stated[joint],
+        },
+    }
+
+
+def _known(limit: float) -> float | None:
+    return float(limit) if np.isfinite(limit) else None
+
+
+def _up(gravity: Array) -> list[float]:
+    """Against gravity; along z where there is none."""
+    strength = float(np.linalg.norm(gravity))
+    return [0.0, 0.0, 1.0] if strength == 0.0 else (-gravity / strength).tolist()

@@ -1,0 +1,241 @@
+"""What a page shows: of a robot, a plan or a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.view.distances import distances, smallest
+from hil.view.kinds_of_segments import shown_kinds
+from hil.view.measured import measured
+from hil.view.planned import planned
+from hil.view.predicted import predicted
+from hil.view.robot_data import robot_data, workspace_data
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.planning.workspace import Workspace
+    from hil.results.model import Model
+    from hil.runs.run import Run
+    from hil.view.distances import Distances
+    from hil.view.measured import Measured
+    from hil.view.predicted import Predicted
+    from hil.view.segment import Segment
+    from hil.view.track import Track
+    from hil.view.visuals import Visual
+
+    Array = NDArray[np.float64]
+
+ANGLE = 1e-5
+"""Resolution of a position [rad or m]."""
+RESOLUTION = 5e-4
+"""Of a velocity or torque, as share of the greatest."""
+FINEST = 0.01
+"""Between instants at which torques and distances are computed [s]."""
+WITHOUT_MODEL = "No torque without a model; --model RUN adds the torque that it predicts."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """All of a page.
+
+    Attributes
+    ----------
+    title : str
+    robot : Robot
+    workspace : Workspace, optional
+    visuals : sequence of Visual
+        Meshes in place of capsules.
+    segments : tuple of Segment
+        None for a robot that stands.
+    planned : tuple of Track, optional
+        Position of each joint as planned, or as set-points were.
+    measured : Measured, optional
+    predicted : Predicted, optional
+    distances : Distances, optional
+    notes : tuple of str
+        What the reader should know of it.
+    """
+
+    title: str
+    robot: Robot
+    workspace: Workspace | None = None
+    visuals: Sequence[Visual] = ()
+    segments: tuple[Segment, ...] = ()
+    planned: tuple[Track, ...] | None = None
+    measured: Measured | None = None
+    predicted: Predicted | None = None
+    distances: Distances | None = None
+    notes: tuple[str, ...] = ()
+
+    def data(self) -> dict[str, object]:
+        """As the page's scripts read it."""
+        kinds = shown_kinds(segment.kind for segment in self.segments)
+        number = {kind["name"]: n for n, kind in enumerate(kinds)}
+        return {
+            "title": self.title,
+            "robot": robot_data(self.robot, self.visuals),
+            "workspace": workspace_data(self.workspace),
+            "kinds": kinds,
+            "segments": [_segment(each, number[each.kind]) for each in self.segments],
+            "planned": _tracks(self.planned, ANGLE),
+            "measured": self._measured(),
+            "predicted": _tracks(self.predicted.tracks if self.predicted else None),
+            "prediction": self.predicted.words if self.predicted else None,
+            "distance": self.distances.data() if self.distances else None,
+        }
+
+    def _measured(self) -> dict[str, object] | None:
+        if self.measured is None:
+            return None
+        return {
+            "position": _tracks(self.measured.position, ANGLE),
+            "velocity": _tracks(self.measured.velocity),
+            "torque": _tracks(self.measured.torque),
+        }
+
+
+def of_robot(
+    robot: Robot, workspace: Workspace | None = None, visuals: Sequence[Visual] = ()
+) -> Scene:
+    """A robot whose joints the reader sets."""
+    return Scene(f"{robot.name}: {robot.n_joints} joints", robot, workspace, visuals)
+
+
+def of_plan(
+    plan: Plan,
+    robot: Robot,
+    most: int,
+    model: Model | None = None,
+    visuals: Sequence[Visual] = (),
+) -> Scene:
+    """A plan as the dry run reckons it.
+
+    Parameters
+    ----------
+    most : int
+        Instants at which torques and distances are computed.
+    model : Model, optional
+        Predicts the torques.
+
+    Raises
+    ------
+    InvalidValue
+        More strokes than a page can show.
+    """
+    motion, segments = planned(plan, robot)
+    time = _instants(segments[-1].end, most)
+    q, qd, qdd = motion.at(time)
+    near = distances(robot, plan.workspace, time, q)
+    torque = predicted(model, time, q, qd, qdd) if model else None
+    return Scene(
+        title=f"{robot.name}: plan of {len(plan.measurements)} measurements",
+        robot=robot,
+        workspace=plan.workspace,
+        visuals=visuals,
+        segments=segments,
+        planned=motion.tracks,
+        predicted=torque,
+        distances=near,
+        notes=(
+            "As the dry run reckons it; it begins with all joints at 0, since where the robot"
+            " stands is not known.",
+            *_of_distance(near, plan.workspace),
+            *(() if torque else (WITHOUT_MODEL,)),
+        ),
+    )
+
+
+def of_run(
+    run: Run, most: int, model: Model | None = None, visuals: Sequence[Visual] = ()
+) -> Scene:
+    """What a run has measured, beside its set-points.
+
+    Parameters
+    ----------
+    most : int
+        Instants that are shown in all.
+    model : Model, optional
+        Predicts the torques of the set-points.
+
+    Raises
+    ------
+    NotEnoughData
+        There are no recordings.
+    FileError
+        A recording is damaged.
+    """
+    found = measured(run, most)
+    workspace = None if run.imported else run.planned.workspace
+    time = _instants(found.segments[-1].end, most)
+    q = np.column_stack([np.interp(time, each.time, each.value) for each in found.position])
+    near = distances(run.robot, workspace, time, q)
+    return Scene(
+        title=f"{run.robot.name}: {len(run)} of {len(run.motions)} recordings of {run.path.name}",
+        robot=run.robot,
+        workspace=workspace,
+        visuals=visuals,
+        segments=found.segments,
+        planned=found.set_point,
+        measured=found,
+        predicted=_along(found, model),
+        distances=near,
+        notes=(
+            "As it was measured. Pauses are left out, and ways between recordings, which are not"
+            " recorded, are drawn straight.",
+            *_of_distance(near, workspace),
+        ),
+    )
+
+
+def _along(found: Measured, model: Model | None) -> Predicted | None:
+    """Torques by a model along what was measured, at the knots of its velocities."""
+    if model is None:
+        return None
+    time = np.unique(np.concatenate([each.time for each in found.velocity]))
+    q = np.column_stack([np.interp(time, each.time, each.value) for each in found.position])
+    qd = np.column_stack([np.interp(time, each.time, each.value) for each in found.velocity])
+    return predicted(model, time, q, qd, np.gradient(qd, time, axis=0))
+
+
+def _instants(duration: float, most: int) -> Array:
+    n = int(min(max(duration / FINEST, 1), most))
+    return np.linspace(0.0, duration, n + 1)
+
+
+def _of_distance(found: Distances | None, workspace: Workspace | None) -> tuple[str, ...]:
+    if found is None or workspace is None:
+        return ()
+    words = smallest(found, workspace)
+    return (f"{words[0].upper()}{words[1:]}.",)
+
+
+def _segment(segment: Segment, kind: int) -> dict[str, object]:
+    return {
+        "kind": kind,
+        "words": segment.words,
+        "begin": round(segment.begin, 4),
+        "end": round(segment.end, 4),
+        "axes": segment.axes,
+        "recorded": segment.recorded,
+        "problem": segment.problem,
+    }
+
+
+def _tracks(
+    tracks: Sequence[Track] | None, step: float | None = None
+) -> list[dict[str, object]] | None:
+    """Tracks as the page has them, by default with a resolution that follows their size."""
+    if tracks is None:
+        return None
+    return [
+        track.data(step or RESOLUTION * max(float(np.abs(track.value).max(initial=0.0)), 1e-6))
+        for track in tracks
+    ]

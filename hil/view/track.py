@@ -1,0 +1,69 @@
+"""A quantity over time by its knots, as a page draws it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.view.packed import packed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+INSTANT = 1e-4
+"""Resolution of time in a page [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """Knots of one quantity, joined by lines, or by cubics where the slopes are known.
+
+    Attributes
+    ----------
+    time, value : array (n,)
+        [s] and the quantity's unit.
+    slope : array (n,), optional
+        [unit/s].
+    """
+
+    time: Array
+    value: Array
+    slope: Array | None = None
+
+    def data(self, step: float) -> dict[str, object]:
+        """As a page has it, values rounded to `step`."""
+        found: dict[str, object] = {
+            "time": packed(self.time, INSTANT),
+            "value": packed(self.value, step),
+        }
+        return found if self.slope is None else found | {"slope": packed(self.slope, step)}
+
+
+def simplified(time: Array, value: Array, tolerance: float) -> Track:
+    """Lines through as few of the samples as stay within `tolerance` of all of them.
+
+    From one knot on, the slopes that pass by every sample within the tolerance narrow from sample
+    to sample; where none is left, the sample before becomes the next knot (the swinging door).
+    """
+    finite = np.isfinite(value)
+    t, x = time[finite].tolist(), value[finite].tolist()
+    kept, low, high = [0], -np.inf, np.inf
+    for i in range(1, len(t)):
+        begin = kept[-1]
+        way = t[i] - t[begin]
+        if way <= 0 or low <= (x[i] - x[begin]) / way <= high:
+            pass
+        else:
+            begin, low, high = i - 1, -np.inf, np.inf
+            kept.append(begin)
+            way = t[i] - t[begin]
+        if way > 0:
+            low = max(low, (x[i] - tolerance - x[begin]) / way)
+            high = min(high, (x[i] + tolerance - x[begin]) / way)
+    kept.append(len(t) - 1)
+    chosen = np.unique(np.array(kept)[np.array(kept) >= 0])
+    return Track(np.array(t)[chosen], np.array(x)[chosen])

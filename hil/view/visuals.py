@@ -1,0 +1,201 @@
+"""Visual meshes of a URDF, in the frames of the robot's links.
+
+A URDF's links have frames of their own; each is fixed in one frame of the robot, or in its base
+frame, where the pose follows from the zero configuration. What cannot be shown (a format that is
+not read, a file that is missing) is left out and stated; the capsule of that link stays.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import unquote
+
+import numpy as np
+
+from hil.errors import FileError, Mismatch
+from hil.model.axes_to_frames import frames_of
+from hil.model.frames import inverse
+from hil.model.urdf import UrdfReader
+from hil.view.mesh_files import read_triangles
+from hil.view.packed import packed
+from hil.view.primitives import box, cylinder, sphere
+from hil.view.robot_data import standing
+from hil.view.thinned_mesh import FINEST, thinned
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from xml.etree.ElementTree import Element
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.model.urdf import UrdfChain
+    from hil.view.thinned_mesh import Mesh
+
+    Array = NDArray[np.float64]
+
+MOST_TRIANGLES = 40_000
+"""Of all meshes of a page."""
+SAME = 1e-6
+"""How far frames of URDF and robot file may be apart [m, or as entry of a rotation]."""
+BASE = -1
+"""Number of what stands still."""
+
+
+class Visual(NamedTuple):
+    """A mesh in the frame of a link.
+
+    Attributes
+    ----------
+    link : int
+        From 0; `BASE` for the base frame.
+    mesh : Mesh
+    """
+
+    link: int
+    mesh: Mesh
+
+    def data(self) -> dict[str, object]:
+        """As a page has it."""
+        return {
+            "link": self.link,
+            "vertices": packed(self.mesh.vertices, FINEST),
+            "triangles": packed(self.mesh.triangles, 1),
+        }
+
+
+class Visuals(NamedTuple):
+    """Meshes that can be shown, and in words what is left out."""
+
+    visuals: tuple[Visual, ...]
+    left_out: tuple[str, ...]
+
+
+def visuals(urdf: Path, robot: Robot) -> Visuals:
+    """Read the visual meshes of a URDF that `robot` was made from.
+
+    Raises
+    ------
+    FileError
+        No URDF.
+    Mismatch
+        Its joints are not those of the robot.
+    """
+    reader = UrdfReader(urdf)
+    chain = reader.chain(None, None)
+    _refuse_other(chain, robot, urdf)
+    shapes: list[tuple[int, Array]] = []
+    left_out = []
+    for link, pose, element in _placed(reader, chain):
+        for visual in element.findall("visual"):
+            try:
+                corners = _triangles(reader, visual, urdf)
+            except FileError as error:
+                left_out.append(f"{error}; left out")
+                continue
+            shapes.append((link, _moved(corners, pose @ reader.origin(visual))))
+    most = _allowance([len(corners) for _, corners in shapes])
+    found = [Visual(link, thinned(corners, most)) for link, corners in shapes]
+    return Visuals(tuple(v for v in found if len(v.mesh.triangles)), (*left_out, *_coarse(found)))
+
+
+def _allowance(sizes: list[int]) -> int:
+    """Triangles that each mesh may have; what small ones leave is for the large ones."""
+    left, most = MOST_TRIANGLES, MOST_TRIANGLES
+    for number, size in enumerate(sorted(sizes)):
+        most = left // (len(sizes) - number)
+        if size > most:
+            break
+        left -= size
+    return most
+
+
+def _coarse(found: list[Visual]) -> Iterator[str]:
+    cell = max((visual.mesh.cell for visual in found), default=FINEST)
+    if cell > FINEST:
+        yield f"meshes are coarser than their files, by up to {1000 * cell:.1f} mm"
+
+
+def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
+    """Refuse a URDF whose frames are not those of the robot file."""
+    frames = frames_of(chain)
+    n = robot.n_joints
+    if len(chain.joints) == n:
+        poses = frames.poses(np.zeros(n), robot.revolute)
+        steps = [inverse(a) @ b for a, b in zip([frames.base, *poses[:-1]], poses, strict=True)]
+        if all(np.abs(step - standing(robot, j)).max() < SAME for j, step in enumerate(steps)):
+            return
+    raise Mismatch(
+        f"{urdf}: its joints from {chain.base} to {chain.tip} are not where those of {robot.name}"
+        " are; give the URDF that the robot file was written from"
+    )
+
+
+def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
+    """Links that hang on the chain: number, pose of the link's frame in the robot's, element."""
+    frames = frames_of(chain)
+    revolute = np.array([joint.type == "revolute" for joint in chain.joints])
+    at_zero = np.zeros(len(chain.joints))
+    own = dict(zip((joint.link for joint in chain.joints), range(len(revolute)), strict=True))
+    of_urdf = chain.frames(at_zero)
+    of_robot = frames.poses(at_zero, revolute)
+    yield from _fixed_on(reader, chain.base, BASE, inverse(frames.base), own)
+    for name, number in own.items():
+        pose = inverse(of_robot[number]) @ of_urdf[number]
+        yield from _fixed_on(reader, name, number, pose, own)
+
+
+def _fixed_on(
+    reader: UrdfReader, name: str, number: int, pose: Array, own: dict[str, int]
+) -> Iterator[tuple[int, Array, Element]]:
+    """Yield a link, and those that fixed joints hang on it."""
+    yield number, pose, reader.links[name]
+    for edge in reader.below.get(name, ()):
+        if edge.child not in own and edge.element.get("type") == "fixed":
+            onward = pose @ reader.origin(edge.element)
+            yield from _fixed_on(reader, edge.child, number, onward, own)
+
+
+def _triangles(reader: UrdfReader, visual: Element, urdf: Path) -> Array:
+    """Triangles (n, 3, 3) of a visual in its own frame [m]."""
+    geometry = visual.find("geometry")
+    shape = geometry[0] if geometry is not None and len(geometry) else None
+    if shape is None:
+        raise reader.file.wrong(visual, "a visual without a shape")
+    numbers = reader.file.numbers
+    if shape.tag == "box":
+        return box(numbers(shape, "size", 3) or [0.0] * 3)
+    if shape.tag in {"cylinder", "capsule"}:
+        return cylinder(
+            (numbers(shape, "radius", 1) or [0.0])[0], (numbers(shape, "length", 1) or [0.0])[0]
+        )
+    if shape.tag == "sphere":
+        return sphere((numbers(shape, "radius", 1) or [0.0])[0])
+    if shape.tag != "mesh":
+        raise reader.file.wrong(shape, f"<{shape.tag}> is no shape that is shown")
+    scale = np.array(numbers(shape, "scale", 3) or [1.0] * 3)
+    corners: Array = read_triangles(_file(shape.get("filename", ""), urdf)) * scale
+    return corners
+
+
+def _file(stated: str, urdf: Path) -> Path:
+    """Path of a mesh: beside the URDF, or in the package's folder at or above it."""
+    name = unquote(stated.removeprefix("file://"))
+    if not name.startswith("package://"):
+        return urdf.parent / name
+    inner = Path(name.removeprefix("package://"))
+    package, *rest = inner.parts or ("",)
+    for folder in urdf.resolve().parents:
+        for candidate in (
+            folder / inner,
+            folder.joinpath(*rest) if folder.name == package else None,
+        ):
+            if candidate is not None and candidate.is_file():
+                return candidate
+    return urdf.parent / inner
+
+
+def _moved(corners: Array, pose: Array) -> Array:
+    moved: Array = corners @ pose[:3, :3].T + pose[:3, 3]
+    return moved

@@ -1,0 +1,256 @@
+"""Finds pushes in the torques of moving axes, sample by sample.
+
+Newton's law holds within every short time: what the drives and the model's friction, gravity and
+Coriolis forces have done to the momentum of the axes, and what has become of it by the encoders,
+differ by what somebody else has done. Accelerations from encoders are far too noisy to be looked at
+one by one, but their mean over a window is a difference of two velocities, and with it the mean of
+what is left,
+
+    r = tau - A(q, qd, qdd) p - H qdd - friction,
+
+is the momentum that came from outside over the window's length. That is what an observer of the
+momentum integrates, over a finite time instead of a fading one. It needs no set-points, so it holds
+for every kind of motion. The acceleration of a sample takes the next one, which is all the delay
+there is.
+
+Windows of several lengths are looked at: short ones see strong pushes soon, long ones weak pushes.
+Each has a threshold,
+
+    sqrt((SIGMAS * scatter)^2 + (2 * standard error)^2) + turning,
+
+from how such means scatter on this machine (`hil.watching.scatter`), from the model's own interval
+(base parameters, and friction as it is followed, `hil.watching.friction_level`), and from what
+friction may be wrong by just after a reversal (`hil.watching.turning`) and at speeds slower than
+its law was found from. At rest friction holds against anything up to its level in either direction,
+so only more than that is seen.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.model.dynamics import inverse_dynamics, regressor
+from hil.model.motors import motor_torque
+from hil.watching.friction_level import FrictionLevel, columns_of
+from hil.watching.friction_tables import FrictionTables
+from hil.watching.scatter import Scatter, window_lengths
+from hil.watching.turning import Turning
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+    Flags = NDArray[np.bool_]
+
+SIGMAS = 7.0
+BLOCK = 0.25
+"""Time after which what is learned counts: friction, scatter, presliding distances [s]."""
+SLOW = 0.01
+"""Share of the velocity limit below which an axis may be at rest."""
+EXTRAPOLATED = 0.2
+"""Share of friction's level by which a law may be wrong far below the speeds it was found from."""
+SURE = 0.05
+"""Doubt of friction's direction up to which a sample shows how friction and scatter are."""
+DOUBTFUL = 1.0
+"""Share of a threshold above which nothing is learned from a block."""
+LONGEST_DOUBT = 10.0
+"""Time after which what lasts is learned all the same: a load, or friction that has changed [s]."""
+
+
+class Judged(NamedTuple):
+    """What some samples show.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Of the samples with which it was known [s].
+    measured, predicted : ndarray, shape (n, n_joints)
+        Of the samples one period before [N m or N].
+    outside, threshold : ndarray, shape (n, n_windows, n_joints)
+        Mean torque from outside in each window that ends with these, and the threshold of its size
+        [N m or N].
+    moving : ndarray of bool, shape (n, n_joints)
+    """
+
+    time: Array
+    measured: Array
+    predicted: Array
+    outside: Array
+    threshold: Array
+    moving: Flags
+
+    def after(self, first: int) -> Judged:
+        """Return it without the first samples."""
+        return Judged(*(values[first:] for values in self))  # type: ignore[arg-type]
+
+
+class _Learned(NamedTuple):
+    """What a block of samples shows for the next ones; arrays as in `Judged`, shares of limits."""
+
+    columns: Array
+    left: Array
+    means: Array
+    doubtful: Flags
+    sure: Flags
+
+
+class Detector:
+    """Judges samples in their order, one or many at a time with the same result.
+
+    Parameters
+    ----------
+    model : Model
+        With a law of friction.
+    period : float
+        Time between two samples [s].
+
+    Attributes
+    ----------
+    windows : ndarray of int, shape (n_windows,)
+        Lengths of the windows [samples].
+
+    Raises
+    ------
+    NotEnoughData
+        The model has no law of friction.
+    """
+
+    def __init__(self, model: Model, period: float) -> None:
+        robot, n = model.robot, model.robot.n_joints
+        self.windows = np.array(window_lengths(period))
+        self._model, self._period = model, period
+        self._limit, self._speed = robot.torque_limit, robot.velocity_limit
+        self._tables = FrictionTables(model)
+        self._slowest = np.maximum(self._tables.slowest, 1e-9)
+        self._level = FrictionLevel(self._tables.uncertainty)
+        self._turning = Turning(_presliding(model))
+        self._scatter = Scatter(len(self.windows), n, period)
+        self._recent = np.zeros((2, self.windows[-1], n))
+        self._time, self._q, self._tau = np.empty(0), np.empty((0, n)), np.empty((0, n))
+        self._since = 0
+        self._learned: list[_Learned] = []
+        self._length, self._in_block = max(1, round(BLOCK / period)), 0
+        self._doubted = np.zeros(n)
+
+    @property
+    def distance(self) -> Array:
+        """Presliding distances that are taken, shape (n_joints,) [rad or m]."""
+        return self._turning.distance
+
+    def take(self, time: Array, q: Array, tau: Array) -> Iterator[Judged]:
+        """Take the next samples.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            [s].
+        q, tau : ndarray, shape (n, n_joints)
+            Positions and torques [rad or m, N m or N]; NaN is a gap.
+
+        Yields
+        ------
+        Judged
+            In order; nothing before a window is full, nor after a gap.
+        """
+        there = np.isfinite(q).all(axis=1) & np.isfinite(tau).all(axis=1)
+        time, q, tau = time[there], q[there], tau[there]
+        last = self._time[-1:] if len(self._time) else time[:1]
+        gaps = np.flatnonzero(np.diff(time, prepend=last) > 1.5 * self._period)
+        for begin, end in pairwise((0, *gaps, len(time))):
+            if begin in gaps:
+                self._time, self._since = self._time[:0], 0
+            part = slice(begin, end)
+            yield from self._go_on(time[part], q[part], tau[part])
+
+    def _go_on(self, time: Array, q: Array, tau: Array) -> Iterator[Judged]:
+        """Judge samples that follow each other, and the last two before."""
+        kept = slice(len(self._q) - len(self._time), None)
+        time = np.concatenate([self._time, time])
+        q, tau = np.concatenate([self._q[kept], q]), np.concatenate([self._tau[kept], tau])
+        self._time, self._q, self._tau = time[-2:], q[-2:], tau[-2:]
+        begin, last = 1, len(time) - 1
+        while begin < last:
+            end = min(last, begin + self._length - self._in_block)
+            rows = slice(begin - 1, end + 1)
+            judged = self._judge(time[begin + 1 : end + 1], q[rows], tau[begin:end])
+            skipped = min(max(self.windows[-1] - 1 - self._since, 0), end - begin)
+            self._since += end - begin
+            self._in_block = (self._in_block + end - begin) % self._length
+            if self._in_block == 0:
+                self._learn()
+            if skipped < end - begin:
+                yield judged.after(skipped)
+            begin = end
+
+    def _judge(self, time: Array, q: Array, measured: Array) -> Judged:
+        robot, period = self._model.robot, self._period
+        step = np.diff(q, axis=0)
+        qd, qdd = (step[1:] + step[:-1]) / (2 * period), np.diff(step, axis=0) / period**2
+        q = q[1:-1]
+        rigid = inverse_dynamics(robot, self._model.values, q, qd, qdd)
+        offset, level = self._tables.at(qd, rigid)
+        frictionless = rigid + motor_torque(robot, q, qd, qdd) + offset
+        turn = self._turning.take(step[:-1], measured - frictionless, level)
+        speed = np.abs(qd) / self._speed
+        columns = columns_of(turn.direction, level / self._limit, speed)
+        drifted, spread = self._level.at(columns)
+        predicted = frictionless + turn.direction * level + drifted * self._limit
+        left = (measured - predicted) / self._limit
+        rest = np.clip(1.0 - speed / SLOW, 0.0, 1.0) * (1.0 + np.abs(turn.direction))
+        slow = EXTRAPOLATED * np.clip(1.0 - np.abs(qd) / self._slowest, 0.0, 1.0)
+        wrong = np.maximum(np.maximum(turn.doubt, rest), slow)
+        means, bands = self._windows(left, wrong * level / self._limit)
+        error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
+        threshold = np.sqrt((SIGMAS * self._scatter.rms) ** 2 + error) + bands
+        moving = speed > SLOW
+        doubtful: Flags = np.asarray(np.any(np.abs(means) > DOUBTFUL * threshold, axis=1))
+        self._learned.append(_Learned(columns, left, means, doubtful, moving & (turn.doubt < SURE)))
+        return Judged(
+            time, measured, predicted, means * self._limit, threshold * self._limit, moving
+        )
+
+    def _parameter_variance(self, robot: Robot, q: Array, qd: Array) -> Array:
+        """Of the torque by the base parameters, as share of the limit; without accelerations."""
+        A = regressor(robot, q, qd, np.zeros_like(qd))
+        variance = np.einsum("njk,njk->nj", A @ self._model.covariance, A)
+        return np.asarray(variance.clip(0.0) / self._limit**2)
+
+    def _windows(self, left: Array, band: Array) -> tuple[Array, Array]:
+        """Means over the windows that end with each sample, shape (n, n_windows, n_joints)."""
+        longest = self.windows[-1]
+        rows = np.concatenate([self._recent, np.stack([left, band])], axis=1)
+        self._recent = rows[:, -longest:]
+        sums = np.concatenate([np.zeros_like(rows[:, :1]), rows.cumsum(axis=1)], axis=1)
+        ends = np.arange(longest + 1, rows.shape[1] + 1)[:, np.newaxis]
+        means = (sums[:, ends] - sums[:, ends - self.windows]) / self.windows[:, np.newaxis]
+        return means[0], means[1]
+
+    def _learn(self) -> None:
+        """Let what a block has shown count."""
+        shown = [np.concatenate(values) for values in zip(*self._learned, strict=True)]
+        columns, left, means, doubtful, sure = shown
+        self._learned.clear()
+        duration = len(left) * self._period
+        # before scatter is known everything is doubtful, and the quietest blocks would be chosen
+        doubted = doubtful.any(axis=0) & self._scatter.known
+        self._doubted = np.where(doubted, self._doubted + duration, 0.0)
+        if self._since < self.windows[-1] + len(left):
+            return
+        used = sure & ((self._doubted == 0) | (self._doubted > LONGEST_DOUBT))
+        self._scatter.take(means, used)
+        self._level.follow(columns, left, used, duration)
+        self._turning.settle()
+
+
+def _presliding(model: Model) -> Array:
+    law = model.friction_law
+    assert law is not None  # noqa: S101 - refused before
+    return np.array([0.0 if axis is None else axis.presliding for axis in law.axes])

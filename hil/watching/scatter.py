@@ -1,0 +1,69 @@
+"""How much means over short times scatter while nobody pushes: learned, and followed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MEMORY = 120.0
+"""Time over which squares are averaged [s]."""
+ENOUGH = 15.0
+"""Time of motion from which squares can be trusted [s]."""
+LONGEST = 0.1
+"""Time that the longest window takes [s]."""
+SHORTEST = 2
+"""Samples of the shortest window."""
+
+
+def window_lengths(period: float) -> tuple[int, ...]:
+    """Lengths of the windows, each about a third longer than the one before [samples]."""
+    lengths, longest = [SHORTEST], max(round(LONGEST / period), SHORTEST)
+    while lengths[-1] < longest:
+        lengths.append(min(max(lengths[-1] + 1, round(1.35 * lengths[-1])), longest))
+    return tuple(lengths)
+
+
+class Scatter:
+    """Mean squares of windows of several lengths, of all axes.
+
+    Parameters
+    ----------
+    n_windows, n_joints : int
+    period : float
+        Time between two samples [s].
+    """
+
+    def __init__(self, n_windows: int, n_joints: int, period: float) -> None:
+        self._squares = np.zeros((n_windows, n_joints))
+        self._weights = np.zeros(n_joints)
+        self._most, self._enough = MEMORY / period, ENOUGH / period
+
+    @property
+    def rms(self) -> Array:
+        """Root mean squares, shape (n_windows, n_joints); 0 before the first sample."""
+        return np.sqrt(self._squares)
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Of which axes enough has been seen, shape (n_joints,)."""
+        return np.asarray(self._weights >= self._enough)
+
+    def take(self, means: Array, used: NDArray[np.bool_]) -> None:
+        """Take the windows that end with some samples.
+
+        Parameters
+        ----------
+        means : ndarray, shape (n, n_windows, n_joints)
+        used : ndarray of bool, shape (n, n_joints)
+        """
+        number = used.sum(axis=0)
+        self._weights = np.minimum(self._weights + number, self._most)
+        mean = np.einsum("nwj,nj->wj", means**2, used) / np.maximum(number, 1)
+        share = number / np.maximum(self._weights, 1.0)
+        self._squares += share * (mean - self._squares)

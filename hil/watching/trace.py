@@ -1,0 +1,96 @@
+"""Torques around alarms, for a picture; without one, those at the end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.watching.detector import Judged
+
+    Array = NDArray[np.float64]
+
+SHOWN = 1.0
+"""Time that is shown [s]."""
+AFTER = 0.6
+"""What of it follows the alarm [s]."""
+
+
+class Stretch(NamedTuple):
+    """Torques of one axis over a short time.
+
+    Attributes
+    ----------
+    alarm : float
+        Instant of an alarm; NaN without one [s].
+    time, measured, predicted, threshold : ndarray, shape (n,)
+        [s], [N m or N].
+    """
+
+    alarm: float
+    time: Array
+    measured: Array
+    predicted: Array
+    threshold: Array
+
+
+class Trace:
+    """Keeps the last samples, and those around each axis's first alarm.
+
+    Parameters
+    ----------
+    n_joints : int
+    period : float
+        Time between two samples [s].
+    """
+
+    def __init__(self, n_joints: int, period: float) -> None:
+        self._length = round(SHOWN / period)
+        self._last: tuple[Array, ...] = (np.empty(0), *[np.empty((0, n_joints))] * 3)
+        self._period = period
+        self._n = n_joints
+        self._wanted: dict[int, float] = {}
+        self._kept: dict[int, Stretch] = {}
+
+    @property
+    def waiting(self) -> bool:
+        """Whether what follows an alarm has not come yet."""
+        return bool(self._wanted)
+
+    def take(self, judged: Judged, window: int, rows: slice = slice(None)) -> None:
+        """Take what some samples show, with the threshold of one window."""
+        last = slice(-self._length, None)
+        self._last = tuple(
+            np.concatenate([kept, new[rows]])[last]
+            for kept, new in zip(
+                self._last,
+                (judged.time - self._period, judged.measured, judged.predicted,
+                 judged.threshold[:, window]),
+                strict=True,
+            )
+        )  # fmt: skip
+        for axis, alarm in tuple(self._wanted.items()):
+            if self._last[0][-1] >= alarm + AFTER:
+                self._kept[axis] = self._stretch(axis, alarm)
+                del self._wanted[axis]
+
+    def keep(self, axis: int, alarm: float) -> None:
+        """Keep what is around an alarm, if it is the axis's first."""
+        if axis not in self._kept:
+            self._wanted.setdefault(axis, alarm)
+
+    def stretches(self) -> tuple[Stretch, ...]:
+        """One of each axis; empty where nothing was watched."""
+        if not len(self._last[0]):
+            return ()
+        return tuple(
+            self._kept.get(axis) or self._stretch(axis, self._wanted.get(axis, float("nan")))
+            for axis in range(self._n)
+        )
+
+    def _stretch(self, axis: int, alarm: float) -> Stretch:
+        time, *torques = self._last
+        return Stretch(alarm, time, *(each[:, axis] for each in torques))

@@ -1,0 +1,224 @@
+"""Raises alarms from what single samples show, and counts how well each axis was seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.results.watch import LATE, SOON, STRONG, WEAK, Alarm, Sight, Watched
+from hil.watching.detector import Detector, Judged
+from hil.watching.trace import Trace
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from drivers.drive_bus import Sample
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+OVER = 0.25
+"""Time without a sign after which an alarm is over [s]."""
+EVERY = 8
+"""Samples of which one counts for medians."""
+MANY = 100_000
+"""Thresholds that are kept for medians at most."""
+
+
+class Watcher:
+    """Watches all axes.
+
+    Parameters
+    ----------
+    model : Model
+        With a law of friction.
+    period : float
+        Time between two samples [s].
+    learning : float
+        Time of motion in which scatter is learned and no alarm raised [s].
+
+    Attributes
+    ----------
+    alarms : list of Alarm
+        All until now; of those that go on, `peak` and `lasted` are of the past.
+    learned, watched : float
+        Time with an axis in motion until the first alarm may be raised, and time since then [s].
+    trace : Trace
+        Torques around alarms.
+
+    Raises
+    ------
+    NotEnoughData
+        The model has no law of friction.
+    """
+
+    def __init__(self, model: Model, period: float, learning: float) -> None:
+        self._detector = Detector(model, period)
+        self._robot, self._period, self._learning = model.robot, period, learning
+        n = model.robot.n_joints
+        self._lengths = period * self._detector.windows
+        # the last sample of a window is known one period later
+        self._soon = max(int((self._lengths + period <= SOON + 1e-9).sum()), 1) - 1
+        self._late = max(int((self._lengths + period <= LATE + 1e-9).sum()), 1) - 1
+        self._open: dict[int, int] = {}
+        self._signs = np.full(n, -np.inf)
+        self._unseen, self._judged = np.zeros((2, n)), 0
+        self._sizes = np.outer((STRONG, WEAK), model.robot.torque_limit)
+        self._thresholds: list[Array] = []
+        self.alarms: list[Alarm] = []
+        self.learned = self.watched = 0.0
+        self._last: Judged | None = None
+        self.trace = Trace(n, period)
+
+    def take(self, sample: Sample) -> tuple[Alarm, ...]:
+        """Take the next sample; return the alarms that begin with it."""
+        q, tau = np.array(sample.q)[np.newaxis], np.array(sample.tau)[np.newaxis]
+        return self.take_all(np.array([sample.time]), q, tau)
+
+    def take_all(self, time: Array, q: Array, tau: Array) -> tuple[Alarm, ...]:
+        """Take the next samples, with the same result as one by one; return their alarms.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            [s].
+        q, tau : ndarray, shape (n, n_joints)
+            [rad or m], [N m or N]; NaN where a sample is missing.
+        """
+        begun: list[Alarm] = []
+        for judged in self._detector.take(time, q, tau):
+            self._last = judged
+            first = self._learn(judged)
+            if first:
+                self.trace.take(judged, self._soon, slice(first))
+            if first < len(judged.time):
+                begun += self._watch(judged.after(first))
+        return tuple(begun)
+
+    def unit(self, alarm: Alarm) -> str:
+        """Unit of an alarm's torque."""
+        return self._robot.torque_unit(alarm.axis - 1)
+
+    def sights(self) -> tuple[Sight, ...]:
+        """How well each axis was seen."""
+        return tuple(self._sight(axis) for axis in range(self._robot.n_joints))
+
+    @property
+    def learning(self) -> bool:
+        """Whether thresholds are still learned, and no alarm is raised."""
+        return self.learned < self._learning
+
+    def torques(self) -> Array:
+        """Torques now, shape (n_joints, 4) [N m or N].
+
+        Measured, predicted, mean from outside over the longest window, and its threshold; NaN
+        before the first.
+        """
+        if self._last is None:
+            return np.full((self._robot.n_joints, 4), np.nan)
+        _, measured, predicted, outside, threshold, _ = (values[-1] for values in self._last)
+        return np.column_stack([measured, predicted, outside[self._late], threshold[self._late]])
+
+    def found(self, plan_digest: str, model: str) -> Watched:
+        """All that was found until now.
+
+        Parameters
+        ----------
+        plan_digest, model : str
+            Of what was watched, and path of the model's file; to be kept.
+        """
+        return Watched(
+            robot_digest=self._robot.digest,
+            plan_digest=plan_digest,
+            model=model,
+            period=self._period,
+            learned=round(self.learned, 6),
+            watched=round(self.watched, 6),
+            axes=self.sights(),
+            alarms=tuple(self.alarms),
+        )
+
+    def _learn(self, judged: Judged) -> int:
+        """Return how many of the samples go into learning alone."""
+        if not self.learning:
+            return 0
+        moved = self.learned + self._period * judged.moving.any(axis=1).cumsum()
+        number = int(np.searchsorted(moved, self._learning - 1e-9)) + 1
+        self.learned = float(moved[:number][-1])
+        return min(number, len(moved))
+
+    def _watch(self, judged: Judged) -> list[Alarm]:
+        self.watched += self._period * len(judged.time)
+        self._count(judged)
+        ratio = np.abs(judged.outside) / judged.threshold
+        signs = np.asarray(np.any(ratio >= 1.0, axis=1))
+        if not (signs.any() or self._open or self.trace.waiting):
+            self.trace.take(judged, self._soon)
+            return []
+        begun: list[Alarm] = []
+        for row in range(len(judged.time)):
+            self.trace.take(judged, self._soon, slice(row, row + 1))
+            begun += self._raised(judged, row, ratio[row], signs[row])
+        return begun
+
+    def _raised(self, judged: Judged, row: int, ratio: Array, signs: Array) -> Iterator[Alarm]:
+        """Begin alarms, go on with others and end those that are over."""
+        now = float(judged.time[row])
+        for axis in np.flatnonzero(signs).tolist():
+            self._signs[axis] = now
+            if axis not in self._open:
+                self._open[axis] = len(self.alarms)
+                self.alarms.append(self._alarm(judged, row, axis, int(ratio[:, axis].argmax())))
+                self.trace.keep(axis, now)
+                yield self.alarms[-1]
+        for axis, number in tuple(self._open.items()):
+            self.alarms[number] = self._gone_on(
+                self.alarms[number], float(judged.outside[row, self._soon, axis])
+            )
+            if now - self._signs[axis] > OVER:
+                del self._open[axis]
+
+    def _alarm(self, judged: Judged, row: int, axis: int, window: int) -> Alarm:
+        torque = float(judged.outside[row, window, axis])
+        return Alarm(
+            axis=axis + 1,
+            time=round(float(judged.time[row]), 6),
+            torque=torque,
+            threshold=float(judged.threshold[row, window, axis]),
+            window=round(float(self._lengths[window]), 6),
+            peak=torque,
+        )
+
+    def _gone_on(self, alarm: Alarm, seen: float) -> Alarm:
+        lasted = round(float(self._signs[alarm.axis - 1]) - alarm.time, 6)
+        return alarm.model_copy(update={"peak": max(alarm.peak, seen, key=abs), "lasted": lasted})
+
+    def _count(self, judged: Judged) -> None:
+        pairs = judged.threshold[:, [self._soon, self._late]]
+        self._unseen += (pairs > self._sizes).sum(axis=0)
+        counted = slice(-self._judged % EVERY, None, EVERY)
+        self._judged += len(judged.time)
+        self._thresholds += list(
+            np.where(judged.moving[counted, np.newaxis], pairs[counted], np.nan)
+        )
+        if len(self._thresholds) > MANY:
+            del self._thresholds[::2]
+
+    def _sight(self, axis: int) -> Sight:
+        found = np.array(self._thresholds or [np.full((2, self._robot.n_joints), np.nan)])
+        shown = found[np.isfinite(found[:, 0, axis]), :, axis]
+        soon, late = np.median(shown, axis=0) if len(shown) else (np.nan, np.nan)
+        blind, dim = (self._unseen[:, axis] / max(self._judged, 1)).tolist()
+        return Sight(
+            axis=axis + 1,
+            unit=self._robot.torque_unit(axis),
+            limit=float(self._robot.torque_limit[axis]),
+            soon=float(soon),
+            late=float(late),
+            blind=blind,
+            dim=dim,
+            distance=float(self._detector.distance[axis]),
+        )

@@ -1,0 +1,182 @@
+"""The page in a real browser: where it draws the robot, and whether everybody can use it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from browser import colour_scheme, opened_browser, require_browser, resize
+
+from hil.model.axes_to_frames import Frames
+from hil.model.robot import load_robot
+from hil.planning.design.by_counts import design
+from hil.planning.workspace import Box, Workspace
+from hil.view.page import write_page
+from hil.view.planned import planned
+from hil.view.scene import of_plan, of_robot
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from selenium.webdriver import Chrome
+
+    from hil.model.robot import Robot
+
+SUPPORT = Path(__file__).parents[2] / "support"
+ROBOTS = Path(__file__).parents[2] / "robots"
+AXE = (SUPPORT / "axe.min.js").read_text(encoding="utf-8")
+FAULTS = """
+const done = arguments[arguments.length - 1];
+const found = ({ id, nodes }) => [id, nodes.map(({ html }) => html)];
+axe.run().then(({ violations }) => done(violations.map(found)));
+"""
+SEEN = """
+const { scene } = window.view;
+const links = scene.robot.joints.map((_, link) => scene.project(link));
+return { ...scene.seen(), links: links.map(({ x, y }) => [x, y]) };
+"""
+ENDS = """
+const every = [...document.querySelectorAll('body *')];
+return every.map((each) => each.getBoundingClientRect().right);
+"""
+COUNTS = {"gravity": 3, "inertia": 10, "coupling": 1}
+WORKSPACE = Workspace(boxes=(Box(name="cabinet", low=(0.9, 0.6, -0.8), high=(1.4, 1.2, 0.2)),))
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    require_browser()
+    with opened_browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def plan_page(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("pages") / "plan.html"
+    plan = design(manutec, COUNTS, 0.0, WORKSPACE)
+    write_page(path, lambda most: of_plan(plan, manutec, most))
+    return path
+
+
+def show(
+    browser: Chrome, page: Path, width: int = 1000, height: int = 600, scheme: str = "light"
+) -> None:
+    resize(browser, width, height)
+    colour_scheme(browser, scheme)
+    browser.get(page.as_uri())
+    browser.set_script_timeout(20)
+    browser.execute_async_script("""
+        const done = arguments[0];
+        const ready = () => requestAnimationFrame(() => done());
+        const wait = () => (window.view ? ready() : setTimeout(wait, 20));
+        wait();
+    """)
+
+
+def projected(robot: Robot, q: np.ndarray, seen: dict[str, Any]) -> np.ndarray:
+    """Where the camera sees the origins of all links' frames (n_joints, 2) [pixels]."""
+    frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, np.eye(4))
+    origins = frames.poses(q, robot.revolute)[:, :, 3]
+    clip = origins @ np.reshape(seen["matrix"], (4, 4)).T
+    across, up = clip[:, 0] / clip[:, 3], clip[:, 1] / clip[:, 3]
+    return np.column_stack([(across + 1) / 2 * seen["width"], (1 - up) / 2 * seen["height"]])
+
+
+def complaints(browser: Chrome) -> list[str]:
+    return [each["message"] for each in browser.get_log("browser") if each["level"] == "SEVERE"]
+
+
+@pytest.mark.parametrize("name", ["manutec-r15", "cartesian", "scara", "panda", "ur10e-on-a-wall"])
+def test_links_are_drawn_where_forward_kinematics_has_them(
+    name: str, browser: Chrome, tmp_path: Path
+) -> None:
+    file = ROBOTS / f"{name}.yaml"
+    robot = load_robot(file if file.exists() else name)
+    write_page(tmp_path / "robot.html", lambda _: of_robot(robot))
+    show(browser, tmp_path / "robot.html")
+    rng = np.random.default_rng(4)
+    for view in ("oblique", "top"):
+        q = rng.uniform(robot.q_min, robot.q_max)
+        browser.execute_script("window.view.scene.look(arguments[0])", view)
+        browser.execute_script("window.view.show(arguments[0])", q.tolist())
+        seen = browser.execute_script(SEEN)
+        np.testing.assert_allclose(seen["links"], projected(robot, q, seen), atol=0.5)
+    assert complaints(browser) == []
+
+
+def test_three_instants_of_a_plan_are_drawn_as_planned(
+    browser: Chrome, plan_page: Path, manutec: Robot
+) -> None:
+    plan = design(manutec, COUNTS, 0.0, WORKSPACE)
+    motion, segments = planned(plan, manutec)
+    show(browser, plan_page)
+    for segment in (segments[1], segments[8], segments[-1]):
+        t = segment.begin + 0.4 * (segment.end - segment.begin)
+        browser.execute_script("window.view.seek(arguments[0])", t)
+        seen = browser.execute_script(SEEN)
+        wanted = projected(manutec, motion.at(np.array([t]))[0][0], seen)
+        np.testing.assert_allclose(seen["links"], wanted, atol=1.0)
+        now = browser.execute_script("return document.getElementById('now').textContent")
+        assert now == segment.words
+    assert complaints(browser) == []
+
+
+def test_a_robot_is_really_drawn(browser: Chrome, plan_page: Path) -> None:
+    """What the axis that is measured is marked with is seen at one of its points."""
+    show(browser, plan_page)
+    found = browser.execute_script("""
+        const { scene } = window.view;
+        window.view.seek(window.view.segments[1].begin);
+        scene.renderer.render(scene.scene, scene.camera);
+        const gl = scene.renderer.getContext();
+        const { width, height } = scene.renderer.domElement;
+        const pixels = new Uint8Array(4 * width * height);
+        gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+        const seen = new Set();
+        for (let i = 0; i < pixels.length; i += 4) {
+            seen.add([...pixels.subarray(i, i + 3)].map((each) => each >> 4).join());
+        }
+        return seen.size;
+    """)
+    assert found > 20  # shades of capsules, box, grid and volume; an empty picture has one
+
+
+def test_time_runs_and_stops(browser: Chrome, plan_page: Path) -> None:
+    show(browser, plan_page)
+    elapsed, passed, later = browser.execute_async_script("""
+        const done = arguments[0];
+        const { player } = window.view;
+        const pressed = () => new KeyboardEvent('keydown', { key: ' ', bubbles: true });
+        const press = () => document.body.dispatchEvent(pressed());
+        player.setSpeed(5);
+        const begun = performance.now();
+        press();
+        setTimeout(() => {
+            press();
+            const passed = [(performance.now() - begun) / 1000, player.time];
+            setTimeout(() => done([...passed, player.time]), 100);
+        }, 400);
+    """)
+    assert 0.0 < passed <= 5 * elapsed + 1e-6
+    assert later == passed
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_everybody_can_use_it(browser: Chrome, plan_page: Path, width: int, scheme: str) -> None:
+    show(browser, plan_page, width, 900, scheme)
+    browser.execute_script(AXE)
+    assert browser.execute_async_script(FAULTS) == []
+    ends = browser.execute_script(ENDS)
+    assert max(ends) <= width
+    assert complaints(browser) == []
+
+
+def test_sliders_of_a_robot_are_usable_too(browser: Chrome, manutec: Robot, tmp_path: Path) -> None:
+    write_page(tmp_path / "robot.html", lambda _: of_robot(manutec, WORKSPACE))
+    show(browser, tmp_path / "robot.html", 420, 900)
+    browser.execute_script(AXE)
+    assert browser.execute_async_script(FAULTS) == []
+    assert complaints(browser) == []

@@ -1,0 +1,38 @@
+"""The documentation as a site: it is built without a warning, with all commands and all keys."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil import cli
+from hil.planning.plan import Plan
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the site from a copy: pages that are generated stand beside the others."""
+    made = tmp_path_factory.mktemp("site")
+    shutil.copytree(ROOT / "docs", made / "docs")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", made / "docs", made]
+    built = subprocess.run(  # noqa: S603 - our own
+        command, capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert (built.returncode, built.stderr) == (0, "")
+    return made
+
+
+def test_every_command_has_its_section(site: Path) -> None:
+    page = (site / "reference" / "commands.html").read_text(encoding="utf-8")
+    assert [name for name in cli.COMMANDS if f'id="hil-{name}"' not in page] == []
+
+
+def test_the_keys_of_files_stand_there_with_their_meaning(site: Path) -> None:
+    page = (site / "reference" / "files.html").read_text(encoding="utf-8")
+    assert [key for key in Plan.model_fields if f">{key}</span>" not in page] == []

@@ -1,0 +1,22 @@
+// Bundle web/src into hil/view/assets: `make view-bundle`. What it was made from is kept by its
+// hash, so that a test finds a bundle that is out of date without any of this.
+import { createHash } from 'node:crypto';
+import { copyFileSync, readFileSync, readdirSync, writeFileSync } from 'node:fs';
+import { build } from 'esbuild';
+
+const assets = '../hil/view/assets';
+await build({
+  entryPoints: ['src/main.js'], outfile: `${assets}/view.js`, bundle: true, minify: true, format: 'iife',
+  globalName: 'hilView', target: 'es2022', legalComments: 'none', charset: 'utf8',
+  banner: { js: '/*! Contains three.js, Copyright 2010-2026 three.js authors, MIT licence: see three.LICENSE */' },
+});
+copyFileSync('src/view.css', `${assets}/view.css`);
+copyFileSync('node_modules/three/LICENSE', `${assets}/three.LICENSE`);
+// what the tests look for faults of accessibility with
+copyFileSync('node_modules/axe-core/axe.min.js', '../tests/support/axe.min.js');
+const hash = createHash('sha256');
+const sources = readdirSync('src').map((name) => `src/${name}`);
+for (const name of [...sources, 'build.mjs', 'package-lock.json'].sort()) {
+  hash.update(name).update('\0').update(readFileSync(name)).update('\0');
+}
+writeFileSync(`${assets}/sources.sha256`, `${hash.digest('hex')}\n`);

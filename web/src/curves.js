@@ -1,0 +1,142 @@
+// Position, velocity, torque and distance over the segment that is played, with a cursor.
+const HEIGHT = 132;
+const LEFT = 58;
+const BOTTOM = 18;
+const RIGHT = 16;
+const TOP = 8;
+
+/** Round values that a scale is labelled with. */
+export function ticks(low, high, most) {
+  const raw = (high - low) / most;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((each) => each >= raw);
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+  return { values: found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+}
+
+export class Curve {
+  /** `lines(joint)` gives {name, value(t), instants(begin, end, n), dashed, colour}. */
+  constructor(host, { title, lines, seek, bounds = () => [] }) {
+    this.lines = lines;
+    this.title = title;
+    this.bounds = bounds;
+    this.figure = document.createElement('figure');
+    this.caption = document.createElement('figcaption');
+    this.canvas = document.createElement('canvas');
+    this.canvas.setAttribute('role', 'img');
+    this.mark = document.createElement('div');
+    this.mark.className = 'cursor';
+    this.figure.append(this.caption, this.canvas, this.mark);
+    host.append(this.figure);
+    this.canvas.addEventListener('pointerdown', (event) => {
+      const { left, width } = this.canvas.getBoundingClientRect();
+      const share = (event.clientX - left - LEFT) / (width - LEFT - RIGHT);
+      if (this.span) seek(this.span[0] + Math.min(Math.max(share, 0), 1) * (this.span[1] - this.span[0]));
+    });
+  }
+
+  /** Draw anew for a joint and a span of time. */
+  draw(joint, begin, end) {
+    this.span = [begin, end];
+    this.caption.replaceChildren(...this._caption(joint));
+    this.canvas.setAttribute('aria-label', `${this.title(joint)}, curve over time`);
+    this.drawn = this.lines(joint).map((line) => {
+      const t = line.instants(begin, end, 300);
+      return { ...line, t, y: t.map((each) => line.value(each)) };
+    });
+    this._scale(joint);
+    this._paint();
+  }
+
+  /** Mark an instant. */
+  cursor(t) {
+    this.mark.style.left = `${this._x(t)}px`;
+  }
+
+  _caption(joint) {
+    const words = [document.createTextNode(this.title(joint))];
+    for (const { name, colour, dashed } of this.lines(joint)) {
+      const key = document.createElement('span');
+      key.className = dashed ? 'key dashed' : 'key';
+      key.style.setProperty('--colour', `var(${colour})`);
+      key.textContent = name;
+      words.push(key);
+    }
+    return words;
+  }
+
+  _scale(joint) {
+    let [low, high] = [Infinity, -Infinity];
+    for (const { y } of this.drawn) for (const v of y) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
+    if (!(low <= high)) [low, high] = [-1, 1];
+    const room = Math.max(0.08 * (high - low), 1e-3 * Math.max(Math.abs(low), Math.abs(high)), 1e-6);
+    this.low = low - room;
+    this.high = high + room;
+    this.limits = this.bounds(joint).filter((v) => v > this.low && v < this.high);
+  }
+
+  _x(t) {
+    const [begin, end] = this.span;
+    return LEFT + ((t - begin) / (end - begin || 1)) * (this.width - LEFT - RIGHT);
+  }
+
+  _y(v) {
+    return TOP + ((this.high - v) / (this.high - this.low)) * (HEIGHT - TOP - BOTTOM);
+  }
+
+  _paint() {
+    const ratio = Math.min(window.devicePixelRatio, 2);
+    this.width = this.canvas.clientWidth || 360;
+    this.canvas.width = this.width * ratio;
+    this.canvas.height = HEIGHT * ratio;
+    const pen = this.canvas.getContext('2d');
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, this.width, HEIGHT);
+    const style = getComputedStyle(this.canvas);
+    const colour = (name) => style.getPropertyValue(name);
+    this._paintScale(pen, colour);
+    for (const { t, y, colour: name, dashed } of this.drawn) {
+      pen.strokeStyle = colour(name);
+      pen.lineWidth = 1.6;
+      pen.setLineDash(dashed ? [5, 4] : []);
+      pen.beginPath();
+      t.forEach((each, i) => pen.lineTo(this._x(each), this._y(y[i])));
+      pen.stroke();
+    }
+    pen.setLineDash([]);
+  }
+
+  _paintScale(pen, colour) {
+    pen.font = '12px system-ui, sans-serif';
+    pen.lineWidth = 1;
+    pen.textBaseline = 'middle';
+    pen.textAlign = 'right';
+    const { values, digits } = ticks(this.low, this.high, 4);
+    for (const v of values) {
+      pen.strokeStyle = colour('--line');
+      this._line(pen, LEFT, this._y(v), this.width - RIGHT, this._y(v));
+      pen.fillStyle = colour('--muted');
+      pen.fillText(v.toFixed(digits).replace('-', '−'), LEFT - 6, this._y(v));
+    }
+    pen.strokeStyle = colour('--warn');
+    for (const v of this.limits) this._line(pen, LEFT, this._y(v), this.width - RIGHT, this._y(v));
+    const [begin, end] = this.span;
+    const wide = this.width < 340 ? 3 : 5;
+    const { values: instants, digits: places } = ticks(0, Math.max(end - begin, 1e-3), wide);
+    pen.textAlign = 'center';
+    pen.textBaseline = 'alphabetic';
+    pen.fillStyle = colour('--muted');
+    instants.forEach((t, i) => {
+      const unit = i === instants.length - 1 ? ' s' : '';
+      pen.fillText(`${t.toFixed(places)}${unit}`, this._x(begin + t), HEIGHT - 4);
+    });
+  }
+
+  _line(pen, ...[a, b, c, d]) {
+    pen.beginPath();
+    pen.moveTo(a, b);
+    pen.lineTo(c, d);
+    pen.stroke();
+  }
+}

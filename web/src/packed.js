@@ -1,0 +1,19 @@
+// What hil/view/packed.py packs: whole numbers as differences, times a step.
+
+/** Decode one list of numbers. */
+export function unpack({ step, differences }) {
+  const values = new Float64Array(differences.length);
+  let sum = 0;
+  for (let i = 0; i < differences.length; i++) {
+    sum += differences[i];
+    values[i] = sum * step;
+  }
+  return values;
+}
+
+/** Text of a page's data, which is base64 of gzip of JSON, as an object. */
+export async function inflate(text) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+  return JSON.parse(await new Response(stream).text());
+}

@@ -1,0 +1,247 @@
+// The page: what was packed into it, put together.
+import { Curve } from './curves.js';
+import { clock, make } from './elements.js';
+import { States, sliders } from './joints.js';
+import { inflate } from './packed.js';
+import { Player, SPEEDS } from './player.js';
+import { Recorded } from './recording.js';
+import { RobotView } from './robot_view.js';
+import { Timeline } from './timeline.js';
+
+const at = (id) => document.getElementById(id);
+
+/** Open the page on its data; `window.view` then answers what tests and other scripts ask. */
+export async function open() {
+  try {
+    const data = await inflate(at('data').textContent.trim());
+    const scene = new RobotView(at('scene'), data);
+    colours(data.kinds, scene);
+    buttons(scene, data);
+    window.view = data.segments.length ? played(scene, data) : still(scene, data);
+  } catch (error) {
+    at('failure').textContent = `This page cannot be shown here: ${error.message}. It needs a browser of 2023 or later with WebGL.`;
+    at('failure').hidden = false;
+    throw error;
+  }
+}
+
+/** A robot whose joints are set by hand. */
+function still(scene, { robot }) {
+  at('player').hidden = true;
+  sliders(at('states'), robot.joints, scene.q, (q, joint) => {
+    scene.show(q);
+    scene.highlight([joint]);
+  });
+  return { scene, show: (q) => scene.show(q) };
+}
+
+/** A plan or a run in time. */
+function played(scene, data) {
+  const recorded = new Recorded(data);
+  const player = new Player(recorded.duration);
+  const page = new Played(scene, data, recorded, player);
+  page.follow();
+  return {
+    scene, player, show: (q) => scene.show(q), seek: (t) => player.seek(t), q: (t) => recorded.q(t),
+    segments: recorded.segments,
+  };
+}
+
+class Played {
+  constructor(scene, data, recorded, player) {
+    Object.assign(this, { scene, data, recorded, player, segment: -1, chosen: -1 });
+    this.timeline = new Timeline(at('timeline'), { ...data, duration: recorded.duration, player });
+    const joints = data.robot.joints;
+    this.states = new States(at('states'), joints, {
+      torque: Boolean(recorded.torque ?? recorded.predicted),
+      error: Boolean(recorded.measured && recorded.planned),
+    });
+    this.curves = this._curves();
+    this._controls();
+    player.addEventListener('time', () => this.follow());
+    player.addEventListener('state', () => this._showState());
+    document.addEventListener('keydown', (event) => this._key(event));
+    new ResizeObserver(() => this._draw()).observe(at('curves'));
+    this._showState();
+  }
+
+  /** Show the instant of the player everywhere. */
+  follow() {
+    const { recorded, player: { time } } = this;
+    const number = recorded.segment(time);
+    if (number !== this.segment) this._enter(number);
+    this.scene.show(recorded.q(time));
+    this._showDistance(time);
+    this.states.show(this.data.robot.joints.map((_, j) => recorded.state(j, time)), this.current.axes);
+    for (const curve of this.curves) curve.cursor(time);
+    this.timeline.show(time, this.current.words);
+    at('clock').textContent = `${clock(time)} of ${clock(recorded.duration)}`;
+  }
+
+  get current() {
+    return this.recorded.segments[this.segment];
+  }
+
+  get joint() {
+    return this.chosen >= 0 ? this.chosen : this.current.axes[0] ?? 0;
+  }
+
+  _enter(number) {
+    this.segment = number;
+    const { words, problem, axes } = this.current;
+    at('now').textContent = words;
+    at('problem').textContent = problem ?? '';
+    at('problem').hidden = !problem;
+    this.scene.highlight(axes);
+    this._sweep();
+    if (this.current.recorded) at('measurement').value = String(number);
+    this._draw();
+  }
+
+  _sweep() {
+    const step = this.data.robot.joints.map(({ step: each }) => each);
+    this.scene.sweep(at('show-swept')?.checked ? this.recorded.passed(this.current, step) : []);
+  }
+
+  _draw() {
+    if (this.segment < 0) return;
+    const { begin, end } = this.current;
+    for (const curve of this.curves) curve.draw(this.joint, begin, end);
+    for (const curve of this.curves) curve.cursor(this.player.time);
+  }
+
+  _showDistance(time) {
+    if (!this.recorded.distance) return;
+    const { distance, link, box } = this.recorded.distance.at(time);
+    const near = distance < 2 * this.data.workspace.margin;
+    at('distance').textContent = `nearest to a box: ${(1000 * distance).toFixed(0)} mm, link ${link + 1} to ${this.data.workspace.boxes[box].name}`;
+    this.scene.nearest(near ? link : -1, near ? box : -1);
+  }
+
+  _curves() {
+    const { recorded } = this;
+    const { joints } = this.data.robot;
+    const line = (track, rate, rest) => ({
+      value: (t) => track.at(t)[rate ? 1 : 0], instants: (...span) => track.instants(...span), ...rest,
+    });
+    const planned = { name: recorded.measured ? 'set-point' : 'planned', colour: '--planned', dashed: Boolean(recorded.measured) };
+    const measured = { name: 'measured', colour: '--measured' };
+    const motion = (rate, of) => (j) => [
+      ...(of ? [line(of[j], false, measured)] : []),
+      ...(recorded.planned ? [line(recorded.planned[j], rate, planned)] : []),
+    ];
+    const seek = (t) => this.player.seek(t);
+    const host = at('curves');
+    const found = [
+      new Curve(host, {
+        seek, title: (j) => `axis ${j + 1}: position, ${joints[j].unit}`, lines: motion(false, recorded.measured),
+        bounds: (j) => [joints[j].lower, joints[j].upper],
+      }),
+      new Curve(host, {
+        seek, title: (j) => `axis ${j + 1}: velocity, ${joints[j].unit}/s`, lines: motion(true, recorded.velocity),
+        bounds: (j) => both(joints[j].velocity),
+      }),
+    ];
+    if (recorded.torque || recorded.predicted) {
+      const predicted = { name: this.data.prediction, colour: '--planned', dashed: Boolean(recorded.torque) };
+      found.push(new Curve(host, {
+        seek, title: (j) => `axis ${j + 1}: torque, ${joints[j].torque_unit}`, bounds: (j) => both(joints[j].torque),
+        lines: (j) => [
+          ...(recorded.torque ? [line(recorded.torque[j], false, measured)] : []),
+          ...(recorded.predicted ? [line(recorded.predicted[j], false, predicted)] : []),
+        ],
+      }));
+    }
+    if (recorded.distance) {
+      found.push(new Curve(host, {
+        seek, title: () => 'nearest distance of a link to a box, m', bounds: () => [this.data.workspace.margin],
+        lines: () => [line(recorded.distance.track, false, { name: 'distance', colour: '--measured' })],
+      }));
+    }
+    return found;
+  }
+
+  _controls() {
+    const { player, recorded } = this;
+    at('play').addEventListener('click', () => player.toggle());
+    at('previous').addEventListener('click', () => this._jump(-1));
+    at('next').addEventListener('click', () => this._jump(1));
+    at('speed').append(...SPEEDS.map((speed) => make('option', { value: speed, text: `${speed} ×` })));
+    at('speed').addEventListener('change', (event) => player.setSpeed(Number(event.target.value)));
+    at('measurement').append(...recorded.segments.flatMap((each, i) => (each.recorded
+      ? [make('option', { value: i, text: `${each.words}, ${clock(each.begin)}${each.problem ? ', refused' : ''}` })] : [])));
+    at('measurement').addEventListener('change', (event) => player.seek(recorded.segments[event.target.value].begin));
+    at('axis').append(make('option', { value: -1, text: 'axis under way' }),
+      ...this.data.robot.joints.map((_, j) => make('option', { value: j, text: `axis ${j + 1}` })));
+    at('axis').addEventListener('change', (event) => { this.chosen = Number(event.target.value); this._draw(); });
+    at('show-swept').addEventListener('change', () => this._sweep());
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this._draw());
+  }
+
+  _showState() {
+    const { playing, speed } = this.player;
+    at('play').textContent = playing ? 'Pause' : 'Play';
+    at('speed').value = String(speed);
+  }
+
+  /** To the measurement before or after. */
+  _jump(by) {
+    const { recorded, player } = this;
+    const here = by > 0
+      ? recorded.recorded.find((each) => each.begin > player.time)
+      : recorded.recorded.findLast((each) => each.begin < player.time - 1e-6);
+    if (here) player.seek(here.begin);
+  }
+
+  _key(event) {
+    const within = event.target.closest?.('select, input, button, summary');
+    if (event.ctrlKey || event.metaKey || event.altKey || (within && event.key === ' ')) return;
+    if (event.target.closest?.('select')) return;
+    const { player } = this;
+    const acts = {
+      ' ': () => player.toggle(), k: () => player.toggle(),
+      ArrowLeft: () => player.seek(player.time - (event.shiftKey ? 10 : 1)),
+      ArrowRight: () => player.seek(player.time + (event.shiftKey ? 10 : 1)),
+      n: () => this._jump(1), p: () => this._jump(-1), f: () => player.change(1), s: () => player.change(-1),
+      Home: () => player.seek(0), End: () => player.seek(player.duration),
+    }[event.key];
+    if (!acts) return;
+    acts();
+    event.preventDefault();
+  }
+}
+
+function both(limit) {
+  return limit ? [-limit, limit] : [];
+}
+
+/** Views and what is shown. */
+function buttons(scene, { robot, workspace, segments }) {
+  for (const from of ['oblique', 'front', 'side', 'top']) {
+    at('views').append(make('button', { type: 'button', text: from, onclick: () => scene.look(from) }));
+  }
+  const covered = Boolean(robot.meshes?.length);
+  const parts = [
+    ['links', 'capsules', !covered, true], ['meshes', 'meshes', covered, covered],
+    ['boxes', 'boxes', true, Boolean(workspace?.boxes.length)], ['limits', 'joint limits', true, true],
+    ['swept', 'swept volume', true, segments.length > 0],
+  ];
+  for (const [part, name, on, there] of parts.filter(([, , , there]) => there)) {
+    const box = make('input', { type: 'checkbox', id: `show-${part}`, checked: on, onchange: () => scene.toggle(part, box.checked) });
+    at('parts').append(make('label', {}, box, ` ${name}`));
+  }
+}
+
+/** Colours of kinds for this scheme of colours, and the scene's. */
+function colours(kinds, scene) {
+  const scheme = matchMedia('(prefers-color-scheme: dark)');
+  const set = () => {
+    kinds.forEach(({ colour }, i) => {
+      const mixed = scheme.matches ? `color-mix(in srgb, ${colour} 62%, white)` : colour;
+      document.documentElement.style.setProperty(`--kind-${i}`, mixed);
+    });
+    scene.theme(scheme.matches);
+  };
+  scheme.addEventListener('change', set);
+  set();
+}

@@ -1,0 +1,70 @@
+// What is played: tracks of all joints and the segments of the time line.
+import { Track } from './track.js';
+
+const tracks = (given) => given && given.map((each) => new Track(each));
+
+/** The nearest link and box of each instant: a track, and numbers that hold until the next knot. */
+function distances(given) {
+  if (!given) return null;
+  const track = new Track(given);
+  const at = (t) => {
+    const i = track.before(t);
+    return { distance: track.at(t)[0], link: given.link[i], box: given.box[i] };
+  };
+  return { track, at };
+}
+
+export class Recorded {
+  constructor(data) {
+    this.segments = data.segments;
+    this.duration = data.segments.length ? data.segments.at(-1).end : 0;
+    this.planned = tracks(data.planned);
+    this.measured = tracks(data.measured?.position);
+    this.velocity = tracks(data.measured?.velocity);
+    this.torque = tracks(data.measured?.torque);
+    this.predicted = tracks(data.predicted);
+    this.distance = distances(data.distance);
+    this.recorded = data.segments.filter((each) => each.recorded);
+  }
+
+  /** What the robot does: as measured where that is known. */
+  get shown() {
+    return this.measured ?? this.planned;
+  }
+
+  q(t) {
+    return this.shown.map((track) => track.at(t)[0]);
+  }
+
+  /** Number of the segment under way at t. */
+  segment(t) {
+    const found = this.segments.findIndex((each) => t < each.end);
+    return found < 0 ? this.segments.length - 1 : found;
+  }
+
+  /** Position, velocity and torque of a joint at t, and what was planned or predicted beside it. */
+  state(joint, t) {
+    const planned = this.planned?.[joint].at(t);
+    const measured = this.measured && [this.measured[joint].at(t)[0], this.velocity[joint].at(t)[0]];
+    const torque = this.torque?.[joint].at(t)[0];
+    const predicted = this.predicted?.[joint].at(t)[0];
+    return {
+      position: (measured ?? planned)[0],
+      velocity: (measured ?? planned)[1],
+      torque: torque ?? predicted,
+      error: measured && planned ? measured[0] - planned[0] : undefined,
+    };
+  }
+
+  /** Configurations that a segment passes, none closer to another than about `step`. */
+  passed({ begin, end }, step) {
+    const found = [];
+    const n = 800;
+    const far = (a, b) => a.some((x, j) => Math.abs(x - b[j]) > step[j]);
+    for (let k = 0; k <= n && found.length < 96; k++) {
+      const q = this.q(begin + ((end - begin) * k) / n);
+      if (found.every((each) => far(q, each))) found.push(q);
+    }
+    return found;
+  }
+}
