@@ -58,12 +58,15 @@ class Case:
         Of the motion of 10 s that is repeated.
     increments : int, optional
         Of an encoder on the joint [1/turn, or 1/m]; by default that of the twin's motor.
+    drift : float
+        Strength of friction's drift, 1 being the twin's.
     """
 
     rate: int
     duration: float
     harmonics: int = 15
     increments: int | None = None
+    drift: float = 1.0
 
 
 CASES = {
@@ -74,6 +77,7 @@ CASES = {
     "slow": Case(250, 60.0, harmonics=5),
     "16 bit": Case(250, 60.0, increments=1 << 16),
     "10 min": Case(250, 600.0),
+    "10 min of strong drift": Case(250, 600.0, drift=3.0),
 }
 
 
@@ -97,7 +101,7 @@ def record(folder: Path, name: str, case: str, seed: int) -> Path:
         return own
     own.mkdir(parents=True, exist_ok=True)
     robot, named = robot_of(name)
-    _write_machine(folder / name / "twin", name, own / "plant.yaml", seed)
+    _write_machine(folder / name / "twin", name, own / "plant.yaml", seed, CASES[case].drift)
     plant = load_plant(str(own / "plant.yaml"), seed)
     for k, what in enumerate(("seen", "unseen")):
         motion = design_trajectory(
@@ -107,7 +111,7 @@ def record(folder: Path, name: str, case: str, seed: int) -> Path:
     return own
 
 
-def _write_machine(twin: Path, name: str, path: Path, seed: int) -> None:
+def _write_machine(twin: Path, name: str, path: Path, seed: int, drift: float) -> None:
     """Write the plant of a seed."""
     if (ROBOTS / f"{name}.yaml").exists():
         if not (twin / PLANT).exists():
@@ -124,7 +128,8 @@ def _write_machine(twin: Path, name: str, path: Path, seed: int) -> None:
         friction["asymmetry"] = float(random.normal(0.0, 0.01))
         friction["temperature"] = float(random.uniform(0.0, 25.0))
         friction["lubricant"] = float(random.uniform(0.0, 1.0))
-    path.write_text(yaml.safe_dump(content | {"drift": True}, sort_keys=False))
+    content |= {"drift": True, "drift_strength": drift}
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
 
 
 def _follow(plant: Plant, motion: Trajectory, case: Case) -> Array:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 FIRST_SEED, SEEDS = 201, 2
 """The first seed of all, and how many each case has."""
-LONG = ("10 min",)
+LONG = ("10 min", "10 min of strong drift")
 """Cases that are run where they are asked for."""
 
 

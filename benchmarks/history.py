@@ -95,7 +95,8 @@ def judge(unchanged: list[Path], changed: dict[str, list[Path]]) -> None:
     for name, runs in changed.items():
         for run in runs:
             after = read_history([*unchanged[:3:2], run], reference=unchanged[0])
-            print(f"{name}: {next(iter(after.sentences(after.runs[-1])), 'nothing marked')}")
+            own = next(each for each in after.runs if each.label == str(run))
+            print(f"{name}: {next(iter(after.sentences(own)), 'nothing marked')}")
 
 
 if __name__ == "__main__":

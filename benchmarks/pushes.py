@@ -5,8 +5,9 @@ hours in all. Each seed is another plant, whose friction drifts otherwise, and a
 the model of each comes from 20 s of a third one. Pushes of 10, 5 and 2 % of the torque limit come
 at random instants on every axis, forward and back, and last 0.2 s. Delays count from the beginning
 of a push to the sample that shows it; a sample that shows a push where there is none is a false
-alarm. A lost telegram at a stated time finds the plant's clock in the recording. Recordings are watched after
-they were measured, which gives the same as watching them live (`tests/hil/watching`).
+alarm. A lost telegram at a stated time finds the plant's clock in the recording. Recordings are
+watched after they were measured, which gives the same as watching them live
+(`tests/hil/watching`).
 """
 
 from __future__ import annotations
@@ -168,8 +169,9 @@ def without(folder: Path, seed: int, model: Path, hours: float) -> Watched:
     rounds = round(3600 * hours / (CYCLES * TURN))
     found = watched(recorded(folder, seed, "free", rounds), model)
     shares = [(round(100 * axis.blind, 1), round(100 * axis.dim, 1)) for axis in found.axes]
-    print(f"seed {seed}: {len(found.alarms)} alarms in {found.watched / 3600:.2f} hours;"
-          f" blind and dim, % of the time: {shares}", *found.alarms, sep="\n  ", flush=True)  # fmt: skip
+    what = f"{len(found.alarms)} alarms in {found.watched / 3600:.2f} hours"
+    print(f"seed {seed}: {what}; blind and dim, % of the time: {shares}", flush=True)
+    print(*found.alarms, sep="\n")
     return found
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from history import COUNTS, hil, made
 
+from hil.estimation.condensed import stack
 from hil.estimation.friction.history import history
 from hil.estimation.friction.warmth import warmth_at
 from hil.estimation.signals import signals
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 SEEDS, OTHERS = (300, 302, 304, 306), (308, 310)
 BEGIN = 180.0
 """First part of a run [s]."""
-SLOW = 0.05
-"""Share of the velocity limit below which samples do not count."""
 
 
 def main() -> None:
@@ -64,16 +63,18 @@ def left(model: Model, run: Run) -> np.ndarray:
     past, sums = history(robot, pairs), np.zeros((robot.n_joints, 2, 3))
     for motion, recording in pairs:
         s = signals(recording)
-        time = np.array([s.time.mean()])
-        warmth = [course(model, past, axis, time) for axis in range(robot.n_joints)]
-        rigid = s.tau - model.torque(s.q, s.qd, s.qdd, ["rigid bodies", "motors"])
-        found = [model.torque(s.q, s.qd, s.qdd, ["friction"], warmth=w) for w in (None, warmth)]
-        for axis in motion.moved:
-            used = s.valid & (np.abs(s.qd[:, axis]) > SLOW * robot.velocity_limit[axis])
-            own = rigid[used, axis]
-            values = [own @ own, *(np.sum((own - f[used, axis]) ** 2) for f in found)]
-            sums[axis, 1] += values
-            sums[axis, 0] += np.multiply(values, s.time[0] < past.begin + BEGIN)
+        for each in (each for axes in stack(robot, motion, s) for each in axes):
+            state = np.zeros((1, robot.n_joints))
+            state[0, each.axis] = course(model, past, each.axis, np.array([each.time]))
+            own = each.torques[:, 0] - each.X[:, : each.n_base] @ model.values
+            motion_of = s.q[each.index], s.qd[each.index], 0.0
+            found = [
+                model.torque(*motion_of, ["friction"], warmth=warmth)[:, each.axis]
+                for warmth in (None, np.repeat(state, len(own), axis=0))
+            ]
+            values = [own @ own, *(np.sum((own - f) ** 2) for f in found)]
+            sums[each.axis, 1] += values
+            sums[each.axis, 0] += np.multiply(values, each.time < past.begin + BEGIN)
     return sums
 
 

@@ -73,6 +73,11 @@ PANELS = {
         "payload": _Command(
             "payload", "Find a load from two runs, without and with it, or measure one in minutes."
         ),
+        "accept": _Command(
+            "accepting",
+            "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 on a"
+            " FAIL.",
+        ),
         "history": _Command(
             "history",
             "Show parameters and friction of one machine over many runs, and mark what changed.",
@@ -80,6 +85,11 @@ PANELS = {
         "export": _Command("exporting", "Write an identified model as files of other tools."),
     },
     "Drives and commissioning": {
+        "doctor": _Command(
+            "doctor",
+            "Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one"
+            " fails.",
+        ),
         "scan": _Command(
             "drives", "Find the nodes on a bus and what they lack for measuring; only reads."
         ),

@@ -113,7 +113,7 @@ class FrictionLaw(FileModel):
     def of_free_motions(cls, fit: FreeMotionFit) -> FrictionLaw:
         """Law that was found together with the base parameters."""
         axes = (
-            AxisLaw.model_validate(law.model_dump() | {"wander": _wander(law)}) for law in fit.axes
+            AxisLaw.model_validate(law.model_dump() | {"wander": _spread(law)}) for law in fit.axes
         )
         return cls(axes=tuple(axes), coupled=fit.coupled)
 
@@ -123,7 +123,7 @@ class FrictionLaw(FileModel):
         return tuple(axis for axis, law in enumerate(self.axes, start=1) if law is None)
 
 
-def _wander(law: AxisFriction) -> float:
+def _spread(law: AxisFriction) -> float:
     """Greatest difference of the level from its mean, as a share of it."""
     return max((abs(level - 1.0) for level in law.level), default=0.0)
 

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 ABSENT = 0.01
 """Chance of a load's figures without a load, above which there is none."""
+SWAPPED = 4.0
+"""Standard errors below zero from which on a mass is negative."""
 _SHOWN = 1e-9
 
 
@@ -116,17 +118,33 @@ def payload_names(robot: Robot) -> tuple[tuple[str, ...], tuple[tuple[int, str],
 
 
 def require_load(found: Payload) -> None:
-    """Refuse a load that does not stand out of its error.
+    """Refuse a load that does not stand out of its error, or whose mass is negative.
 
     Raises
     ------
     NoLoad
     """
+    mass, error = found.phi[MASS], float(np.sqrt(found.phi_covariance[MASS, MASS]))
+    refuse_negative(mass, error)
     shown = np.diag(found.phi_covariance) > 0
     x, V = found.phi[shown], found.phi_covariance[np.ix_(shown, shown)]
     chance = float(special.chdtrc(int(shown.sum()), float(x @ inverse(V) @ x)))
     if chance > ABSENT:
-        raise no_load(found.phi[MASS], float(np.sqrt(found.phi_covariance[MASS, MASS])), chance)
+        raise no_load(mass, error, chance)
+
+
+def refuse_negative(mass: float, error: float) -> None:
+    """Refuse a mass below zero by more than its error allows [kg].
+
+    Raises
+    ------
+    NoLoad
+    """
+    if error and mass < -SWAPPED * error:
+        raise NoLoad(
+            f"the mass of the load would be {mass:.4g} ± {error:.2g} kg: these runs are swapped, or"
+            " the one without the load carried one; name the run without the load first"
+        )
 
 
 def no_load(mass: float, error: float, chance: float) -> NoLoad:

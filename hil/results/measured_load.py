@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 NAME = "load.yaml"
 CONTRADICTS = 4.0
 """Standard errors between a stated mass and the one that is found, from which they contradict."""
-LOOSE = 0.01
+LOOSE = 0.001
 """Chance of what a rigid load leaves, from which on it is not rigid."""
 ROUGH = 0.1
 """Half-width of an interval from which a figure is rough, as share of its value."""

@@ -10,6 +10,7 @@ import numpy as np
 from hil.errors import InvalidValue, Mismatch
 from hil.estimation.identify import estimate
 from hil.estimation.payload import estimate_payload, require_load
+from hil.estimation.payload_figures import MASS
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.torque_constants import drive_gains
 from hil.estimation.two_step_methods import prepared_for
@@ -28,6 +29,11 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
+
+FACTOR = 1.5
+"""Between a stated mass and the one found, beyond which torque constants cannot be the reason."""
+SURE = 4.0
+"""Standard errors that the mass found may be off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +97,9 @@ def find_payload(
     robot = without.robot
     before, after = _estimate(without), _estimate(loaded)
     with named(loaded):
-        require_load(estimate_payload(robot, before, after))
+        by_constants = estimate_payload(robot, before, after)
+        require_load(by_constants)
+        refuse_other_mass(by_constants, mass)
         found = estimate_payload(robot, before, after, mass)
     by_mass = None
     if mass is not None:
@@ -124,6 +132,24 @@ def _refuse_unfit(without: Run, loaded: Run) -> None:
         raise Mismatch(
             f"{loaded.path}: was {kinds[loaded.imported]} and {without.path} was"
             f" {kinds[without.imported]}; a load takes two runs of one kind"
+        )
+
+
+def refuse_other_mass(found: Payload, mass: float | None) -> None:
+    """Refuse a stated mass that no error of torque constants explains.
+
+    Raises
+    ------
+    Mismatch
+    """
+    m, error = found.phi[MASS], float(np.sqrt(found.phi_covariance[MASS, MASS]))
+    if mass is None or not error:
+        return
+    off = SURE * error
+    if not mass / FACTOR - off <= m <= mass * FACTOR + off:
+        raise Mismatch(
+            f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs, more than"
+            f" {FACTOR:g} times of either; correct the mass: no torque constant is so far off"
         )
 
 

@@ -13,7 +13,7 @@ from hil.estimation.free_motion.load import fit_load
 from hil.estimation.free_motion.methods import estimate_from
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.payload import ABSENT, load_columns, no_load, payload_names
+from hil.estimation.payload import ABSENT, load_columns, no_load, payload_names, refuse_negative
 from hil.estimation.payload_figures import MASS, Payload
 from hil.estimation.torque_constants import Gains
 from hil.results.naming import named
@@ -86,9 +86,10 @@ class LoadOfFreeMotions:
         if self._is_open:
             return fit_load(self._robot, self._runs, mass, gains=gains)
         free = fit_load(self._robot, self._runs)
+        error = float(np.sqrt(free.covariance[MASS, MASS]))
         if free.present.p_value > ABSENT:
-            error = float(np.sqrt(free.covariance[MASS, MASS]))
             raise no_load(float(free.phi[MASS]), error, free.present.p_value)
+        refuse_negative(float(free.phi[MASS]), error)
         if mass is None:
             return free
         if not gains:

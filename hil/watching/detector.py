@@ -8,10 +8,10 @@ what is left,
 
     r = tau - A(q, qd, qdd) p - H qdd - friction,
 
-is the momentum that came from outside over the window's length. That is what an observer of the
-momentum integrates, over a finite time instead of a fading one. It needs no set-points, so it holds
-for every kind of motion. The acceleration of a sample takes the next one, which is all the delay
-there is.
+is the momentum that the drives have spent on whoever pushes, over the window's length: a push
+forward is -r. That is what an observer of the momentum integrates, over a finite time instead of a
+fading one. It needs no set-points, so it holds for every kind of motion. The acceleration of a
+sample takes the next one, which is all the delay there is.
 
 Windows of several lengths are looked at: short ones see strong pushes soon, long ones weak pushes.
 Each has a threshold,
@@ -214,7 +214,7 @@ class Detector:
         doubtful: Flags = np.asarray(np.any(np.abs(means) > DOUBTFUL * threshold, axis=1))
         self._learned.append(_Learned(columns, left, means, doubtful, moving & (turn.doubt < SURE)))
         return Judged(
-            time, measured, predicted, means * self._limit, threshold * self._limit, moving
+            time, measured, predicted, -means * self._limit, threshold * self._limit, moving
         )
 
     def _parameter_variance(self, robot: Robot, q: Array, qd: Array) -> Array:

@@ -44,8 +44,6 @@ class Watcher:
     ----------
     alarms : list of Alarm
         All until now; of those that go on, `peak` and `lasted` are of the past.
-    learned, watched : float
-        Time with an axis in motion until the first alarm may be raised, and time since then [s].
     trace : Trace
         Torques around alarms.
 
@@ -57,7 +55,7 @@ class Watcher:
 
     def __init__(self, model: Model, period: float, learning: float) -> None:
         self._detector = Detector(model, period)
-        self._robot, self._period, self._learning = model.robot, period, learning
+        self._robot, self._period, self._needed = model.robot, period, round(learning / period)
         n = model.robot.n_joints
         self._lengths = period * self._detector.windows
         # the last sample of a window is known one period later
@@ -69,7 +67,7 @@ class Watcher:
         self._sizes = np.outer((STRONG, WEAK), model.robot.torque_limit)
         self._thresholds: list[Array] = []
         self.alarms: list[Alarm] = []
-        self.learned = self.watched = 0.0
+        self._moved = 0
         self._last: Judged | None = None
         self.trace = Trace(n, period)
 
@@ -107,9 +105,19 @@ class Watcher:
         return tuple(self._sight(axis) for axis in range(self._robot.n_joints))
 
     @property
+    def learned(self) -> float:
+        """Time with an axis in motion from which thresholds were learned [s]."""
+        return self._moved * self._period
+
+    @property
+    def watched(self) -> float:
+        """Time since then, in which alarms may be raised [s]."""
+        return self._judged * self._period
+
+    @property
     def learning(self) -> bool:
         """Whether thresholds are still learned, and no alarm is raised."""
-        return self.learned < self._learning
+        return self._moved < self._needed
 
     def torques(self) -> Array:
         """Torques now, shape (n_joints, 4) [N m or N].
@@ -145,13 +153,12 @@ class Watcher:
         """Return how many of the samples go into learning alone."""
         if not self.learning:
             return 0
-        moved = self.learned + self._period * judged.moving.any(axis=1).cumsum()
-        number = int(np.searchsorted(moved, self._learning - 1e-9)) + 1
-        self.learned = float(moved[:number][-1])
+        moved = self._moved + judged.moving.any(axis=1).cumsum()
+        number = int(np.searchsorted(moved, self._needed)) + 1
+        self._moved = int(moved[:number][-1])
         return min(number, len(moved))
 
     def _watch(self, judged: Judged) -> list[Alarm]:
-        self.watched += self._period * len(judged.time)
         self._count(judged)
         ratio = np.abs(judged.outside) / judged.threshold
         signs = np.asarray(np.any(ratio >= 1.0, axis=1))

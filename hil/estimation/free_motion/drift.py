@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from hil.estimation.free_motion.choice import FOLDS, HeldOut, simplest
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
@@ -136,11 +137,13 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
     n, kept = products.n_joints, choice.kept(products.n_shared)
     system = normal(summed(products.pieces, choice.slowest), products.n_shared, choice.weights)
     x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
-    search, spans = _Search(system, kept, _changing(products, x)), [0] * n
+    changes = [term in CHANGES for term in COLUMNS]
+    friction = np.where(changes, x[products.n_shared :].reshape(n, -1), 0.0)
+    search, spans = _Search(system, kept, friction), [0] * n
     for axis in range(n if len(possible) > 1 else 0):
         tried = {str(k): search.error((*spans[:axis], k, *spans[axis + 1 :])) for k in possible}
         spans[axis] = int(simplest(tried))
-    return Drift(tuple(spans), _own(products, search.friction))
+    return Drift(tuple(spans), friction)
 
 
 class _Search:
@@ -148,16 +151,17 @@ class _Search:
 
     Parameters
     ----------
-    friction : ndarray, shape (n, n_joints)
-        Unknowns that change their level with each axis, as they were found.
+    friction : ndarray, shape (n_joints, n_columns)
+        What changes its level with each axis.
     """
 
     def __init__(self, system: Normal, kept: NDArray[np.intp], friction: Array) -> None:
-        self.friction = friction
+        own = block_diag(*friction[:, :, np.newaxis])
+        shared = np.zeros((system.v.shape[1] - len(own), len(friction)))
+        changing = np.vstack([shared, own])[kept]
         self._system = system.only(kept)
-        own = friction[kept]
-        self._sides = self._system.N @ own, self._system.v @ own
-        self._squares = np.swapaxes(self._sides[0], 1, 2) @ own
+        self._sides = self._system.N @ changing, self._system.v @ changing
+        self._squares = np.swapaxes(self._sides[0], 1, 2) @ changing
 
     def error(self, spans: Sequence[int]) -> Array:
         """Squared errors on blocks that were held out, at the speeds that are fitted."""
@@ -166,29 +170,7 @@ class _Search:
         beside = self._sides[0][:, :, axes] * hats[:, np.newaxis]
         corner = self._squares[:, axes[:, np.newaxis], axes]
         corner = corner * hats[:, :, np.newaxis] * hats[:, np.newaxis]
-        N = np.concatenate(
-            [
-                np.concatenate([system.N, beside], axis=2),
-                np.concatenate([np.swapaxes(beside, 1, 2), corner], axis=2),
-            ],
-            axis=1,
-        )
+        N = np.block([[system.N, beside], [np.swapaxes(beside, 1, 2), corner]])
         v = np.hstack([system.v, self._sides[1][:, axes] * hats])
         whole = Normal(N, v, system.square)
         return HeldOut(whole, whole).error(np.arange(v.shape[1]))
-
-
-def _changing(products: Products, x: Array) -> Array:
-    """Unknowns that change their level with each axis, shape (n, n_joints)."""
-    found = np.zeros((len(x), products.n_joints))
-    changes = np.array([term in CHANGES for term in COLUMNS])
-    for axis in range(products.n_joints):
-        own = slice(products.n_shared + axis * len(COLUMNS), None)
-        found[own, axis][: len(COLUMNS)] = np.where(changes, x[own][: len(COLUMNS)], 0.0)
-    return found
-
-
-def _own(products: Products, friction: Array) -> Array:
-    """The same by axis and term, shape (n_joints, n_columns)."""
-    n = products.n_joints
-    return np.array([friction[products.n_shared :, axis].reshape(n, -1)[axis] for axis in range(n)])

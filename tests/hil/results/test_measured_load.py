@@ -10,6 +10,7 @@ from synthetic import TABLE_3_A, Friction, record
 from drivers.drive_bus import AxisInfo
 from hil import cli
 from hil.errors import InvalidValue, Mismatch, NoLoad, NotEnoughData
+from hil.estimation.payload import require_load
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
@@ -29,6 +30,7 @@ from hil.results.measured_load import (
     verdict,
     write_load,
 )
+from hil.results.payload import refuse_other_mass
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
@@ -199,6 +201,18 @@ def test_no_load_is_refused(bare, slow, robot, tmp_path):
     run = carried_out(tmp_path / "none", slow.plan, robot, TABLE_3_A)
     with pytest.raises(NoLoad, match="no load stands out of its error"):
         find_load(bare, [run])
+
+
+def test_runs_that_are_swapped_are_refused(found):
+    with pytest.raises(NoLoad, match=r"would be -10\.8.*swapped"):
+        require_load(replace(found, phi=-found.phi))
+
+
+@pytest.mark.parametrize("mass", [5000.0, 1.0])
+def test_a_mass_that_no_torque_constant_explains_is_refused(found, mass):
+    with pytest.raises(Mismatch, match=r"contradicts 10\.8.* no torque constant is so far off"):
+        refuse_other_mass(found, mass)
+    refuse_other_mass(found, 1.05 * MASS)
 
 
 def test_the_run_without_the_load_is_none_with_it(bare):

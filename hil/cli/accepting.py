@@ -1,0 +1,85 @@
+"""`hil accept`: a run against limits, for who commissions robots in series."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.arguments import RunPath, refuse_existing
+from hil.terminal.console import out, say
+from hil.terminal.printable import printable
+
+commands = typer.Typer()
+REFUSED = 3
+"""Exit status where a check fails, as of hil validate where a model is refused."""
+PAGE, JUNIT = "acceptance.html", "acceptance.xml"
+
+
+@commands.command()
+def accept(
+    folder: RunPath,
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", help="Folder of page and JUnit XML; file of a draft."),
+    ],
+    limits: Annotated[
+        Path | None, typer.Option("--limits", help="File of limits that the run is judged by.")
+    ] = None,
+    draft: Annotated[
+        bool, typer.Option("--draft", help="Write limits from this run, which is a good one.")
+    ] = False,
+    factor: Annotated[
+        float, typer.Option(min=1.0, max=1000.0, help="Factor by which a draft widens intervals.")
+    ] = 3.0,
+    serial: Annotated[str, typer.Option(help="Serial number of the robot.")] = "",
+    operator: Annotated[str, typer.Option(help="Name of whoever accepts the robot.")] = "",
+) -> None:
+    """Judge an identified run by limits; writes a page and JUnit XML, exit status 3 on a FAIL."""
+    if draft == (limits is not None):
+        raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
+    if draft:
+        _draft(folder, output, factor)
+        return
+    assert limits is not None  # noqa: S101 - see above
+    stated = {"Serial number": printable(serial), "Operator": printable(operator)}
+    if not _accepted(folder, output, limits, stated):
+        raise typer.Exit(REFUSED)
+
+
+def _draft(folder: Path, output: Path, factor: float) -> None:
+    from hil.results import acceptance
+    from hil.results.acceptance_file import write_limits
+    from hil.results.model import Model
+    from hil.runs.run import Run
+
+    refuse_existing(output)
+    found = acceptance.draft(Run.open(folder), Model.load(folder), factor)
+    write_limits(output, found)
+    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; set them to what the"
+        " series may vary by")  # fmt: skip
+
+
+def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) -> bool:
+    from checked_files.yaml_file import load_yaml
+    from hil.report.acceptance_page import checked, write_page
+    from hil.results.acceptance import judge
+    from hil.results.acceptance_file import Limits, write_junit
+    from hil.results.model import Model
+    from hil.results.tables.terminal import show
+    from hil.runs.atomic_file import file_errors
+    from hil.runs.run import Run
+
+    bounds = load_yaml(limits, Limits)
+    with file_errors(output, "made"):
+        output.mkdir(parents=True, exist_ok=True)
+    run, model = Run.open(folder), Model.load(folder)
+    checks = judge(run, model, bounds)
+    write_page(output / PAGE, run, checks, stated)
+    write_junit(output / JUNIT, run.robot.name, model.provenance.measured, checks)
+    show(checked(checks), out)
+    failed = sum(not check.passed for check in checks)
+    word = f"FAIL: {failed} of {len(checks)} checks" if failed else f"PASS: {len(checks)} checks"
+    say(f"{word}; page in {output / PAGE}", style="bold red" if failed else "green")
+    return not failed

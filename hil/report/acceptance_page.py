@@ -1,0 +1,75 @@
+"""The page of an acceptance: one HTML file, which can be printed and signed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.report.header import when
+from hil.report.page import TEMPLATES
+from hil.results.tables.html import environment
+from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now, versions
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from hil.results.acceptance import Check
+    from hil.results.tables.table import Row
+    from hil.runs.run import Run
+
+NOT_KNOWN = "not stated"
+
+
+def write_page(path: Path, run: Run, checks: Sequence[Check], stated: Mapping[str, str]) -> None:
+    """Write the page, whole or not at all; `stated`: facts that the run does not hold."""
+    sessions = run.journal.sessions
+    facts = {
+        **{name: text or NOT_KNOWN for name, text in stated.items()},
+        "Measured": when(sessions[-1].started) if sessions else NOT_KNOWN,
+        "Bus": sessions[-1].bus if sessions else NOT_KNOWN,
+    }
+    templates = environment(*TEMPLATES)
+    templates.filters["when"] = when
+    text = templates.get_template("acceptance.html").render(
+        robot=run.robot.name,
+        failed=sum(not check.passed for check in checks),
+        count=len(checks),
+        facts=facts.items(),
+        tables=[each for each in (checked(checks), _drives(run)) if each],
+        simulated=run.journal.simulated,
+        written=now(),
+        version=versions()["canopen-robot-identification"],
+    )
+    write_file(path, text.encode())
+
+
+def checked(checks: Sequence[Check]) -> Table:
+    """Checks as a table."""
+    return Table(
+        title="Checks",
+        columns=(
+            Column("check"),
+            *figures("value", "at least", "at most"),
+            Column("unit"),
+            Column(""),
+        ),
+        parts=(Part(tuple(map(_row, checks))),),
+    )
+
+
+def _row(check: Check) -> Row:
+    values = (check.value, check.least, check.most)
+    cells = (
+        "" if each is None else each if isinstance(each, str) else f"{each:.6g}" for each in values
+    )
+    return (check.name, *cells, check.unit, "PASS" if check.passed else Marked("FAIL"))
+
+
+def _drives(run: Run) -> Table | None:
+    axes = next((session.axes for session in run.journal.sessions if session.axes), ())
+    rows: tuple[Row, ...] = tuple((axis.name, axis.identity) for axis in axes)
+    if not rows:
+        return None
+    return Table("Drives", (Column("axis"), Column("identity", folds=True)), (Part(rows),))

@@ -1,0 +1,189 @@
+"""Pushes on the virtual plant, friction's drift on: seen live, seen again, and what they stop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from drivers.drive_bus import Sample
+from hil.cli import app
+from hil.cli.measuring import OnBus, measure
+from hil.model.robot import ROBOTS, load_robot
+from hil.planning.design.trajectories import Basis
+from hil.planning.plan import Plan, PlannedRobot, dump_plan
+from hil.results.identification import identify
+from hil.results.model import Model
+from hil.results.watch import load_watched
+from hil.runs import SIMULATED
+from hil.runs.run import Run
+from hil.watching.watcher import Watcher
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from click.testing import Result
+
+ROBOT = load_robot("manutec-r15")
+LEARNED = 6.0
+"""Time in which thresholds are learned [s]."""
+PUSHES = {2: (8.0, 0.10), 4: (9.5, -0.10)}
+"""By axis: when somebody pushes [s], and with which share of the torque limit."""
+
+
+def plan_of(seed: int, cycles: int, period: float, shares: tuple[float, float]) -> Plan:
+    basis = Basis(ROBOT, period, 8)
+    limits = shares[0] * ROBOT.velocity_limit, shares[1] * ROBOT.acceleration_limit
+    basis._limits = np.stack([basis._reach, *limits])
+    drawn = basis.trajectory(basis.random(np.random.default_rng(seed)), cycles, "t")
+    robot = PlannedRobot(name=ROBOT.name, digest=ROBOT.digest)
+    return Plan(robot=robot, measurements=(drawn,))
+
+
+def called(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model from 20 s of motion on the plant."""
+    folder = tmp_path_factory.mktemp("model") / "run"
+    plan = plan_of(3, 4, 5.0023, (0.9, 0.49))
+    measure(plan, ROBOT, folder, folder, OnBus(SIMULATED, None, None, None))
+    identify(Run.open(folder)).save(folder / "model.yaml")
+    return folder / "model.yaml"
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("plan") / "plan.yaml"
+    path.write_bytes(dump_plan(plan_of(21, 2, 5.5, (0.8, 0.4))).encode())
+    return path
+
+
+@pytest.fixture(scope="module")
+def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("faults") / "faults.yaml"
+    pushes = [
+        {
+            "what": "push",
+            "axis": axis,
+            "size": share * float(ROBOT.torque_limit[axis - 1]),
+            "at": {"time": when},
+            "lasts": {"time": 0.2},
+        }
+        for axis, (when, share) in PUSHES.items()
+    ]
+    path.write_text(yaml.safe_dump({"faults": pushes}))
+    return path
+
+
+@pytest.fixture(scope="module")
+def pushed(
+    model: Path, plan: Path, faults: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Result]:
+    """Folder of a watch with two pushes, and what the command showed."""
+    folder = tmp_path_factory.mktemp("watch") / "pushed"
+    words = ("watch", plan, "--model", model, "-o", folder, "--learn", LEARNED)
+    return folder, called(*words, "--bus-option", f"faults={faults}")
+
+
+def test_pushes_are_found_on_their_axes_and_nothing_else_is(pushed: tuple[Path, Result]) -> None:
+    folder, done = pushed
+    found = load_watched(folder)
+    assert done.exit_code == 3, done.output
+    assert [alarm.axis for alarm in found.alarms] == list(PUSHES)
+    for alarm, (axis, (_, share)) in zip(found.alarms, PUSHES.items(), strict=True):
+        assert alarm.peak == pytest.approx(share * ROBOT.torque_limit[axis - 1], rel=0.25)
+        assert 0.1 < alarm.lasted < 0.35
+    apart = found.alarms[1].time - found.alarms[0].time
+    assert apart == pytest.approx(1.5, abs=0.03)
+
+
+def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) -> None:
+    folder, done = pushed
+    assert "from outside at" in done.output
+    assert "2 alarms in" in done.output
+    assert (folder / "watch.png").read_bytes().startswith(b"\x89PNG")
+    found = load_watched(folder)
+    assert found.learned == pytest.approx(LEARNED, abs=0.01)
+    assert all(axis.soon < 0.12 * axis.limit for axis in found.axes)
+    assert all(0 <= axis.blind <= 1 for axis in found.axes)
+    assert max(axis.dim for axis in found.axes) > 0.02  # every axis turns round
+    assert not np.isnan(Run.open(folder / "run")["t"].recording.q).any()
+
+
+def test_samples_one_by_one_show_what_all_together_show(
+    pushed: tuple[Path, Result], model: Path
+) -> None:
+    recording = Run.open(pushed[0] / "run")["t"].recording
+    live, later = (Watcher(Model.load(model), 0.004, 5.0) for _ in range(2))
+    times = slice(0, 1500)
+    later.take_all(recording.time[times], recording.q[times], recording.tau[times])
+    for t, q, tau in zip(recording.time[times], recording.q, recording.tau, strict=False):
+        live.take(Sample(float(t), tuple(q), tuple(tau), (0,) * 6, reached=False))
+    assert live.torques() == pytest.approx(later.torques(), rel=1e-9)
+    for one, all_ in zip(live.sights(), later.sights(), strict=True):
+        assert (one.soon, one.late) == pytest.approx((all_.soon, all_.late), rel=1e-9)
+        assert (one.blind, one.dim, one.distance) == (all_.blind, all_.dim, all_.distance)
+
+
+def test_a_gap_is_no_push(pushed: tuple[Path, Result], model: Path) -> None:
+    recording = Run.open(pushed[0] / "run")["t"].recording
+    q = recording.q.copy()
+    q[1450:1453] = np.nan
+    kept = np.delete(np.arange(1600), slice(1550, 1570))
+    watcher = Watcher(Model.load(model), 0.004, 5.0)
+    assert watcher.take_all(recording.time[kept], q[kept], recording.tau[kept]) == ()
+    assert watcher.watched > 0
+
+
+def test_a_push_may_stop_all_axes(model: Path, plan: Path, faults: Path, tmp_path: Path) -> None:
+    words = ("watch", plan, "--model", model, "-o", tmp_path / "x", "--learn", LEARNED)
+    done = called(*words, "--bus-option", f"faults={faults}", "--stop")
+    assert done.exit_code == 1
+    assert [alarm.axis for alarm in load_watched(tmp_path / "x").alarms] == [2]
+    assert "all axes stop" in done.output
+    assert "emergency stop" not in done.output  # all have shown that they are off
+    assert not (tmp_path / "x" / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "remedy"),
+    [
+        (("--learn", 30), "--repeat 4"),
+        (("--repeat", 2, "--hours", 1), "give one of them"),
+    ],
+)
+def test_a_watch_that_would_watch_nothing_is_refused(
+    model: Path, plan: Path, tmp_path: Path, options: tuple[object, ...], remedy: str
+) -> None:
+    done = called("watch", plan, "--model", model, "-o", tmp_path / "x", *options)
+    assert remedy in str(done.exception)
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_model_without_friction_moves_nothing(model: Path, plan: Path, tmp_path: Path) -> None:
+    stated = yaml.safe_load(model.read_text())
+    stated["friction_law"] = None
+    bare = model.with_name("bare.yaml")
+    bare.write_text(yaml.safe_dump(stated))
+    done = called("watch", plan, "--model", bare, "-o", tmp_path / "x")
+    assert "has no law of friction" in str(done.exception)
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_model_of_another_robot_moves_nothing(model: Path, tmp_path: Path) -> None:
+    file, plan = tmp_path / "arm.yaml", tmp_path / "plan.yaml"
+    text = (ROBOTS / "manutec-r15.yaml").read_text()
+    file.write_text(text.replace("9.81", "9.80"))
+    other = load_robot(str(file))
+    planned = PlannedRobot(name=other.name, digest=other.digest, file="arm.yaml")
+    made = plan_of(21, 8, 5.5, (0.5, 0.2)).model_copy(update={"robot": planned})
+    plan.write_bytes(dump_plan(made).encode())
+    done = called("watch", plan, "--model", model, "-o", tmp_path / "x")
+    assert "give the model of this robot with --model" in str(done.exception)
+    assert not (tmp_path / "x").exists()

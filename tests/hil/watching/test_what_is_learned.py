@@ -1,0 +1,85 @@
+"""What a watch learns while nobody pushes: distances, friction's level, scatter."""
+
+import numpy as np
+import pytest
+
+from checked_files.yaml_file import FileError
+from hil.planning.plan import Plan, repeated
+from hil.watching.friction_level import FrictionLevel, columns_of
+from hil.watching.scatter import Scatter, window_lengths
+from hil.watching.turning import DISTANCES, Turning
+
+
+def back_and_forth() -> np.ndarray:
+    """Steps of two axes that swing by 0.1 rad."""
+    t = 0.004 * np.arange(2000)
+    q = 0.1 * np.sin(np.outer(t, (2.0, 3.0)))
+    return np.diff(q, axis=0, prepend=q[:1])
+
+
+def test_a_presliding_distance_is_found_from_reversals() -> None:
+    step, level = back_and_forth(), np.full((2000, 2), 50.0)
+    true = Turning(np.array([DISTANCES[5], DISTANCES[2]])).take(step, level, level).direction
+    turning = Turning(np.zeros(2))
+    turning.take(step, level * true, level)
+    turning.settle()
+    assert turning.distance == pytest.approx([DISTANCES[5], DISTANCES[2]])
+
+
+def test_a_presliding_distance_that_the_model_holds_stays() -> None:
+    step, level = back_and_forth(), np.full((2000, 2), 50.0)
+    turning = Turning(np.array([DISTANCES[4], 0.0]))
+    turning.take(step, level * np.sign(step), level)
+    turning.settle()
+    assert turning.distance == pytest.approx([DISTANCES[4], DISTANCES[0]])
+
+
+def test_direction_is_doubtful_after_a_reversal_alone() -> None:
+    step = back_and_forth()
+    turned = Turning(np.zeros(2)).take(step, step, np.ones_like(step))
+    after = np.cumsum(np.abs(step[:, 0])) % 0.2
+    assert turned.doubt[after > 0.15, 0].max() < 0.05
+    assert turned.doubt[:, 0].max() > 0.3
+
+
+def test_friction_that_falls_by_a_tenth_in_minutes_is_followed() -> None:
+    level, block = FrictionLevel(np.array([0.01])), 62
+    direction = np.tile([1.0, -1.0], block // 2)[:, np.newaxis]
+    columns = columns_of(direction, np.full_like(direction, 0.2), np.full_like(direction, 0.3))
+    used = np.ones((block, 1), dtype=bool)
+    for number in range(720):  # three minutes
+        true = -0.1 * number / 720 * 0.2 * direction
+        level.follow(columns, true - level.at(columns)[0], used, 0.25)
+    found, error = level.at(columns)
+    assert found == pytest.approx(-0.02 * direction, abs=0.002)
+    assert error.max() < 0.01
+
+
+def test_what_nobody_used_teaches_nothing() -> None:
+    level, scatter = FrictionLevel(np.array([0.01])), Scatter(2, 1, 0.004)
+    columns = np.ones((62, 1, 4))
+    none = np.zeros((62, 1), dtype=bool)
+    level.follow(columns, np.ones((62, 1)), none, 0.25)
+    scatter.take(np.ones((62, 2, 1)), none)
+    assert not level.at(columns)[0].any()
+    assert not scatter.rms.any()
+
+
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.004, 0.01, 0.1])
+def test_windows_grow_up_to_a_tenth_of_a_second(period: float) -> None:
+    lengths = window_lengths(period)
+    assert list(lengths) == sorted(set(lengths))
+    assert lengths[0] == 2
+    assert lengths[-1] == max(2, round(0.1 / period))
+
+
+def test_rounds_of_a_plan_have_measurements_of_their_own(small_plan: Plan) -> None:
+    thrice = repeated(small_plan, 3)
+    assert len({m.id for m in thrice.measurements}) == 3 * len(small_plan.measurements)
+    assert repeated(small_plan, 1) == small_plan
+
+
+def test_an_id_that_leaves_no_room_for_a_number_is_refused(small_plan: Plan) -> None:
+    long = small_plan.measurements[0].model_copy(update={"id": "x" * 63})
+    with pytest.raises(FileError, match="give it a shorter id"):
+        repeated(small_plan.model_copy(update={"measurements": (long,)}), 2)
