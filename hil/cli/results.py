@@ -10,7 +10,7 @@ import typer
 from rich.text import Text
 
 from hil.cli.arguments import Masses, RunPath, Without
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from hil.results.model import Model
@@ -102,6 +102,7 @@ def report(
     begun = perf_counter()
     run = Run.open(folder).without(without or ())
     path = module.report(run, figures)
+    _show_unusable_model(run)
     _show_shortfall(run)
     out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
 
@@ -166,6 +167,19 @@ def _show_outcome(model: Model) -> None:
 def _show_shortfall(run: Run) -> None:
     if run.shortfall:
         out.print(f"[yellow]{run.shortfall}[/]", soft_wrap=True)
+
+
+def _show_unusable_model(run: Run) -> None:
+    """State that the kept model was cut off or edited: the report is of a new estimate."""
+    from checked_files.yaml_file import FileError
+    from hil.results.model_file import NAME, read_model_file
+
+    path = run.path / NAME
+    try:
+        if path.exists():
+            read_model_file(path)
+    except FileError as error:
+        say(f"not used, the report is of a new estimate: {error}", style="yellow")
 
 
 def _show_place(what: str, path: Path) -> None:

@@ -39,3 +39,14 @@ def test_a_wrong_sign_is_the_first_thing_that_identify_and_report_state(
     assert hil("report", run.path)[0] == 0
     page = (run.path / "report.html").read_text(encoding="utf-8")
     assert page.index('class="outcome failed"') < page.index('class="verdict"')
+
+
+def test_a_report_states_that_a_model_which_was_edited_is_not_used(
+    hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    empty_plots(monkeypatch)
+    run = write_free_run(tmp_path / "run", arm(), recorded(arm(), TRUTH, n=3, duration=12.0))
+    (run.path / "model.yaml").write_text("provenance:\n")
+    status, out, _ = hil("report", run.path)
+    assert status == 0
+    assert f"not used, the report is of a new estimate: {run.path / 'model.yaml'}:" in out

@@ -13,7 +13,7 @@ from small_run import as_on_hardware, write_run
 from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import FileError
-from hil.errors import Mismatch, NotIdentifiable
+from hil.errors import Mismatch, NotIdentifiable, UnknownName
 from hil.estimation.identify import estimate
 from hil.model.base_parameters import base_parameters
 from hil.results.identification import identify
@@ -126,8 +126,12 @@ class TestTruth:
             true_parameters(manutec, path)
 
     def test_an_unknown_plant_is_refused(self, manutec):
-        with pytest.raises(FileError, match="puma: cannot be read"):
+        with pytest.raises(UnknownName, match=r"puma: no plant file, .*; available: manutec-r15"):
             true_parameters(manutec, "puma")
+
+    def test_a_mistyped_plant_brings_the_one_that_is_near(self, manutec):
+        with pytest.raises(UnknownName, match=r"manutec-r14: .*; did you mean manutec-r15\?"):
+            true_parameters(manutec, "manutec-r14")
 
 
 class TestComparison:
