@@ -26,9 +26,9 @@ from hil.planning.design.load import (
 )
 from hil.planning.measurement import shows_parameters
 from hil.planning.path_clearance import JointBoxes
+from hil.planning.strokes import Strokes
 from hil.planning.prediction.predicted_samples import forecast
 from hil.planning.timetable import timetable
-from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import narrowed
 from hil.regression.terms import n_unknowns
 
@@ -177,8 +177,8 @@ def allowed(
 def at_position(
     measurement: ParameterMeasurement, axis: int, position: float
 ) -> ParameterMeasurement:
-    """Return a measurement with an axis held elsewhere; a trajectory, which moves all, as is."""
-    if isinstance(measurement, Trajectory):
+    """Return strokes with an axis held elsewhere; what moves all axes stays as it is."""
+    if not isinstance(measurement, Strokes):
         return measurement
     q = list(measurement.q)
     q[axis] = position

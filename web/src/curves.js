@@ -70,7 +70,7 @@ export class Curve {
     let [low, high] = [Infinity, -Infinity];
     for (const { y } of this.drawn) for (const v of y) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
     if (!(low <= high)) [low, high] = [-1, 1];
-    const room = Math.max(0.08 * (high - low), 1e-3 * Math.max(Math.abs(low), Math.abs(high)), 1e-6);
+    const room = Math.max(0.08 * (high - low), 1e-3 * Math.max(Math.abs(low), Math.abs(high)), 1e-3);
     this.low = low - room;
     this.high = high + room;
     this.limits = this.bounds(joint).filter((v) => v > this.low && v < this.high);
