@@ -19,6 +19,14 @@ if TYPE_CHECKING:
 PLANT = "manutec-r15"
 """Channel of the virtual plant where neither a robot nor drives name one."""
 
+
+def _in_a_folder(ctx: typer.Context, path: Path | None) -> Path | None:
+    """Refuse an output whose folder is not there, before anything is computed."""
+    if path is not None and not ctx.resilient_parsing and not path.parent.is_dir():
+        raise typer.BadParameter(f"{path}: there is no folder {path.parent}; make it first")
+    return path
+
+
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
 Masses = Annotated[
     list[str] | None,
@@ -43,7 +51,10 @@ PlanFile = Annotated[Path, typer.Argument(help="Plan as a YAML file.")]
 ModelPath = Annotated[
     Path, typer.Option("--model", help="Model: its file, or the folder of the run that gave it.")
 ]
-NewPlan = Annotated[Path, typer.Option("-o", "--output", help="Plan to write.")]
+NewPlan = Annotated[
+    Path,
+    typer.Option("-o", "--output", callback=_in_a_folder, help="Plan to write."),
+]
 RobotOption = Annotated[
     str | None,
     typer.Option("--robot", help="Robot file of the plan, where its robot does not come along."),
