@@ -65,11 +65,12 @@ def test_what_was_not_identified_has_no_error_and_no_interval(partial: Run, tmp_
     np.testing.assert_array_equal(Model.load(tmp_path / "model.yaml").identified, ~lost)
 
 
-def test_it_is_validated_with_the_friction_of_the_recording(run: Run, tmp_path: Path) -> None:
+def test_its_bodies_hold_on_a_machine_whose_friction_is_another(run: Run, tmp_path: Path) -> None:
     other = write_free_run(tmp_path / "other", ROBOT, recorded(ROBOT, TRUTH, n=1, seed=9))
     verdict = validate(identify(run), predicted_torques(identify(run), of_run(other)))
-    assert verdict.verdict == "PASS", verdict.reason
     assert all(each.relative < 0.05 for each in verdict.axes)
+    assert verdict.verdict == "WARN"
+    assert "the rigid bodies hold, the friction that the model states does not" in verdict.reason
 
 
 def test_a_whole_and_a_partial_estimate_are_reported(run: Run, partial: Run) -> None:

@@ -256,7 +256,7 @@ class TestFailure:
         self, tmp_path: Path, hil: Callable[..., tuple[int, str, str]]
     ) -> None:
         status, _, err = hil("-o", tmp_path / "study", "--plant", "puma")
-        assert (status, "puma: cannot be read" in err) == (1, True)
+        assert (status, "puma: no plant file" in err) == (1, True)
         assert not (tmp_path / "study").exists()
 
 
