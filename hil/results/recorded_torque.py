@@ -168,7 +168,8 @@ def processing_of(model: Model) -> Processing:
     taken[[axis - 1 for axis in model.friction.recorded_velocity]] = True
     speed = np.array([law.speed for law in model.friction.axes])
     presliding = np.array([law.presliding for law in model.friction.axes])
-    return Processing(model.friction.cut_off, model.friction.band, speed, taken, presliding)
+    lag = np.array([each.value for each in model.friction.lag] or [0.0] * len(speed))
+    return Processing(model.friction.cut_off, model.friction.band, speed, taken, presliding, lag)
 
 
 def _torque(model: Model, motion: Motion, rigid: Array) -> Array:

@@ -56,4 +56,5 @@ def processing_of_strokes(motion: FreeMotion, recording: Recording) -> tuple[Pro
     speed = np.ones(recording.n_joints)
     speed[axis] = speed_of(recording, axis)
     derived = np.zeros(recording.n_joints, dtype=bool)
-    return Processing(cut_off, cut_off, speed, derived, np.zeros(recording.n_joints)), reason
+    none = np.zeros(recording.n_joints)
+    return Processing(cut_off, cut_off, speed, derived, none, none), reason

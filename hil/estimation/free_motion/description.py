@@ -12,6 +12,7 @@ from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import (
     AxisFriction,
     CoupledFriction,
+    LagValue,
     TermValue,
 )
 from hil.estimation.free_motion.solution import FARTHEST
@@ -72,6 +73,12 @@ def axis_friction(
         )
         for axis, law in enumerate(choice.laws)
     )
+
+
+def torque_lags(gathered: Gathered) -> tuple[LagValue, ...]:
+    """Lag of each axis's torque."""
+    both = zip(gathered.processing.lag, gathered.lag_error, strict=True)
+    return tuple(LagValue(value=float(lag), standard_error=float(error)) for lag, error in both)
 
 
 def coupled_friction(robot: Robot, solution: Solution) -> tuple[CoupledFriction, ...]:

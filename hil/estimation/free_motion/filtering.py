@@ -61,7 +61,12 @@ class Rates:
 
 
 def low_passed(
-    x: Array, period: float, cut_off: float, every: int = 1, derivatives: int = 0
+    x: Array,
+    period: float,
+    cut_off: float,
+    every: int = 1,
+    derivatives: int = 0,
+    ahead: Array | None = None,
 ) -> tuple[Array, ...]:
     """Low-pass of columns of samples, and of their derivatives.
 
@@ -75,6 +80,8 @@ def low_passed(
         Of the result every n-th sample is wanted.
     derivatives : int
         How many derivatives are wanted.
+    ahead : ndarray, shape (k,), optional
+        How much later than its instant each column is taken [s]; short against `reach`.
 
     Returns
     -------
@@ -86,6 +93,8 @@ def low_passed(
     spectrum = fft.rfft(_continued(x, pad, whole).T)
     frequencies = fft.rfftfreq(whole, period)
     spectrum *= 1.0 / (1.0 + (frequencies / cut_off) ** (2 * ORDER))
+    if ahead is not None:
+        spectrum = spectrum * np.exp(2j * np.pi * np.outer(ahead, frequencies))
     kept, found = whole // every, []
     for _ in range(derivatives + 1):
         part = spectrum[:, : kept // 2 + 1]

@@ -9,12 +9,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import choose, without_choice
 from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.first_estimate import first_estimate
-from hil.estimation.free_motion.presliding import with_presliding
+from hil.estimation.free_motion.lag import with_lag
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import survey
 from hil.estimation.free_motion.unknown_gains import first_scaling, refined
@@ -23,7 +25,6 @@ from hil.planning.free_motion import FreeMotion
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from hil.estimation.free_motion.accumulation import Products
@@ -73,6 +74,8 @@ class Gathered:
     ----------
     found : Survey
     processing : Processing
+    lag_error : ndarray, shape (n_joints,)
+        Standard errors of the lags of the torques [s].
     reasons : Reasons
     first : ndarray, shape (n_base,)
         First estimate, which friction of the load goes by.
@@ -86,6 +89,7 @@ class Gathered:
 
     found: Survey
     processing: Processing
+    lag_error: Array
     reasons: Reasons
     first: Array
     recorded: Products
@@ -125,9 +129,9 @@ def gather(
     motions = FreeMotions(recorded)
     found = survey(motions)
     processing, reasons = processing_of(found)
-    chosen = variant.terms == "chosen"
+    chosen, lag_error = variant.terms == "chosen", np.zeros(robot.n_joints)
     if chosen:
-        processing = with_presliding(robot, found, processing)
+        processing, lag_error = with_lag(robot, found, processing)
     first, unknown = first_estimate(robot, found, processing, open_scale=open_scale)
     condensed = recorded_products(
         robot,
@@ -145,4 +149,4 @@ def gather(
     if chosen and not unknown:
         drift = find_drift(products, choice, found.duration)
         choice = choose(drift.applied(products)) if any(drift.spans) else choice
-    return Gathered(found, processing, reasons, first, condensed, scaling, choice, drift)
+    return Gathered(found, processing, lag_error, reasons, first, condensed, scaling, choice, drift)

@@ -15,6 +15,7 @@ from hil.estimation.free_motion.description import (
     dead_zone,
     remarks,
     residuals,
+    torque_lags,
 )
 from hil.estimation.free_motion.gains import effect_of_gains
 from hil.estimation.free_motion.gathering import gather
@@ -100,6 +101,7 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
         least_inertia=least_inertia(robot, solution.x[:n], visited),
         remarks=remarks(robot, products, solution, found, plain.condition),
         gains=found_gains(robot, scaling, solution),
+        lag=torque_lags(gathered),
     )
     gains = effect_of_gains(robot, gathered.recorded, scaling, choice, n)
     return _estimate(name, solution, found, rms, fit, gains, plain.condition)

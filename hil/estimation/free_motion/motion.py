@@ -38,6 +38,8 @@ class Processing:
         Axes whose velocity is taken as it was recorded, where it was, instead of from the position.
     presliding : ndarray, shape (n_joints,)
         Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
+    lag : ndarray, shape (n_joints,)
+        By which the recorded torque comes after the position [s]; taken back.
     """
 
     cut_off: float
@@ -45,6 +47,7 @@ class Processing:
     speed: Array
     recorded_velocity: Mask
     presliding: Array
+    lag: Array
 
     def spoilt(self, period: float) -> int:
         """Samples every `period` [s] at either end that reflected ones have reached."""
@@ -62,7 +65,7 @@ class Motion:
     q, qd, qdd : ndarray, shape (n, n_joints)
         [rad or m], at `rates.fine`.
     tau : ndarray, shape (n_used, n_joints)
-        Torque, filtered [N m or N], at `rates.coarse`.
+        Torque, filtered and its lag taken back [N m or N], at `rates.coarse`.
     used : ndarray of bool, shape (n_used,)
         Samples that no reflected sample has reached.
     smooth : ndarray, shape (n_recorded, n_joints)
@@ -133,8 +136,9 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     period, band = recording.period, processing.band
     rates = Rates.of(period, processing.cut_off, band)
     q, qd, qdd = _motion(recording, processing, rates, offset)
-    tau = low_passed(recording.tau, period, band, rates.fine * rates.coarse)[0]
-    spoilt = processing.spoilt(period * rates.fine * rates.coarse)
+    every, lag = rates.fine * rates.coarse, processing.lag
+    tau = low_passed(recording.tau, period, band, every, ahead=lag if lag.any() else None)[0]
+    spoilt = processing.spoilt(period * every)
     used = np.zeros(len(tau), dtype=bool)
     used[spoilt : len(tau) - spoilt] = True
     smooth = low_passed(_every_other(recording.q, offset), period, processing.cut_off)[0]

@@ -71,7 +71,7 @@ class _Search:
         n = robot.n_joints
         self._motions, self._n_shared = motions, n_shared(robot)
         self._rows = [[_columns(robot, motion, axis) for motion in motions] for axis in range(n)]
-        self._parts = [_blocks(motion) for motion in motions]
+        self._parts = [blocks(motion) for motion in motions]
         self._products = np.stack([self._with(axis, 0.0) for axis in range(n)], axis=1)
         self._weights = self._variances()
 
@@ -125,7 +125,8 @@ def _columns(robot: Robot, motion: Motion, axis: int) -> Array:
     return np.hstack([y, passed[:, 1:]])
 
 
-def _blocks(motion: Motion) -> list[slice]:
+def blocks(motion: Motion) -> list[slice]:
+    """Parts of the samples that are used, `BLOCKS` at most."""
     used = np.flatnonzero(motion.used)
     duration = len(used) * motion.period * motion.rates.coarse
     n = int(np.clip(duration * motion.processing.band / SHORTEST, 1, BLOCKS))

@@ -106,6 +106,16 @@ class BiasTest(FileModel):
         return self.p_value < CHANCE and self.shift > NOTICEABLE
 
 
+class LagValue(FileModel):
+    """By how much the torque of one axis was recorded after its position, and the standard error.
+
+    Both 0 where no lag was found [s].
+    """
+
+    value: float
+    standard_error: float
+
+
 class FreeMotionFit(FileModel):
     """Friction and the settings behind an estimate from free motions.
 
@@ -135,6 +145,9 @@ class FreeMotionFit(FileModel):
         What restricts the estimate.
     gains : tuple of GainValue
         Of axes whose gain the map left unknown.
+    lag : tuple of LagValue
+        Of each axis, taken back before anything was fitted and wherever the model predicts a
+        recording; empty in models that were written without.
     """
 
     cut_off: float
@@ -151,3 +164,4 @@ class FreeMotionFit(FileModel):
     remarks: tuple[str, ...]
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()
+    lag: tuple[LagValue, ...] = ()

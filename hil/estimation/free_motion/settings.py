@@ -67,8 +67,8 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     sources = velocity_sources(_long(found), cut_off)
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
-    sharp = np.zeros(len(found.speed))
-    return Processing(cut_off, cut_off / EQUATION, found.speed, recorded, sharp), reasons
+    none = np.zeros(len(found.speed))
+    return Processing(cut_off, cut_off / EQUATION, found.speed, recorded, none, none), reasons
 
 
 def cut_off_of(

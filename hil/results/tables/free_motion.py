@@ -128,6 +128,7 @@ def statements(fit: FreeMotionFit) -> tuple[str, ...]:
         for text in (
             _settings(fit),
             _velocities(fit),
+            *_lags(fit),
             *_gains(fit),
             _bias(fit),
             _bodies(fit),
@@ -146,6 +147,16 @@ def _settings(fit: FreeMotionFit) -> str:
     return (
         f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
     )
+
+
+def _lags(fit: FreeMotionFit) -> Iterator[str]:
+    for axis, each in enumerate(fit.lag, start=1):
+        if each.value:
+            value, error = uncertain(1e3 * each.value, 1e3 * each.standard_error)
+            yield (
+                f"torque of axis {axis} recorded {value} ± {error} ms after the position; the lag"
+                " is taken back, in residuals and predictions of recordings too"
+            )
 
 
 def _gains(fit: FreeMotionFit) -> Iterator[str]:

@@ -1,0 +1,212 @@
+"""Torques that are recorded later than positions, by a constant lag of each axis.
+
+With the lag s of an axis its recorded torque is y(t) = f(t - s). What is explained is y(t + s),
+shifted by the phase of its spectrum, so a lag need not be a number of samples. Near a first s the
+rest of it is linear,
+
+    y(t + s) = W(t) x - ds W'(t) x,
+
+W' being the rate of change of the columns, so ds is found with all other unknowns and s by Gauss
+and Newton's method, all axes together, since they share parameters. It is the rate of the model's
+torque and not that of the recorded one, whose noise would make ds too small.
+
+An axis has a lag where that predicts held-out blocks better than none by more than chance. Where it
+has one, the presliding distance is looked for again: each looks a little like the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.choice import HeldOut, folds, simplest
+from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
+from hil.estimation.free_motion.filtering import low_passed
+from hil.estimation.free_motion.friction_terms import COLUMNS
+from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.free_motion.presliding import blocks, with_presliding
+from hil.estimation.free_motion.system import Normal, embedded, normal, residual_weights
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.motion import Motion, Processing
+    from hil.estimation.free_motion.survey import Survey
+    from hil.model.robot import Robot
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+
+MOST = 0.03
+"""Of a lag, either way [s]."""
+SHARE = 0.5
+"""Of a period of the equation's cut-off frequency that a lag is at most."""
+ROUNDS = 8
+"""Of Gauss and Newton's method, at most."""
+CONVERGED = 1e-6
+"""Change of a lag that no longer matters [s]."""
+_FRICTION = [k for k, term in enumerate(COLUMNS) if not term.startswith(("cosine", "sine"))]
+"""Ripple is left out: it is periodic and hardly resembles a lag."""
+
+
+def with_lag(robot: Robot, found: Survey, processing: Processing) -> tuple[Processing, Array]:
+    """Settings with presliding distances and lags of every axis that moves.
+
+    Where gains are unknown there are neither.
+
+    Returns
+    -------
+    Processing
+    error : ndarray, shape (n_joints,)
+        Standard errors of the lags [s]; 0 where there is none.
+    """
+    processing = with_presliding(robot, found, processing)
+    lag, error = _lags(robot, found, processing)
+    if not lag.any():
+        return processing, error
+    processing = with_presliding(robot, found, replace(processing, lag=lag))
+    lag, error = _lags(robot, found, processing)
+    return replace(processing, lag=lag), error
+
+
+def _lags(robot: Robot, found: Survey, processing: Processing) -> tuple[Array, Array]:
+    none = np.zeros(robot.n_joints)
+    filtered = [(each, filtered_motion(each, processing)) for each in found.stretches]
+    filtered = [(each, motion) for each, motion in filtered if motion.used.any()]
+    if found.unknown_gains or not filtered:
+        return none, none
+    search = _Search(robot, [_Stretch.of(robot, *each) for each in filtered])
+    axes = [axis for axis in range(robot.n_joints) if axis not in found.still]
+    return search.found(axes, min(MOST, SHARE / processing.band))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stretch:
+    """Columns of all axes and their rates of change, shape (n, m) each, filtered."""
+
+    recording: Recording
+    motion: Motion
+    columns: list[Array]
+    rates: list[Array]
+    rotors: Array
+    parts: list[slice]
+
+    @classmethod
+    def of(cls, robot: Robot, recording: Recording, motion: Motion) -> _Stretch:
+        first, k = np.zeros(len(base_parameters(robot))), n_shared(robot)
+        kept = [*range(k), *(k + term for term in _FRICTION)]
+        period, every = motion.period, motion.rates.coarse
+        band, columns, rates = motion.processing.band, [], []
+        for axis in range(robot.n_joints):
+            rows = axis_columns(robot, motion, axis, first)[:, kept]
+            both = low_passed(rows, period, band, every, derivatives=1)
+            columns.append(both[0])
+            rates.append(both[1])
+        rotors = [rotor_torque(robot, motion, axis) for axis in range(robot.n_joints)]
+        passed = motion.passed(np.column_stack(rotors))
+        return cls(recording, motion, columns, rates, passed, blocks(motion))
+
+    def explained(self, lag: Array) -> Array:
+        """Torque, its lag taken back, less that of rotors of known inertia."""
+        rates, band = self.motion.rates, self.motion.processing.band
+        every = rates.fine * rates.coarse
+        tau = low_passed(self.recording.tau, rates.period, band, every, ahead=lag)[0]
+        n = min(len(tau), len(self.rotors))
+        return np.asarray(tau[:n] - self.rotors[:n])
+
+
+class _Search:
+    """Equations of all axes, of which the torques depend on the lags."""
+
+    def __init__(self, robot: Robot, stretches: Sequence[_Stretch]) -> None:
+        self._stretches, self._n = stretches, robot.n_joints
+        self._n_shared, self._n_own = n_shared(robot), len(_FRICTION) + 1
+        size = self._n_shared + self._n * self._n_own
+        self._rates = self._n_shared + self._n_own * (np.arange(self._n) + 1) - 1
+        self._linear = np.setdiff1d(np.arange(size), self._rates)
+        self._x, self._weights = np.zeros(size), np.ones(self._n)
+
+    def found(self, axes: Sequence[int], most: float) -> tuple[Array, Array]:
+        """Lags of those `axes` that have one, and their standard errors [s]."""
+        lag = self._converged(axes, most)
+        chosen = [axis for axis in axes if 0 < abs(lag[axis]) < most]
+        for axis in list(chosen):
+            fewer = [each for each in chosen if each != axis]
+            tried = {
+                "none": self._error(np.where(np.isin(np.arange(self._n), fewer), lag, 0.0), fewer),
+                "lag": self._error(np.where(np.isin(np.arange(self._n), chosen), lag, 0.0), chosen),
+            }
+            chosen = fewer if simplest(tried) == "none" else chosen
+        lag = self._converged(chosen, most)
+        return lag, self._standard_error(lag, chosen)
+
+    def _converged(self, axes: Sequence[int], most: float) -> Array:
+        lag = np.zeros(self._n)
+        self._solve(lag)
+        for _ in range(ROUNDS if axes else 0):
+            system = self._system(lag).only(self._kept(axes))
+            change = system.solution()[-len(axes) :]
+            lag[list(axes)] = np.clip(lag[list(axes)] + change, -most, most)
+            self._solve(lag)
+            if np.abs(change).max() < CONVERGED:
+                break
+        return lag
+
+    def _kept(self, axes: Sequence[int]) -> Indices:
+        """All linear unknowns, the rest of the lags of some axes behind them."""
+        return np.concatenate([self._linear, self._rates[list(axes)]])
+
+    def _solve(self, lag: Array) -> None:
+        """Find solution and weights with given lags."""
+        products = self._products(lag)
+        counts = np.ones(products.shape[:2])
+        self._weights = residual_weights(products, counts, self._n_shared, self._linear)
+        system = normal(products, self._n_shared, self._weights)
+        self._x = embedded(system.only(self._linear).solution(), self._linear, len(self._x))
+
+    def _system(self, lag: Array) -> Normal:
+        return normal(self._products(lag), self._n_shared, self._weights)
+
+    def _products(self, lag: Array) -> Array:
+        """Products of torque, columns and the rate of what is modelled, of each block."""
+        found = []
+        for stretch in self._stretches:
+            y = stretch.explained(lag)
+            rows = [self._rows(stretch, axis, y) for axis in range(self._n)]
+            found += [np.array([each[part].T @ each[part] for each in rows])
+                      for part in stretch.parts]  # fmt: skip
+        return np.array(found)
+
+    def _rows(self, stretch: _Stretch, axis: int, y: Array) -> Array:
+        own = self._n_shared + axis * self._n_own + np.arange(self._n_own - 1)
+        x = np.concatenate([self._x[: self._n_shared], self._x[own]])
+        rate = -stretch.rates[axis] @ x
+        return np.column_stack([y[:, axis], stretch.columns[axis][: len(y)], rate[: len(y)]])
+
+    def _error(self, lag: Array, axes: Sequence[int]) -> Array:
+        """Squared errors on blocks that were held out, lags fitted without them."""
+        system, kept = self._system(lag), self._kept(axes)
+        heard = np.einsum("bkk->k", system.N)[kept] > 0
+        return HeldOut(system, system).error(kept[heard])
+
+    def _standard_error(self, lag: Array, axes: Sequence[int]) -> Array:
+        """Of each lag, by leaving out successive blocks (jackknife)."""
+        error = np.zeros(self._n)
+        if not axes:
+            return error
+        system = self._system(lag).only(self._kept(axes))
+        parts = folds(len(system.v))
+        found = np.array([_without(system, part).solution()[-len(axes) :] for part in parts])
+        n = len(parts)
+        error[list(axes)] = np.sqrt((n - 1) * found.var(axis=0)) if n > 1 else np.nan
+        return error
+
+
+def _without(system: Normal, part: slice) -> Normal:
+    return Normal(*(np.delete(x, part, axis=0) for x in (system.N, system.v, system.square)))

@@ -1,0 +1,43 @@
+"""Torques that are recorded later than positions: the lag of each axis is found and taken back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from free_run import PERIOD, TRUTH, arm, recorded
+
+from hil.estimation.identify import estimate
+
+LAGS = np.array([0.004, 0.008])
+
+
+def lagging(seed: int, lags: np.ndarray = LAGS) -> list:
+    """Recordings whose torques come later by some lags, whole numbers of samples."""
+    late = []
+    for motion, each in recorded(arm(), TRUTH, seed=seed):
+        columns = [np.roll(x, round(lag / PERIOD)) for x, lag in zip(each.tau.T, lags, strict=True)]
+        late.append((motion, replace(each, tau=np.column_stack(columns))))
+    return late
+
+
+@pytest.mark.parametrize("seed", [0, 10])
+def test_lags_are_found_and_bias_no_parameter(seed: int) -> None:
+    data = lagging(seed)
+    found, plain = (estimate(arm(), data, name) for name in ("free motion", "least squares"))
+    assert found.free is not None
+    assert found.free.lag
+    for each, lag in zip(found.free.lag, LAGS, strict=True):
+        assert each.value == pytest.approx(lag, abs=3e-4)
+        assert abs(each.value - lag) < 3 * each.standard_error
+    z = np.abs(found.p - TRUTH) / found.standard_error
+    assert z.max() < 3.0
+    assert np.linalg.norm(found.p - TRUTH) < 0.5 * np.linalg.norm(plain.p - TRUTH)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_none_is_found_where_there_is_none(seed: int) -> None:
+    found = estimate(arm(), recorded(arm(), TRUTH, seed=seed), "free motion")
+    assert found.free is not None
+    assert [each.value for each in found.free.lag] == [0.0, 0.0]
