@@ -49,8 +49,8 @@ SHARE = 0.5
 """Of a period of the equation's cut-off frequency that a lag is at most."""
 ROUNDS = 8
 """Of Gauss and Newton's method, at most."""
-CONVERGED = 1e-6
-"""Change of a lag that no longer matters [s]."""
+CONVERGED = 1e-5
+"""Change of a lag after which the next no longer matters [s]."""
 _FRICTION = [k for k, term in enumerate(COLUMNS) if not term.startswith(("cosine", "sine"))]
 """Ripple is left out: it is periodic and hardly resembles a lag."""
 
@@ -149,13 +149,16 @@ class _Search:
     def _converged(self, axes: Sequence[int], most: float) -> Array:
         lag = np.zeros(self._n)
         self._solve(lag)
-        for _ in range(ROUNDS if axes else 0):
-            system = self._system(lag).only(self._kept(axes))
-            change = system.solution()[-len(axes) :]
+        if not axes:
+            return lag
+        kept = self._kept(axes)
+        for _ in range(ROUNDS):
+            x = embedded(self._system(lag).only(kept).solution(), kept, len(self._x))
+            self._x, change = x, x[self._rates[list(axes)]]
             lag[list(axes)] = np.clip(lag[list(axes)] + change, -most, most)
-            self._solve(lag)
             if np.abs(change).max() < CONVERGED:
                 break
+        self._solve(lag)
         return lag
 
     def _kept(self, axes: Sequence[int]) -> Indices:
