@@ -10,7 +10,8 @@ W' being the rate of change of the columns, so ds is found with all other unknow
 and Newton's method, all axes together, since they share parameters. It is the rate of the model's
 torque and not that of the recorded one, whose noise would make ds too small.
 
-An axis has a lag where that predicts held-out blocks better than none by more than chance. Where it
+An axis has a lag where that predicts held-out blocks better than none by more than chance, and
+where the lag is `SURE` standard errors or more. Where it
 has one, the presliding distance is looked for again: each looks a little like the other.
 """
 
@@ -47,6 +48,8 @@ MOST = 0.03
 """Of a lag, either way [s]."""
 SHARE = 0.5
 """Of a period of the equation's cut-off frequency that a lag is at most."""
+SURE = 3.0
+"""Standard errors that a lag is at least: every axis is tried, and soft gears look like one."""
 ROUNDS = 8
 """Of Gauss and Newton's method, at most."""
 CONVERGED = 1e-5
@@ -66,13 +69,13 @@ def with_lag(robot: Robot, found: Survey, processing: Processing) -> tuple[Proce
     error : ndarray, shape (n_joints,)
         Standard errors of the lags [s]; 0 where there is none.
     """
-    processing = with_presliding(robot, found, processing)
-    lag, error = _lags(robot, found, processing)
+    at_once = with_presliding(robot, found, processing)
+    lag, error = _lags(robot, found, at_once)
     if not lag.any():
-        return processing, error
-    processing = with_presliding(robot, found, replace(processing, lag=lag))
-    lag, error = _lags(robot, found, processing)
-    return replace(processing, lag=lag), error
+        return at_once, error
+    late = with_presliding(robot, found, replace(processing, lag=lag))
+    lag, error = _lags(robot, found, late)
+    return (replace(late, lag=lag) if lag.any() else at_once), error
 
 
 def _lags(robot: Robot, found: Survey, processing: Processing) -> tuple[Array, Array]:
@@ -143,8 +146,13 @@ class _Search:
                 "lag": self._error(np.where(np.isin(np.arange(self._n), chosen), lag, 0.0), chosen),
             }
             chosen = fewer if simplest(tried) == "none" else chosen
-        lag = self._converged(chosen, most)
-        return lag, self._standard_error(lag, chosen)
+        lag, error = self._refined(chosen, most)
+        sure = [axis for axis in chosen if abs(lag[axis]) > SURE * error[axis]]
+        return (lag, error) if sure == chosen else self._refined(sure, most)
+
+    def _refined(self, axes: Sequence[int], most: float) -> tuple[Array, Array]:
+        lag = self._converged(axes, most)
+        return lag, self._standard_error(lag, axes)
 
     def _converged(self, axes: Sequence[int], most: float) -> Array:
         lag = np.zeros(self._n)

@@ -9,6 +9,7 @@ import pytest
 from free_run import PERIOD, TRUTH, arm, recorded
 
 from hil.estimation.identify import estimate
+from hil.results.tables.free_motion import statements
 
 LAGS = np.array([0.004, 0.008])
 
@@ -31,6 +32,7 @@ def test_lags_are_found_and_bias_no_parameter(seed: int) -> None:
     for each, lag in zip(found.free.lag, LAGS, strict=True):
         assert each.value == pytest.approx(lag, abs=3e-4)
         assert abs(each.value - lag) < 3 * each.standard_error
+    assert sum("ms after the position" in text for text in statements(found.free)) == 2
     z = np.abs(found.p - TRUTH) / found.standard_error
     assert z.max() < 3.0
     assert np.linalg.norm(found.p - TRUTH) < 0.5 * np.linalg.norm(plain.p - TRUTH)
