@@ -130,7 +130,7 @@ class _NoNumber(Exception):
     """A cell that holds something else than a number."""
 
     def __init__(self, cell: str, column: int) -> None:
-        super().__init__(cell)
+        super().__init__(cell, column)  # both: another process makes it again from these
         self.cell, self.column = cell, column
 
 
