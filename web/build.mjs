@@ -10,7 +10,6 @@ await build({
   globalName: 'hilView', target: 'es2022', legalComments: 'none', charset: 'utf8',
   banner: { js: '/*! Contains three.js, Copyright 2010-2026 three.js authors, MIT licence: see three.LICENSE */' },
 });
-copyFileSync('src/view.css', `${assets}/view.css`);
 copyFileSync('node_modules/three/LICENSE', `${assets}/three.LICENSE`);
 // what the tests look for faults of accessibility with
 copyFileSync('node_modules/axe-core/axe.min.js', '../tests/support/axe.min.js');

@@ -123,8 +123,8 @@ def measure(
     how: OnBus,
     resume: bool = False,
     rehearsal: float | None = None,
-    feeding: Callable[[DriveBus], DriveBus] | None = None,
-    watching: Callable[[DriveBus], DriveBus] | None = None,
+    in_front: Callable[[DriveBus], DriveBus] | None = None,
+    feeds: bool = False,
     display: Display | None = None,
     rounds: int = 1,
 ) -> None:
@@ -136,10 +136,10 @@ def measure(
         Names the plan in messages.
     rehearsal : float, optional
         Share of the speed limits, to pass all ways at it instead of measuring.
-    feeding : callable, optional
-        Puts a bus that feeds forward in front of one whose drives take it.
-    watching : callable, optional
-        Puts a bus that watches its samples in front of one.
+    in_front : callable, optional
+        Puts a bus in front of that of the drives, which passes everything on and adds its own.
+    feeds : bool
+        Whether the drives must take what is fed forward.
     display : callable, optional
         See `hil.cli.run_session.carry_out`.
     rounds : int
@@ -152,7 +152,6 @@ def measure(
     from hil.runs.journal import BusName
     from hil.terminal.progress import shown
 
-    feeds = feeding is not None
     drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.options)
@@ -168,7 +167,6 @@ def measure(
             keeper,
             feed_forward=feeds,
         )
-        in_front = feeding or watching
         return found if in_front is None else in_front(found)
 
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:

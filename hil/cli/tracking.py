@@ -133,9 +133,8 @@ def _pass_all(
         feeding = partial(FeedingBus, velocity=velocity, predict=torque, delay=delay, loop=loop)
         say(f"{name}:")
         folder = output / name
-        measure(
-            once, the_robot, plan_file, folder, how, resume and folder.exists(), feeding=feeding
-        )
+        going_on = resume and folder.exists()
+        measure(once, the_robot, plan_file, folder, how, going_on, in_front=feeding, feeds=True)
 
 
 def _show(output: Path, model: str, delay: float) -> None:

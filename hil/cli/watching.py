@@ -134,7 +134,7 @@ def _pass(
         plan_file,
         output / RUN,
         how,
-        watching=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
+        in_front=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
         display=view.display,
         rounds=rounds,
     )

@@ -48,6 +48,12 @@ class BusName(NamedTuple):
     def __str__(self) -> str:
         return f"{self.interface} {self.channel}".strip()
 
+    @classmethod
+    def read(cls, text: str) -> BusName:
+        """Return the bus that a journal names; no interface's name has a space."""
+        interface, _, channel = text.partition(" ")
+        return cls(interface, channel)
+
 
 class Axis(FileModel):
     """What a drive reports of itself."""
@@ -126,7 +132,7 @@ class Journal(FileModel):
 
 def _simulated(session: Session) -> bool:
     if session.simulated is None:  # a file of an earlier version states the bus's name alone
-        return session.bus.partition(" ")[0] == SIMULATED
+        return BusName.read(session.bus).interface == SIMULATED
     return session.simulated
 
 

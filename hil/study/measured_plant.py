@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import load_yaml
 from hil.errors import Mismatch
+from hil.runs.journal import BusName
 from hil.study.truth import Plant, find_plant
 
 if TYPE_CHECKING:
@@ -26,15 +27,14 @@ def refuse_other_plant(run: Run, truth: Path | str) -> None:
     Mismatch
         The run was measured on a real machine, or on a plant with other bodies or drives.
     """
-    buses = [session.bus for session in run.journal.sessions]
+    sessions = run.journal.sessions
     if not run.journal.simulated:
         raise Mismatch(
-            f"{run.path}: was measured on {buses[-1] if buses else 'nothing'}; only on the virtual"
+            f"{run.path}: was measured on {sessions[-1].bus if sessions else 'nothing'}; only on the virtual"
             " plant is the truth known. Judge this run by its report's intervals and residuals"
         )
     given = load_yaml(find_plant(truth), Plant)
-    for bus in buses:
-        _, _, channel = bus.partition(" ")
+    for channel in sorted({BusName.read(session.bus).channel for session in sessions}):
         measured = find_plant(channel)
         if measured.is_file() and load_yaml(measured, Plant) != given:
             raise Mismatch(

@@ -111,7 +111,6 @@ def test_the_bundle_is_that_of_its_sources() -> None:
     for name in sorted(sources):
         found.update(name.encode() + b"\0" + (web / name).read_bytes() + b"\0")
     assert (page.ASSETS / "sources.sha256").read_text().strip() == found.hexdigest()
-    assert (page.ASSETS / "view.css").read_bytes() == (web / "src" / "view.css").read_bytes()
 
 
 def test_the_lock_of_the_bundle_s_packages_names_no_host() -> None:
