@@ -29,9 +29,10 @@ def refuse_other_plant(run: Run, truth: Path | str) -> None:
     """
     sessions = run.journal.sessions
     if not run.journal.simulated:
+        bus = sessions[-1].bus if sessions else "nothing"
         raise Mismatch(
-            f"{run.path}: was measured on {sessions[-1].bus if sessions else 'nothing'}; only on the virtual"
-            " plant is the truth known. Judge this run by its report's intervals and residuals"
+            f"{run.path}: was measured on {bus}; only on the virtual plant is the truth known."
+            " Judge this run by its report's intervals and residuals"
         )
     given = load_yaml(find_plant(truth), Plant)
     for channel in sorted({BusName.read(session.bus).channel for session in sessions}):
