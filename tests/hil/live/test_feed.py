@@ -171,10 +171,11 @@ def test_a_listener_that_never_reads_is_never_waited_for(
 
 
 def test_a_listener_that_cannot_serve_is_refused_before_anything_moves(
-    small_plan: Plan, manutec: Robot, tmp_path: Path
+    small_plan: Plan, manutec: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(ListenerFailed, match="port 8765 is taken; choose another; nothing has"):
         run(small_plan, manutec, tmp_path / "run", "refuse")
+    assert "goes on" not in capsys.readouterr().out
     assert not (tmp_path / "run").exists()
 
 
