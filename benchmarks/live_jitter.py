@@ -164,18 +164,23 @@ def main(turns: int = 4, *options: str) -> None:
             for by_page in (True, False):
                 folder = Path(scratch) / f"{turn}-stop-{by_page}"
                 stops[by_page].append(stopped(plan, folder, options, by_page=by_page))
-    print("SYNC off its period, ms    rms    99 %    99.9 %    worst    left out    SYNCs")
+    print(f"SYNC off its period, median of {turns} turns [ms]")
+    print(f"{'':<12}{'rms':>8}{'99 %':>8}{'99.9 %':>8}{'worst':>8}{'left out':>10}{'of SYNCs':>10}")
     for name, each in jitter.items():
-        off = np.concatenate(each)
-        kept = 1e3 * off[np.isfinite(off)]
-        rms = np.sqrt(np.mean(kept**2))
-        print(
-            f"{name:<24}{rms:>6.2f}{np.quantile(kept, 0.99):>8.2f}{np.quantile(kept, 0.999):>10.2f}"
-            f"{kept.max():>9.2f}{len(off) - len(kept):>12}{len(off):>9}"
-        )
+        figures = np.median([_figures(off) for off in each], axis=0)
+        cells = "".join(f"{1e3 * figure:>8.2f}" for figure in figures[:4])
+        print(f"{name:<12}{cells}{figures[4]:>10.0f}{figures[5]:>10.0f}")
     for by_page, name in ((True, "a stop from the page"), (False, "Ctrl-C")):
         median, longest = np.median(stops[by_page]), max(stops[by_page])
         print(f"axes off after {name}: {median:.2f} s (median of {turns}), {longest:.2f} s at most")
+
+
+def _figures(off: NDArray[np.float64]) -> tuple[float, ...]:
+    """Root mean square, two quantiles and maximum [s]; how many were left out, and of how many."""
+    kept = off[np.isfinite(off)]
+    rms = float(np.sqrt(np.mean(kept**2)))
+    quantiles = map(float, np.quantile(kept, [0.99, 0.999, 1.0]))
+    return rms, *quantiles, float(len(off) - len(kept)), float(len(off))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import json
 import os
 import subprocess
 import sys
+import sysconfig
 import time
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -32,7 +33,6 @@ PATIENCE = 20.0
 """How long a process may take to be ready [s]; nothing moves before."""
 LAST_WORDS = 1.0
 """How long the end of a run waits for a reader that is behind, and for its own end [s]."""
-_ROOT = Path(__file__).parents[2]
 _LOOK = 0.01
 
 
@@ -84,13 +84,12 @@ class Listener:
         ListenerFailed
             It cannot serve.
         """
-        path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH"))))
         self._process = subprocess.Popen(  # noqa: S603 - our own program
             self._command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": path},
+            env=_environment(),
             start_new_session=True,
             bufsize=0,
         )
@@ -167,3 +166,12 @@ class Listener:
                     stop()
         self._first.put({"text": f"{self.what} ended before it was ready"})
         self.gone = True
+
+
+def _environment() -> dict[str, str]:
+    """Ours, in which a checkout that is not installed is found as well."""
+    root = str(Path(__file__).parents[2])
+    if root == sysconfig.get_path("purelib"):
+        return dict(os.environ)
+    path = filter(None, (root, os.environ.get("PYTHONPATH")))
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(path)}

@@ -143,8 +143,9 @@ def test_a_gap_is_no_push(pushed: tuple[Path, Result], model: Path) -> None:
 
 def test_a_push_may_stop_all_axes(model: Path, plan: Path, faults: Path, tmp_path: Path) -> None:
     words = ("watch", plan, "--model", model, "-o", tmp_path / "x", "--learn", LEARNED)
-    done = called(*words, "--bus-option", f"faults={faults}", "--stop")
+    done = called(*words, "--bus-option", f"faults={faults}", "--stop", "--live", "0")
     assert done.exit_code == 1
+    assert "live page: http://127.0.0.1:" in done.output
     assert [alarm.axis for alarm in load_watched(tmp_path / "x").alarms] == [2]
     assert "all axes stop" in done.output
     assert "emergency stop" not in done.output  # all have shown that they are off
