@@ -55,9 +55,22 @@ def test_friction_that_falls_by_a_tenth_in_minutes_is_followed() -> None:
     assert error.max() < 0.01
 
 
+def test_friction_of_another_shape_than_the_law_is_followed_at_every_speed() -> None:
+    level = FrictionLevel(np.array([0.01]))
+    speed = np.linspace(0.005, 0.8, 1240)[:, np.newaxis]
+    columns = columns_of(np.ones_like(speed), np.full_like(speed, 0.2), speed)
+    missing = 0.01 * np.sin(4 * np.log(speed))
+    used = np.ones((62, 1), dtype=bool)
+    for number in range(240):  # three passes of the speeds, in a minute
+        rows = slice(62 * (number % 20), 62 * (number % 20) + 62)
+        level.follow(columns[rows], (missing - level.at(columns)[0])[rows], used, 0.25)
+    left = missing - level.at(columns)[0]
+    assert np.sqrt(np.mean(left**2)) < 0.3 * np.sqrt(np.mean(missing**2))
+
+
 def test_what_nobody_used_teaches_nothing() -> None:
     level, scatter = FrictionLevel(np.array([0.01])), Scatter(2, 1, 0.004)
-    columns = np.ones((62, 1, 4))
+    columns = columns_of(*np.ones((3, 62, 1)))
     none = np.zeros((62, 1), dtype=bool)
     level.follow(columns, np.ones((62, 1)), none, 0.25)
     scatter.take(np.ones((62, 2, 1)), none)
