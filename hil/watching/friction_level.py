@@ -29,6 +29,8 @@ ALIKE = 2.0
 """Places in the row of speeds after which what is said has half gone over into something else."""
 LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
 """Standard deviations at the beginning, at least: shares of the level, and of the torque limit."""
+EXTRAPOLATED = 0.2
+"""That of the shape far below the speeds that a law was found from."""
 LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
 """Standard deviations of what they wander in a minute."""
 ERROR = 0.004
@@ -44,14 +46,22 @@ class FrictionLevel:
     ----------
     uncertainty : ndarray, shape (n_joints,)
         Of the law's level, as a share of it.
+    slowest : ndarray, shape (n_joints,)
+        Speeds from which the law was found, as shares of the velocity limit.
     """
 
-    def __init__(self, uncertainty: Array) -> None:
+    def __init__(self, uncertainty: Array, slowest: Array) -> None:
         self._x = np.zeros((len(uncertainty), N_UNKNOWNS))
+        below = np.clip(1.0 - SPEEDS / np.maximum(slowest, 1e-9)[:, np.newaxis], 0.0, 1.0)
+        shape = np.maximum(SHAPE, EXTRAPOLATED * below)
         self._covariance = np.stack(
-            [_covariance(max(LEVEL, own), SHAPE, OFFSET) for own in uncertainty]
+            [
+                _covariance(max(LEVEL, own), spread, OFFSET)
+                for own, spread in zip(uncertainty, shape, strict=True)
+            ]
         )
-        self._wander = _covariance(LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER)
+        even = np.full(len(SPEEDS), SHAPE_WANDER)
+        self._wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
 
     def at(self, columns: Array) -> tuple[Array, Array]:
         """What friction adds to the law's, and its standard error, as shares of the torque limit.
@@ -102,11 +112,11 @@ def columns_of(direction: Array, level: Array, speed: Array) -> Array:
     return columns
 
 
-def _covariance(level: float, shape: float, offset: float) -> Array:
-    """Of the unknowns, shape (n_unknowns, n_unknowns)."""
+def _covariance(level: float, shape: Array, offset: float) -> Array:
+    """Of the unknowns, shape (n_unknowns, n_unknowns); `shape` is of each speed."""
     found = np.zeros((N_UNKNOWNS, N_UNKNOWNS))
     number = np.arange(len(SPEEDS))
     apart = np.abs(np.subtract.outer(number, number))
-    found[:-1, :-1] = level**2 + shape**2 * 0.5 ** (apart / ALIKE)
+    found[:-1, :-1] = level**2 + np.outer(shape, shape) * 0.5 ** (apart / ALIKE)
     found[-1, -1] = offset**2
     return found
