@@ -29,11 +29,13 @@ from hil.runs import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
     from hil.cli.run_session import Display
+    from hil.live.feed import Feed
+    from hil.live.listener import Listener
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
 
@@ -104,7 +106,13 @@ def run(
 
 
 class OnBus(NamedTuple):
-    """On which bus a plan is measured, and how; as the options of `hil run`."""
+    """On which bus a plan is measured, and how; as the options of `hil run`.
+
+    Attributes
+    ----------
+    listeners : sequence of Listener
+        Processes that are told what happens, not started yet.
+    """
 
     interface: str
     channel: str | None
@@ -113,6 +121,7 @@ class OnBus(NamedTuple):
     pacing: Pacing = Pacing.AUTO
     frame_log: Path | None = None
     realtime: bool = False
+    listeners: Sequence[Listener] = ()
 
 
 def measure(
@@ -145,6 +154,8 @@ def measure(
     rounds : int
         How often the whole plan is measured, as measurements of their own.
     """
+    from functools import partial
+
     from drivers.open_drive_bus import open_drive_bus
     from hil.cli import bus_access, drive_settings
     from hil.cli.run_session import carry_out, prepare_folder
@@ -155,9 +166,11 @@ def measure(
     drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.options)
+    feed = _feed(how, the_plan, the_robot, rehearsal)
+    display = display or shown
 
     def bus() -> DriveBus:
-        found = open_drive_bus(
+        found: DriveBus = open_drive_bus(
             drives,
             how.interface,
             channel,
@@ -167,7 +180,8 @@ def measure(
             keeper,
             feed_forward=feeds,
         )
-        return found if in_front is None else in_front(found)
+        found = found if in_front is None else in_front(found)
+        return found if feed is None else feed.in_front(found)
 
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
         planned = repeated(the_plan, rounds)
@@ -179,8 +193,17 @@ def measure(
             out,
             rehearsal,
             lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
-            display or shown,
+            display if feed is None else partial(feed.display, display),
         )
+
+
+def _feed(how: OnBus, the_plan: Plan, the_robot: Robot, rehearsal: float | None) -> Feed | None:
+    """What tells listeners of the run; None where there are none."""
+    if not how.listeners:
+        return None
+    from hil.live.feed import Feed
+
+    return Feed(how.listeners, the_robot, the_plan, rehearsal)
 
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:
