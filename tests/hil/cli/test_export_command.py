@@ -101,6 +101,7 @@ def test_an_unknown_format_is_refused_and_all_are_named(
     status, _, err = hil("export", run, "--to", "simulink", "-o", tmp_path / "out")
     assert status == 1
     assert "simulink: unknown format; available: c, python, json, friction" in err
+    assert "of recordings: mcap, csv, parquet" in err
     assert not (tmp_path / "out").exists()
 
 
@@ -116,3 +117,37 @@ def test_a_run_that_was_not_identified_is_refused_with_the_remedy(hil: Hil, tmp_
     status, _, err = hil("export", tmp_path, "--to", "json", "-o", tmp_path / "out")
     assert status == 1
     assert "hil identify" in err
+
+
+def test_recordings_need_no_model(hil: Hil, manutec: Robot, tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", manutec)
+    status, out, err = hil("export", folder.path, "--to", "csv", "-o", tmp_path / "out")
+    assert (status, err) == (0, "")
+    assert f"written: {tmp_path / 'out' / 'index.csv'}" in out
+    status, _, err = hil("export", tmp_path / "run", "--to", "simulnk", "-o", tmp_path / "other")
+    assert status == 1
+    assert "simulnk: unknown format" in err
+
+
+def test_a_model_s_file_has_no_recordings(hil: Hil, run: Path, tmp_path: Path) -> None:
+    status, _, err = hil("export", run / NAME, "--to", "mcap", "-o", tmp_path / "out")
+    assert status == 1
+    assert "model.yaml: is a file, and mcap holds the recordings of a run; name the folder" in err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("to", "option"),
+    [
+        ("csv", ("--urdf", "arm.urdf")),
+        ("mcap", ("--mass", "1:0:5")),
+        ("json", ("--without", "g01")),
+    ],
+)
+def test_an_option_that_a_format_has_no_use_for_is_refused(
+    hil: Hil, run: Path, tmp_path: Path, to: str, option: tuple[str, str]
+) -> None:
+    status, _, err = hil("export", run, "--to", to, "-o", tmp_path / "out", *option)
+    assert status == 2
+    assert f"{to} has no use for it" in err
+    assert not (tmp_path / "out").exists()
