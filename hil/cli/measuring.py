@@ -24,6 +24,7 @@ from hil.cli.arguments import (
     bus_options,
     refuse_no_channel,
 )
+from hil.cli.live import Live, LiveAddress, PortsOptional, listeners
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
 from hil.terminal.console import out
@@ -50,7 +51,7 @@ class Pacing(StrEnum):
     WALL_CLOCK = "wall-clock"
 
 
-@commands.command()
+@commands.command(cls=PortsOptional)
 def run(
     plan_file: PlanFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
@@ -91,6 +92,8 @@ def run(
         ),
     ] = False,
     realtime: RealTime = False,
+    live: Live = None,
+    live_address: LiveAddress = None,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     from hil.cli.plan_files import load
@@ -98,7 +101,8 @@ def run(
     the_plan, the_robot = load(plan_file, robot_file, workspace)
     if symmetric is not None:
         _gate(symmetric, the_robot)
-    how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime=realtime)
+    shown_by = listeners(live, live_address)
+    how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime, shown_by)
     if what_changes:
         _show_changes(the_plan, the_robot, plan_file, output, how)
     else:
