@@ -24,7 +24,14 @@ from hil.cli.arguments import (
     bus_options,
     refuse_no_channel,
 )
-from hil.cli.live import Live, LiveAddress, PortsOptional, listeners
+from hil.cli.live import (
+    Foxglove,
+    FoxgloveAddress,
+    Live,
+    LiveAddress,
+    PortsOptional,
+    listeners,
+)
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
 from hil.terminal.console import out
@@ -94,6 +101,8 @@ def run(
     realtime: RealTime = False,
     live: Live = None,
     live_address: LiveAddress = None,
+    foxglove: Foxglove = None,
+    foxglove_address: FoxgloveAddress = None,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     from hil.cli.plan_files import load
@@ -101,7 +110,7 @@ def run(
     the_plan, the_robot = load(plan_file, robot_file, workspace)
     if symmetric is not None:
         _gate(symmetric, the_robot)
-    shown_by = listeners(live, live_address)
+    shown_by = listeners(live, live_address, foxglove, foxglove_address)
     how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime, shown_by)
     if what_changes:
         _show_changes(the_plan, the_robot, plan_file, output, how)
