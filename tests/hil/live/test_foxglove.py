@@ -85,7 +85,8 @@ def shown(
         for k in (1, 2)
     )  # fmt: skip
     robot = PlannedRobot(name=manutec.name, digest=manutec.digest)
-    with FoxgloveClient(port) as client:
+    with pytest.MonkeyPatch.context() as patch, FoxgloveClient(port) as client:
+        patch.setattr("hil.live.feed._EVERY", 0.002)  # lock-step takes but a moment
         run(Plan(robot=robot, measurements=tuple(measurements)), manutec, folder, port)
     return client, RunFolder.open(folder)
 
