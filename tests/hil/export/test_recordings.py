@@ -16,6 +16,8 @@ from checked_files.yaml_file import FileError
 from hil.errors import NotEnoughData
 from hil.export.recordings.formats import RECORDINGS, export_recordings
 from hil.imports.importing import import_recordings
+from hil.imports.map_file import Format
+from hil.imports.readers import open_table
 from hil.runs.finding import Finding
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
@@ -86,7 +88,7 @@ def test_what_is_exported_and_imported_again_is_the_same(
     (motion,) = imported.ids
     export_recordings(imported, name, tmp_path / "out", JOINTS)
     if name == "mcap":
-        content = mapped("{}", file="out/run.mcap", time=None, format={"topic": "/joint_states"})
+        content = mapped("{}", file="out/run.mcap", time=None)
         parts = {"position": "position", "velocity": "velocity", "torque": "effort"}
         for joint, columns in zip(JOINTS, content["joints"], strict=True):
             for key, part in parts.items():
@@ -267,6 +269,12 @@ def test_set_points_lie_at_the_stamps_of_the_samples(measured: RunFolder, tmp_pa
               for name in ("i1", "c1", "g1")]  # fmt: skip
     positions = np.array([message.position for _, message in planned])
     np.testing.assert_array_equal(positions, np.concatenate(wanted))
+
+
+def test_set_points_are_not_taken_for_a_recording(measured: RunFolder, tmp_path: Path) -> None:
+    export_recordings(measured, "mcap", tmp_path / "out")
+    found = open_table(tmp_path / "out" / "run.mcap", Format())
+    assert "effort/joint1" in found.names
 
 
 def test_what_is_imported_has_velocities_but_no_set_points(imported: Run, tmp_path: Path) -> None:
