@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
@@ -14,7 +15,6 @@ from hil.runs.atomic_file import file_errors, whole_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from hil.export.recordings.job import Writer
     from hil.runs.run import Run
@@ -61,7 +61,7 @@ def export_recordings(
     if not len(run):
         raise NotEnoughData(f"{run.path}: no recordings to export; measure them with --resume")
     with file_errors(output, "read"):
-        if output.is_symlink() or (output.exists() and not _is_empty(output)):
+        if output.is_symlink() or (output.exists() and not _replaceable(output)):
             raise FileError(f"{output}: is there already; choose another folder with -o")
     named = tuple(joints) or tuple(f"joint{k + 1}" for k in range(run.robot.n_joints))
     with whole_folder(output) as folder:
@@ -69,5 +69,7 @@ def export_recordings(
     return tuple(sorted(output.iterdir()))
 
 
-def _is_empty(folder: Path) -> bool:
-    return folder.is_dir() and not any(folder.iterdir())
+def _replaceable(folder: Path) -> bool:
+    """Whether a folder is empty, and not the one in which the user stands."""
+    empty = folder.is_dir() and not any(folder.iterdir())
+    return empty and not folder.samefile(Path.cwd())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +12,12 @@ import pytest
 from small_recording import a_map, table, write_csv, write_map
 from small_run import SIMULATED, write_run
 from synthetic import TABLE_3_A, Friction, record
+from trajectory_run import write_trajectory_run
 
-from checked_files.yaml_file import FileError
+from checked_files.yaml_file import UNSTATED, FileError
 from hil.errors import NotEnoughData
 from hil.export.recordings.formats import RECORDINGS, export_recordings
+from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
@@ -24,8 +27,6 @@ from hil.runs.run_folder import RunFolder
 from hil.runs.set_points import set_points
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.runs.run import Run
@@ -169,6 +170,18 @@ def test_set_points_are_where_the_robot_was_sent(manutec: Robot, tmp_path: Path)
     assert np.abs(rows[f"set{axis}_rad"] - rows[f"q{axis}_rad"]).max() < 0.01
 
 
+def test_set_points_of_a_trajectory_are_what_was_streamed(manutec: Robot, tmp_path: Path) -> None:
+    folder = write_trajectory_run(tmp_path / "run", manutec)
+    export_recordings(folder, "csv", tmp_path / "out")
+    (each,) = folder
+    rows = np.genfromtxt(
+        tmp_path / "out" / "recordings" / f"{each.measurement.id}.csv", delimiter=",", names=True
+    )
+    path = each.measurement.path(each.recording.period)
+    found = np.column_stack([rows[f"set{axis}_rad"] for axis in range(1, 7)])
+    np.testing.assert_allclose(found[:-1], path[1:], atol=1e-9)  # one SYNC before its sample
+
+
 def test_the_text_beside_them_explains_every_column(measured: RunFolder, tmp_path: Path) -> None:
     export_recordings(measured, "csv", tmp_path / "out")
     text = (tmp_path / "out" / "README.txt").read_text()
@@ -277,6 +290,15 @@ def test_set_points_are_not_taken_for_a_recording(measured: RunFolder, tmp_path:
     assert "effort/joint1" in found.names
 
 
+def test_a_map_drafted_from_it_leaves_the_robot_alone_to_state(
+    measured: RunFolder, tmp_path: Path
+) -> None:
+    export_recordings(measured, "mcap", tmp_path / "out")
+    text = draft_map(tmp_path / "out" / "run.mcap", "run.mcap")
+    (unstated,) = (line for line in text.splitlines() if f": {UNSTATED}" in line)
+    assert unstated.startswith("robot: ")
+
+
 def test_what_is_imported_has_velocities_but_no_set_points(imported: Run, tmp_path: Path) -> None:
     export_recordings(imported, "mcap", tmp_path / "out")
     path = tmp_path / "out" / "run.mcap"
@@ -313,6 +335,15 @@ def test_a_folder_with_other_things_in_it_stays_as_it_is(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine.txt"]
     (tmp_path / "out" / "mine.txt").unlink()
     export_recordings(measured, name, tmp_path / "out")
+
+
+def test_the_folder_in_which_the_user_stands_is_not_exchanged(
+    measured: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    with pytest.raises(FileError, match="is there already"):
+        export_recordings(measured, "csv", Path())
 
 
 def test_a_run_without_recordings_is_refused(
