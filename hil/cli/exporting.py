@@ -1,4 +1,4 @@
-"""`hil export`: an identified model as files of other tools."""
+"""`hil export`: an identified model, or the recordings of a run, as files of other tools."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import Masses
-from hil.terminal.console import say
+from hil.cli.arguments import Masses, Without
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -25,17 +25,49 @@ commands = typer.Typer()
 def export(
     source: Annotated[
         Path,
-        typer.Argument(metavar="MODEL", help="Folder of an identified run, or its model.yaml."),
+        typer.Argument(
+            metavar="MODEL|RUN",
+            help="Folder of an identified run, or its model.yaml; of any run for recordings.",
+        ),
     ],
     to: Annotated[str, typer.Option(help="Name of the format; an unknown one lists all.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write into.")],
     urdf: Annotated[
         Path | None,
-        typer.Option(help="URDF of the robot, whose shapes and names urdf and mjcf keep."),
+        typer.Option(
+            help="URDF of the robot, whose shapes and names urdf and mjcf keep, and mcap its names."
+        ),
     ] = None,
     masses: Masses = None,
+    without: Without = None,
 ) -> None:
-    """Write an identified model as files of other tools."""
+    """Write an identified model, or the recordings of a run, as files of other tools."""
+    from hil.export.formats import refuse_unknown
+    from hil.export.recordings.formats import RECORDINGS
+
+    refuse_unknown(to)
+    if to in RECORDINGS:
+        _refuse(to, urdf=None if to == "mcap" else urdf, mass=masses)
+        paths = _recordings_written(source, to, output, urdf, without)
+    else:
+        _refuse(to, without=without)
+        paths = _model_written(source, to, output, urdf, masses)
+    for path in paths:
+        say(f"written: {path}")
+
+
+def _refuse(to: str, **given: object) -> None:
+    """Refuse options that a format has no use for."""
+    for name, value in given.items():
+        if value:
+            raise typer.BadParameter(
+                f"{to} has no use for it; leave it out", param_hint=f"--{name}"
+            )
+
+
+def _model_written(
+    source: Path, to: str, output: Path, urdf: Path | None, masses: list[str] | None
+) -> tuple[Path, ...]:
     from hil.export.exported import write_exported
     from hil.export.formats import export
     from hil.export.origin import origin, passed, validations
@@ -58,8 +90,32 @@ def export(
         say(line, style=None if passed(model) else "yellow")
     for remark in exported.remarks:
         say(remark)
-    for path in paths:
-        say(f"written: {path}")
+    return paths
+
+
+def _recordings_written(
+    source: Path, to: str, output: Path, urdf: Path | None, without: list[str] | None
+) -> tuple[Path, ...]:
+    from checked_files.yaml_file import FileError
+    from hil.export.given_urdf import given_urdf
+    from hil.export.recordings.formats import export_recordings
+    from hil.runs.run import Run
+
+    if source.is_file():
+        raise FileError(
+            f"{source}: is a file, and {to} holds the recordings of a run; name the folder of the"
+            " run"
+        )
+    run = Run.open(source).without(without or ())
+    chain = () if urdf is None else given_urdf(urdf, run.robot).chain.joints
+    with out.status("writing") as status:
+        return export_recordings(
+            run,
+            to,
+            output,
+            [joint.name for joint in chain],
+            lambda name: status.update(f"writing {name}"),
+        )
 
 
 def _bodies(

@@ -24,16 +24,26 @@ from hil.cli.arguments import (
     bus_options,
     refuse_no_channel,
 )
+from hil.cli.live import (
+    Foxglove,
+    FoxgloveAddress,
+    Live,
+    LiveAddress,
+    PortsOptional,
+    listeners,
+)
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
     from hil.cli.run_session import Display
+    from hil.live.feed import Feed
+    from hil.live.listener import Listener
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
 
@@ -48,7 +58,7 @@ class Pacing(StrEnum):
     WALL_CLOCK = "wall-clock"
 
 
-@commands.command()
+@commands.command(cls=PortsOptional)
 def run(
     plan_file: PlanFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
@@ -89,6 +99,10 @@ def run(
         ),
     ] = False,
     realtime: RealTime = False,
+    live: Live = None,
+    live_address: LiveAddress = None,
+    foxglove: Foxglove = None,
+    foxglove_address: FoxgloveAddress = None,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     from hil.cli.plan_files import load
@@ -96,7 +110,8 @@ def run(
     the_plan, the_robot = load(plan_file, robot_file, workspace)
     if symmetric is not None:
         _gate(symmetric, the_robot)
-    how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime=realtime)
+    shown_by = listeners(live, live_address, foxglove, foxglove_address)
+    how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime, shown_by)
     if what_changes:
         _show_changes(the_plan, the_robot, plan_file, output, how)
     else:
@@ -104,7 +119,13 @@ def run(
 
 
 class OnBus(NamedTuple):
-    """On which bus a plan is measured, and how; as the options of `hil run`."""
+    """On which bus a plan is measured, and how; as the options of `hil run`.
+
+    Attributes
+    ----------
+    listeners : sequence of Listener
+        Processes that are told what happens, not started yet.
+    """
 
     interface: str
     channel: str | None
@@ -113,6 +134,7 @@ class OnBus(NamedTuple):
     pacing: Pacing = Pacing.AUTO
     frame_log: Path | None = None
     realtime: bool = False
+    listeners: Sequence[Listener] = ()
 
 
 def measure(
@@ -145,6 +167,8 @@ def measure(
     rounds : int
         How often the whole plan is measured, as measurements of their own.
     """
+    from functools import partial
+
     from drivers.open_drive_bus import open_drive_bus
     from hil.cli import bus_access, drive_settings
     from hil.cli.run_session import carry_out, prepare_folder
@@ -155,9 +179,11 @@ def measure(
     drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.options)
+    feed = _feed(how, the_plan, the_robot, rehearsal)
+    display = display or shown
 
     def bus() -> DriveBus:
-        found = open_drive_bus(
+        found: DriveBus = open_drive_bus(
             drives,
             how.interface,
             channel,
@@ -167,7 +193,8 @@ def measure(
             keeper,
             feed_forward=feeds,
         )
-        return found if in_front is None else in_front(found)
+        found = found if in_front is None else in_front(found)
+        return found if feed is None else feed.in_front(found)
 
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
         planned = repeated(the_plan, rounds)
@@ -179,8 +206,17 @@ def measure(
             out,
             rehearsal,
             lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
-            display or shown,
+            display if feed is None else partial(feed.display, display),
         )
+
+
+def _feed(how: OnBus, the_plan: Plan, the_robot: Robot, rehearsal: float | None) -> Feed | None:
+    """What tells listeners of the run; None where there are none."""
+    if not how.listeners:
+        return None
+    from hil.live.feed import Feed
+
+    return Feed(how.listeners, the_robot, the_plan, rehearsal)
 
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:

@@ -41,26 +41,28 @@ class WarmingUp(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Travelled(Event):
-    """All axes stand at the start of a measurement."""
+class AboutMeasurement(Event):
+    """Something happened in the course of one measurement."""
 
     measurement: Measurement
 
 
 @dataclass(frozen=True, slots=True)
-class Preparing(Event):
+class Travelled(AboutMeasurement):
+    """All axes stand at the start of a measurement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preparing(AboutMeasurement):
     """The axes rest or exercise before a friction measurement, `done` of `duration` [s]."""
 
-    measurement: Measurement
     done: float
     duration: float
 
 
 @dataclass(frozen=True, slots=True)
-class Rehearsed(Event):
+class Rehearsed(AboutMeasurement):
     """The ways of a measurement were passed slowly, without a recording."""
-
-    measurement: Measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,28 +71,25 @@ class Paused(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Repeated(Event):
+class Repeated(AboutMeasurement):
     """A recording failed its checks; the measurement is tried once more."""
 
-    measurement: Measurement
     attempt: int
     findings: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class GaveUp(Event):
+class GaveUp(AboutMeasurement):
     """No attempt passed the checks; the best recording follows as `Recorded`."""
 
-    measurement: Measurement
     attempts: int
     findings: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded(Event):
+class Recorded(AboutMeasurement):
     """A measurement is done; `findings` is empty unless every attempt failed."""
 
-    measurement: Measurement
     recording: Recording
     attempts: int
     findings: tuple[Finding, ...]

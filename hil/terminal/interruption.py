@@ -12,6 +12,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
@@ -63,6 +64,16 @@ def say(text: str) -> None:
     with suppress(OSError):
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
+
+
+def interrupt_main() -> None:
+    """Interrupt the main thread, from any other, as one of the three signals does.
+
+    SIGTERM, since a shell may have started us with Ctrl-C ignored.
+    """
+    main = threading.main_thread().ident
+    assert main is not None  # noqa: S101 - it runs
+    signal.pthread_kill(main, signal.SIGTERM)
 
 
 @contextmanager

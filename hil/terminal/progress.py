@@ -40,7 +40,7 @@ EVERY = 30.0
 @contextmanager
 def shown(console: Console) -> Iterator[Callable[[Event], None]]:
     """Show events as they come; yields what takes them."""
-    pace = _Pace()
+    pace = Pace()
     if not console.is_terminal:
         yield _PlainLines(console, pace).take
         return
@@ -49,7 +49,7 @@ def shown(console: Console) -> Iterator[Callable[[Event], None]]:
         yield _LiveBar(progress, pace).take
 
 
-class _Pace:
+class Pace:
     """How long the rest takes on the wall's clock."""
 
     def __init__(self) -> None:
@@ -66,14 +66,14 @@ class _Pace:
 
 
 class _LiveBar:
-    def __init__(self, progress: Progress, pace: _Pace) -> None:
+    def __init__(self, progress: Progress, pace: Pace) -> None:
         self._progress = progress
         self._pace = pace
         self._task = progress.add_task("starting", total=None, left="")
 
     def take(self, event: Event) -> None:
         """Update the bar."""
-        text = _notice(event)
+        text = notice(event)
         if text:
             self._progress.console.print(text, highlight=False)
         left = f"{clock(self._pace.left(event))} left"
@@ -84,7 +84,7 @@ class _LiveBar:
 
 
 class _PlainLines:
-    def __init__(self, console: Console, pace: _Pace) -> None:
+    def __init__(self, console: Console, pace: Pace) -> None:
         self._console = console
         self._pace = pace
         self._next = 0.0
@@ -92,7 +92,7 @@ class _PlainLines:
     def take(self, event: Event) -> None:
         """Print what matters, and now and then how far it is."""
         left = self._pace.left(event)
-        text = _notice(event)
+        text = notice(event)
         if text:
             self._console.print(text, highlight=False, soft_wrap=True)
         elif time.monotonic() >= self._next and not isinstance(event, Finished):
@@ -100,7 +100,7 @@ class _PlainLines:
             self._console.print(f"{doing(event)}, {clock(left)} left", highlight=False)
 
 
-def _notice(event: Event) -> str:
+def notice(event: Event) -> str:
     """What must be shown to the operator even when it scrolls by."""
     if isinstance(event, Repeated):
         reasons = "; ".join(finding.message for finding in event.findings)

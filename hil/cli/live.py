@@ -1,0 +1,121 @@
+"""Options by which a run is shown while it goes on, of all commands that measure a plan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+if TYPE_CHECKING:
+    from hil.live.listener import Listener
+
+LIVE_PORT, FOXGLOVE_PORT = 8420, 8765
+PORTS = {"--live": LIVE_PORT, "--foxglove": FOXGLOVE_PORT}
+"""Options that take a port, and the one that each means without."""
+LOOPBACK = "127.0.0.1"
+
+
+def _address(value: str | None) -> str | None:
+    """Refuse what is no address of an interface."""
+    from ipaddress import ip_address
+
+    if value is not None:
+        try:
+            ip_address(value)
+        except ValueError:
+            raise typer.BadParameter(
+                f"{value!r} is no IP address; give that of an interface of this computer, such as"
+                " 192.168.0.5, or 0.0.0.0 for all"
+            ) from None
+    return value
+
+
+Live = Annotated[
+    int | None,
+    typer.Option(
+        "--live",
+        metavar="PORT",
+        min=0,
+        max=65535,
+        help="Show the run on a page that this computer serves to itself; port 8420 unless one is"
+        " given, 0 for a free one.",
+    ),
+]
+LiveAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--live-address",
+        metavar="ADDRESS",
+        callback=_address,
+        help="Serve the live page to other computers at this IP address; its URL holds a secret.",
+    ),
+]
+Foxglove = Annotated[
+    int | None,
+    typer.Option(
+        "--foxglove",
+        metavar="PORT",
+        min=0,
+        max=65535,
+        help="Stream the run to Foxglove on this computer; port 8765 unless one is given, 0 for a"
+        " free one.",
+    ),
+]
+FoxgloveAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--foxglove-address",
+        metavar="ADDRESS",
+        callback=_address,
+        help="Stream to Foxglove on other computers at this IP address; whoever reaches it can"
+        " look.",
+    ),
+]
+
+
+class PortsOptional(TyperCommand):
+    """A command whose options in `PORTS` may stand without a port."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse with the port of each option that has none."""
+        parsed: list[str] = super().parse_args(ctx, with_ports(args))
+        return parsed
+
+
+def with_ports(arguments: list[str]) -> list[str]:
+    """Give each option in `PORTS` that has no number after it the port that it means."""
+    found = []
+    for word, after in zip(arguments, [*arguments[1:], ""], strict=True):
+        found.append(word)
+        if word in PORTS and not after.lstrip("-").isdecimal():
+            found.append(str(PORTS[word]))
+    return found
+
+
+def listeners(
+    live: int | None,
+    live_address: str | None,
+    foxglove: int | None,
+    foxglove_address: str | None,
+) -> list[Listener]:
+    """Processes that are to be told of the run.
+
+    Raises
+    ------
+    typer.BadParameter
+        An address without what is served at it.
+    """
+    page = "--live", "the live page", "hil.live.page_server", live, live_address
+    stream = "--foxglove", "the stream to Foxglove", "hil.live.foxglove_server"
+    found = []
+    for option, what, module, port, address in (page, (*stream, foxglove, foxglove_address)):
+        if port is not None:
+            found.append((what, module, address or LOOPBACK, str(port)))
+        elif address is not None:
+            raise typer.BadParameter(f"it goes with {option}", param_hint=f"{option}-address")
+    if not found:
+        return []
+    from hil.live.listener import Listener
+
+    return [Listener(*each) for each in found]

@@ -1,0 +1,217 @@
+"""What happens in a run, passed to processes beside it as it happens.
+
+A `Feed` joins a run at two places that are there already: `in_front` puts a bus in front of that of
+the drives, which sees samples, power and faults; `display` goes with the display of the terminal,
+which sees the sequencer's events and how the run ends. Writing waits for nobody, and a process that
+has ended is left out from then on.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import DriveError
+from hil.live import lines
+from hil.live.friction_so_far import FrictionSoFar
+from hil.measuring.bus_in_front import BusInFront
+from hil.measuring.events import Recorded
+from hil.terminal.interruption import interrupt_main
+from hil.terminal.progress import Pace
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from contextlib import AbstractContextManager
+    from types import TracebackType
+    from typing import Self
+
+    from rich.console import Console
+
+    from drivers.drive_bus import AxisInfo, DriveBus, Sample
+    from hil.live.listener import Listener
+    from hil.measuring.events import Event
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+
+    Take = Callable[[Event], None]
+    Display = Callable[[Console], AbstractContextManager[Take]]
+
+SAMPLE_RATE = 25
+"""Samples that are passed on in a second, at most."""
+_EVERY = 1 / SAMPLE_RATE
+
+
+class Feed:
+    """Tells listeners what happens.
+
+    Parameters
+    ----------
+    listeners : sequence of Listener
+        Not started yet.
+    robot : Robot
+    plan : Plan
+    rehearsal : float, optional
+        Share of the speed limits at which all ways are only passed.
+    """
+
+    def __init__(
+        self,
+        listeners: Sequence[Listener],
+        robot: Robot,
+        plan: Plan,
+        rehearsal: float | None = None,
+    ) -> None:
+        self._listeners = listeners
+        self._missed: set[str] = set()
+        self._start = lines.start(robot, plan, rehearsal)
+        self._pace = Pace()
+        self._friction = FrictionSoFar()
+        self._say: Callable[[str], None] = lambda _: None
+        self._next = 0.0
+        self._notes = 0
+
+    def in_front(self, bus: DriveBus) -> FedBus:
+        """Put a bus in front of another that is not entered yet."""
+        return FedBus(bus, self)
+
+    @contextmanager
+    def display(self, shown: Display, console: Console) -> Iterator[Take]:
+        """Show events as `shown` does and pass them on; yields what takes them.
+
+        Listeners are started first and ended last.
+
+        Raises
+        ------
+        ListenerFailed
+            One of them cannot serve.
+        """
+        with self._listening(console), shown(console) as show:
+
+            def take(event: Event) -> None:
+                show(event)
+                self.take_event(event)
+
+            yield take
+
+    def take_event(self, event: Event) -> None:
+        """Pass an event on."""
+        self._tell("event", lines.event(event, self._pace.left(event)))
+        if isinstance(event, Recorded):
+            found = self._friction.with_recording(event.measurement, event.recording)
+            if found is not None:
+                self._tell("friction", found)
+
+    def take_sample(self, sample: Sample, notes: Sequence[str]) -> None:
+        """Pass a sample on if it is time, and what has been noted since."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + _EVERY
+        line = lines.encoded("sample", **lines.sample(sample))
+        for listener in self._listeners:
+            listener.write(line, droppable=True)
+        for text in notes[self._notes :]:
+            self._tell("note", {"text": text})
+        self._notes = len(notes)
+        self._name_missed()
+
+    def armed(self, axes: Sequence[AxisInfo]) -> None:
+        """Pass on that the axes are under power."""
+        self._tell("armed", lines.armed(axes))
+
+    def off(self) -> None:
+        """Pass on that the axes are without power."""
+        self._tell("off", {})
+
+    def fault(self, error: DriveError) -> None:
+        """Pass on what stops the run."""
+        self._tell("fault", {"text": str(error)})
+
+    @contextmanager
+    def _listening(self, console: Console) -> Iterator[None]:
+        self._say = lambda text: console.print(text, highlight=False, markup=False, soft_wrap=True)
+        try:
+            for listener in self._listeners:
+                self._say(listener.start(interrupt_main))
+            self._tell("start", self._start)
+            yield
+        except BaseException as error:
+            self._tell("end", _how(error))
+            raise
+        else:
+            self._tell("end", {"how": "finished", "text": ""})
+        finally:
+            for listener in self._listeners:
+                listener.close()
+
+    def _tell(self, kind: str, values: lines.Line) -> None:
+        line = lines.encoded(kind, **values)
+        for listener in self._listeners:
+            listener.write(line)
+
+    def _name_missed(self) -> None:
+        """State once of each process that it has ended."""
+        for listener in self._listeners:
+            if listener.gone and listener.what not in self._missed:
+                self._missed.add(listener.what)
+                self._say(f"{listener.what} has ended by itself; the run goes on without it")
+
+
+class FedBus(BusInFront):
+    """A bus in front of another one that tells what it sees.
+
+    Parameters
+    ----------
+    bus : DriveBus
+        Not entered yet.
+    feed : Feed
+    """
+
+    def __init__(self, bus: DriveBus, feed: Feed) -> None:
+        super().__init__(bus)
+        self._feed = feed
+        self._told = False
+
+    def __enter__(self) -> Self:
+        """Check, configure and power on every drive.
+
+        That it was done is told with the first sample: nothing may come between axes under power
+        and whoever switches them off.
+        """
+        try:
+            super().__enter__()
+        except DriveError as error:
+            self._feed.fault(error)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop the axes and power off."""
+        super().__exit__(exc_type, exc, traceback)
+        self._feed.off()
+
+    def sample(self) -> Sample:
+        """Wait for the next SYNC."""
+        try:
+            sample = self._bus.sample()
+        except DriveError as error:
+            self._feed.fault(error)
+            raise
+        if not self._told:
+            self._told = True
+            self._feed.armed(self._bus.axes)
+        self._feed.take_sample(sample, self._bus.notes)
+        return sample
+
+
+def _how(error: BaseException) -> lines.Line:
+    """How a run ends that is left by an exception."""
+    if isinstance(error, KeyboardInterrupt):
+        return {"how": "stopped", "text": "stopped by the operator, the axes are off"}
+    return {"how": "failed", "text": str(error) or type(error).__name__}

@@ -1,0 +1,120 @@
+"""The lines in which a run is told to the processes beside it: JSON objects, one a line.
+
+Every line has ``kind`` and ``at``, the clock's time [s since 1970]. All else is SI on the joint
+side; what is not known is null.
+
+start
+    The first line. ``robot`` as `hil.view.robot_data.robot_data` has it (name, joints with limits
+    and units), ``workspace`` likewise or null, ``measurements`` of the plan (``id``, ``sort``, its
+    ``axes`` that move, from 0), ``rehearsal``: share of the speed limits, or null.
+armed
+    The axes are under power: ``axes``, of each ``name``, ``identity``, ``lower`` and ``upper``
+    limit of its position and the ``velocity`` limit that hold on the drive.
+off
+    The axes are stopped and without power.
+sample
+    ``t``: the bus's time [s]; ``q``, ``tau``, ``flags`` (`drivers.drive_bus.SampleFlag`), a number
+    an axis each. At most `hil.live.feed.SAMPLE_RATE` a second, and none while a reader is behind.
+event
+    The sequencer's: ``name`` of its class in `hil.measuring.events`, ``doing`` in words, ``notice``
+    that the operator must see or "", ``t`` and ``total``: the bus's time and what it will be at the
+    end [s], ``left`` by the wall's clock [s]; of those about a measurement its ``measurement`` and
+    the ``axes`` that move, from 0.
+friction
+    What a recording shows of one ``axis`` (`hil.live.friction_so_far`): ``level``, ``speed``,
+    ``measurement``, and of all so far ``count``, ``least`` and ``most``.
+note
+    ``text`` of what the operator should know though it stops nothing.
+fault
+    ``text`` of what stops the run, with the remedy, as soon as it is known; the axes stop.
+end
+    The last line: ``how``, one of finished, stopped (by the operator) and failed; ``text``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from typing import TYPE_CHECKING
+
+from hil.measuring.events import AboutMeasurement
+from hil.terminal.progress import doing, notice
+from hil.view.robot_data import robot_data, workspace_data
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.drive_bus import AxisInfo, Sample
+    from hil.measuring.events import Event
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+
+Line = dict[str, object]
+
+_PLACES = {"q": 6, "tau": 4}
+"""Decimals, far finer than any encoder or current is shown."""
+
+
+def encoded(kind: str, **values: object) -> bytes:
+    """One line, with its end."""
+    line = {"kind": kind, "at": round(time.time(), 3), **values}
+    return json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
+
+
+def start(robot: Robot, plan: Plan, rehearsal: float | None) -> Line:
+    """What stands in the line ``start``."""
+    measurements = [
+        {"id": each.id, "sort": each.kind, "axes": list(each.moved)} for each in plan.measurements
+    ]
+    return {
+        "robot": robot_data(robot),
+        "workspace": workspace_data(plan.workspace),
+        "measurements": measurements,
+        "rehearsal": rehearsal,
+    }
+
+
+def armed(axes: Sequence[AxisInfo]) -> Line:
+    """What stands in the line ``armed``."""
+    stated = [
+        {
+            "name": axis.name,
+            "identity": axis.identity,
+            "lower": _number(axis.q_min),
+            "upper": _number(axis.q_max),
+            "velocity": _number(axis.velocity_max),
+        }
+        for axis in axes
+    ]
+    return {"axes": stated}
+
+
+def sample(taken: Sample) -> Line:
+    """What stands in the line ``sample``."""
+    return {
+        "t": round(taken.time, 4),
+        "q": [_number(q, _PLACES["q"]) for q in taken.q],
+        "tau": [_number(tau, _PLACES["tau"]) for tau in taken.tau],
+        "flags": list(taken.flags),
+    }
+
+
+def event(happened: Event, left: float) -> Line:
+    """What stands in the line ``event``, with the time left by the wall's clock [s]."""
+    line: Line = {
+        "name": type(happened).__name__,
+        "doing": doing(happened),
+        "notice": notice(happened),
+        "t": _number(happened.time, 3),
+        "total": _number(happened.time + happened.remaining, 3),
+        "left": _number(left, 1),
+    }
+    if isinstance(happened, AboutMeasurement):
+        measurement = happened.measurement
+        line |= {"measurement": measurement.id, "axes": list(measurement.moved)}
+    return line
+
+
+def _number(value: float, places: int = 6) -> float | None:
+    return round(value, places) if math.isfinite(value) else None

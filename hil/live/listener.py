@@ -1,0 +1,169 @@
+"""A process beside the run that is told what happens, and never waited for.
+
+Its standard input is a pipe that the run writes lines to (`hil.live.lines`) as far as there is
+room: where the reader is behind, samples are left out, and what matters waits in a small buffer.
+What it has to say comes back by its standard output, as JSON lines with ``kind`` too: ``ready`` or
+``failed`` with a ``text`` first, and ``stop`` where somebody wants the axes stopped. It is in a
+session of its own, so that Ctrl-C at the terminal ends the run and not it; the end of its input is
+its end.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+from hil.errors import HilError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import BinaryIO
+
+WAITING_MAX = 262_144
+"""What may wait for a reader that is behind [bytes]."""
+PATIENCE = 20.0
+"""How long a process may take to be ready [s]; nothing moves before."""
+LAST_WORDS = 1.0
+"""How long the end of a run waits for a reader that is behind, and for its own end [s]."""
+_ROOT = Path(__file__).parents[2]
+_LOOK = 0.01
+
+
+class ListenerFailed(HilError):
+    """A process that shows the run cannot serve; nothing has moved."""
+
+
+class Listener:
+    """A process that is told what happens.
+
+    Parameters
+    ----------
+    what : str
+        Its name in messages, such as "the live page".
+    module : str
+        What Python runs; it must need neither numerics nor the bus.
+    arguments : str
+        Of the module's command line.
+
+    Attributes
+    ----------
+    what : str
+    gone : bool
+        Whether the process has ended; noticed when something is written, or by itself.
+    dropped : int
+        Lines left out because the reader was behind.
+    """
+
+    def __init__(self, what: str, module: str, *arguments: str) -> None:
+        self.what = what
+        self.gone = False
+        self.dropped = 0
+        self._command = [sys.executable, "-P", "-m", module, *arguments]
+        self._waiting = bytearray()
+        self._first: SimpleQueue[dict[str, Any]] = SimpleQueue()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._input = -1
+
+    def start(self, stop: Callable[[], None], patience: float = PATIENCE) -> str:
+        """Start the process; return what it states once it is ready.
+
+        Parameters
+        ----------
+        stop : callable
+            Called, from another thread, where the process asks for a stop; once at most.
+
+        Raises
+        ------
+        ListenerFailed
+            It cannot serve.
+        """
+        path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH"))))
+        self._process = subprocess.Popen(  # noqa: S603 - our own program
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": path},
+            start_new_session=True,
+            bufsize=0,
+        )
+        assert self._process.stdin is not None  # noqa: S101 - a pipe
+        assert self._process.stdout is not None  # noqa: S101 - a pipe
+        self._input = self._process.stdin.fileno()
+        os.set_blocking(self._input, False)
+        heard = Thread(
+            target=self._hear, args=(self._process.stdout, stop), name=self.what, daemon=True
+        )
+        heard.start()
+        return self._ready(patience)
+
+    def write(self, line: bytes, *, droppable: bool = False) -> None:
+        """Pass a line on; one that is `droppable` is left out while the reader is behind."""
+        if self.gone:
+            return
+        if self._waiting and (droppable or len(self._waiting) + len(line) > WAITING_MAX):
+            self.dropped += 1
+        else:
+            self._waiting += line
+        self._flush()
+
+    def close(self) -> None:
+        """Give it a moment to read what waits, and end it."""
+        if self._process is None:
+            return
+        until = time.monotonic() + LAST_WORDS
+        while self._waiting and not self.gone and time.monotonic() < until:
+            time.sleep(_LOOK)
+            self._flush()
+        self._end(self._process)
+
+    def _end(self, process: subprocess.Popen[bytes]) -> None:
+        self.gone = True
+        assert process.stdin is not None  # noqa: S101 - a pipe
+        process.stdin.close()
+        try:
+            process.wait(LAST_WORDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _flush(self) -> None:
+        try:
+            while self._waiting:
+                written = os.write(self._input, self._waiting)
+                del self._waiting[:written]
+        except BlockingIOError:  # it is behind
+            return
+        except OSError:  # it has ended
+            self.gone = True
+
+    def _ready(self, patience: float) -> str:
+        try:
+            first = self._first.get(timeout=patience)
+        except Empty:
+            first = {"text": f"{self.what} was not ready within {patience:g} s"}
+        if first.get("kind") == "ready":
+            return str(first["text"])
+        self.close()
+        raise ListenerFailed(f"{first['text']}; nothing has moved")
+
+    def _hear(self, output: BinaryIO, stop: Callable[[], None]) -> None:
+        """Take what the process says, until its end."""
+        stopped = False
+        with output:
+            for line in output:
+                said = json.loads(line)
+                if said["kind"] != "stop":
+                    self._first.put(said)
+                elif not stopped:
+                    stopped = True
+                    stop()
+        self._first.put({"text": f"{self.what} ended before it was ready"})
+        self.gone = True

@@ -1,0 +1,189 @@
+"""What a browser may ask of the live page: the page, what it consists of, its events, and a stop.
+
+A page of another site may try to reach this one through the browser of whoever visits it. So a
+request is refused whose host is not ours (a name that was made to point here), that comes from
+another origin, or, for a stop, that lacks a header which only our own page may set. Served on
+another address than the loopback, every path begins with a secret.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hmac
+import ipaddress
+import socket
+from functools import cache
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+from urllib.parse import urlsplit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from http.server import HTTPServer
+
+    from hil.live.streams import Streams
+
+ASSETS = Path(__file__).parent / "assets"
+STYLE_OF_VIEW = Path(__file__).parents[1] / "view" / "assets" / "view.css"
+STOP_HEADER = "X-Hil-Stop"
+BODY_MAX = 1024
+"""Of a request [bytes]."""
+SECURITY = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src"
+        " data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+FILES = {
+    "": ("text/html; charset=utf-8", (ASSETS / "page.html",)),
+    "live.js": ("text/javascript; charset=utf-8", (ASSETS / "live.js",)),
+    "live.css": ("text/css; charset=utf-8", (STYLE_OF_VIEW, ASSETS / "live.css")),
+}
+"""Media type of each path, and the files that it consists of."""
+
+
+class Site(NamedTuple):
+    """What requests are about.
+
+    Attributes
+    ----------
+    streams : Streams
+    stop : callable
+        Asks the run to stop.
+    secret : str
+        First part of every path; empty for none.
+    names : set of str
+        Names of this computer by which it may be addressed, beside its addresses.
+    """
+
+    streams: Streams
+    stop: Callable[[], None]
+    secret: str
+    names: frozenset[str]
+
+
+class Requests(BaseHTTPRequestHandler):
+    """Answers one request; the class attribute `site` is set by a subclass."""
+
+    site: Site
+    server: HTTPServer
+    timeout = 10.0  # of reading and of writing [s]
+
+    def do_GET(self) -> None:
+        """Answer with a file, or with the events of the run."""
+        place = self._place()
+        if place is None:
+            return
+        if place == "events":
+            self._events()
+        elif place in FILES:
+            self._file(*FILES[place])
+        else:
+            self._text(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    def do_POST(self) -> None:
+        """Stop the run."""
+        place = self._place()
+        if place is None:
+            return
+        length = self.headers.get("Content-Length", "")
+        self.rfile.read(min(int(length), BODY_MAX) if length.isdecimal() else 0)
+        if place != "stop":
+            self._text(HTTPStatus.NOT_FOUND, "nothing but stop can be asked for")
+        elif self.headers.get(STOP_HEADER) != "1":
+            self._text(HTTPStatus.FORBIDDEN, "a stop is taken from the live page alone")
+        elif self.site.streams.ended:
+            self._text(HTTPStatus.CONFLICT, "the run has ended already")
+        else:
+            self.site.stop()
+            self._text(HTTPStatus.ACCEPTED, "the axes are being stopped")
+
+    def version_string(self) -> str:
+        """Name no versions."""
+        return "hil"
+
+    def log_message(self, *args: object) -> None:
+        """Say nothing: the terminal is the run's."""
+
+    def _place(self) -> str | None:
+        """What is asked for; None where the request was refused, which has been answered."""
+        host = self.headers.get("Host", "")
+        origin = self.headers.get("Origin")
+        if not _ours(host, self.server.server_port, self.site.names):
+            self._text(HTTPStatus.FORBIDDEN, "this host name is not one of the live page")
+            return None
+        if origin is not None and origin != f"http://{host}":
+            self._text(HTTPStatus.FORBIDDEN, "another site's pages get nothing here")
+            return None
+        place = self.path.split("?")[0].removeprefix("/")
+        if not self.site.secret:
+            return place
+        secret, _, place = place.partition("/")
+        if hmac.compare_digest(secret.encode(), self.site.secret.encode()):
+            return place
+        self._text(HTTPStatus.FORBIDDEN, "the address lacks the secret that hil run has shown")
+        return None
+
+    def _events(self) -> None:
+        head = "HTTP/1.0 200 OK\r\nContent-Type: text/event-stream\r\n"
+        head += "".join(f"{name}: {value}\r\n" for name, value in SECURITY.items())
+        client = self.site.streams.add(self.connection, f"{head}\r\n".encode())
+        if client is None:
+            self._text(HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open; close one")
+        else:
+            client.left.wait()
+
+    def _file(self, kind: str, files: tuple[Path, ...]) -> None:
+        compressed = "gzip" in self.headers.get("Accept-Encoding", "")
+        self._answer(HTTPStatus.OK, kind, _content(files, compressed), compressed)
+
+    def _text(self, status: HTTPStatus, text: str) -> None:
+        self._answer(status, "text/plain; charset=utf-8", f"{text}\n".encode())
+
+    def _answer(
+        self, status: HTTPStatus, kind: str, content: bytes, compressed: bool = False
+    ) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        if compressed:
+            self.send_header("Content-Encoding", "gzip")
+        for name, value in SECURITY.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+
+@cache
+def _content(files: tuple[Path, ...], compressed: bool) -> bytes:
+    content = b"".join(file.read_bytes() for file in files)
+    return gzip.compress(content, mtime=0) if compressed else content
+
+
+def names_of_this_computer() -> frozenset[str]:
+    """Names by which other computers may address this one."""
+    return frozenset({"localhost", socket.gethostname().lower()})
+
+
+def _ours(host: str, port: int, names: frozenset[str]) -> bool:
+    """Whether a request's host is ours: an address, which no stranger's name can be, or a name."""
+    try:
+        parts = urlsplit(f"//{host}")
+        name, given = parts.hostname or "", parts.port or 80
+    except ValueError:
+        return False
+    return given == port and (name in names or _is_address(name))
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

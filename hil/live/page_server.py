@@ -1,0 +1,178 @@
+"""The process that shows a run as a page while it goes on: `python -m hil.live.page_server`.
+
+It reads the run's lines from its standard input (`hil.live.lines`) and serves them over HTTP with
+nothing but Python's own library, at a lower priority than the run. It ends with its input.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import os
+import secrets
+import select
+import socket
+import sys
+import time
+from contextlib import suppress
+from http.server import ThreadingHTTPServer
+from socketserver import TCPServer
+from threading import Lock, Semaphore, Thread
+from typing import TYPE_CHECKING, Any
+
+from hil.live.page_requests import Requests, Site, names_of_this_computer
+from hil.live.streams import Streams
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CONNECTIONS_MAX = 128
+"""At a time, those of pages among them."""
+NICE = 10
+"""By how much the run goes first."""
+ALIVE = 1.0
+"""Time between two signs of life that a page gets [s]."""
+LAST_WORDS = 0.5
+"""How long pages may take to get the last line [s]."""
+_LOOK = 0.1
+_CHUNK = 65536
+_BUSY = (
+    b"HTTP/1.0 503 Service Unavailable\r\nContent-Type: text/plain\r\nRetry-After: 5\r\n\r\n"
+    b"too many connections; close a page\n"
+)
+
+
+class PageServer(ThreadingHTTPServer):
+    """An HTTP server of the live page, a thread a connection.
+
+    Parameters
+    ----------
+    address : str
+        IP address to listen on.
+    port : int
+        0 takes a free one.
+    site : Site
+    """
+
+    daemon_threads = True
+
+    def __init__(self, address: str, port: int, site: Site) -> None:
+        is_long = ipaddress.ip_address(address).version == 6
+        self.address_family = socket.AF_INET6 if is_long else socket.AF_INET
+        self._free = Semaphore(CONNECTIONS_MAX)
+        super().__init__((address, port), type("Requests", (Requests,), {"site": site}))
+
+    def server_bind(self) -> None:
+        """Take the port, without asking a name server for our name as `HTTPServer` does."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = str(self.server_address[0]), self.server_address[1]
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer in a thread, or refuse where there are too many."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+            return
+        request.setblocking(False)
+        with suppress(OSError):  # it has gone
+            request.send(_BUSY)
+        self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer, and leave the place to the next one."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of connections that break: the terminal is the run's."""
+
+
+def main(address: str, port: str) -> None:
+    """Serve until the end of standard input."""
+    os.nice(NICE)
+    streams, voice = Streams(), _Voice()
+
+    def stop() -> None:
+        voice.say("stop")
+        streams.take(_line("stopping"))
+
+    secret = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
+    try:
+        server = PageServer(
+            address, int(port), Site(streams, stop, secret, names_of_this_computer())
+        )
+    except OSError as error:
+        voice.say(
+            "failed",
+            f"the live page cannot be served on port {port} of {address}: {error.strerror}; choose"
+            " another with --live PORT, or 0 for a free one",
+        )
+        return
+    Thread(target=server.serve_forever, name="server", daemon=True).start()
+    voice.say("ready", _where(address, server.server_port, secret))
+    _pass_on(streams)
+
+
+def _pass_on(streams: Streams) -> None:
+    """Pass on all lines of standard input, and signs of life."""
+    alive = 0.0
+    for line in _lines(sys.stdin.fileno()):
+        if line:
+            streams.take(line)
+        now = time.monotonic()
+        if now - alive > ALIVE:
+            alive = now
+            streams.take(_line("alive"))
+    if not streams.ended:
+        streams.take(_line("end", how="lost", text="the run has ended without a word"))
+    until = time.monotonic() + LAST_WORDS
+    while not streams.idle and time.monotonic() < until:
+        time.sleep(_LOOK / 10)
+        streams.flush()
+
+
+def _lines(descriptor: int) -> Iterator[bytes]:
+    """Lines as they come; empty ones now and then where none does."""
+    rest = b""
+    while True:
+        if not select.select([descriptor], [], [], _LOOK)[0]:
+            yield b""
+            continue
+        chunk = os.read(descriptor, _CHUNK)
+        if not chunk:
+            return
+        *whole, rest = (rest + chunk).split(b"\n")
+        yield from whole
+
+
+def _line(kind: str, **values: object) -> bytes:
+    return json.dumps({"kind": kind, "at": time.time(), **values}).encode()
+
+
+def _where(address: str, port: int, secret: str) -> str:
+    if secret:
+        found = socket.gethostname() if ipaddress.ip_address(address).is_unspecified else address
+    else:
+        found = address
+    host = f"[{found}]" if ":" in found else found
+    url = f"http://{host}:{port}/{secret}"
+    if not secret:
+        return f"live page: {url}"
+    return f"live page: {url}/ (whoever has this address can watch and stop the run)"
+
+
+class _Voice:
+    """What the process says to the run, from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+
+    def say(self, kind: str, text: str = "") -> None:
+        with self._lock:
+            sys.stdout.write(json.dumps({"kind": kind, "text": text}) + "\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

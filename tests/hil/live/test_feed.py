@@ -1,0 +1,199 @@
+"""What processes beside a run are told, and that none of them can disturb it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import typer
+from synthetic import TABLE_3_A, Friction, record
+
+from hil.cli.measuring import OnBus, measure
+from hil.live.friction_so_far import FrictionSoFar, level_of
+from hil.live.listener import Listener, ListenerFailed
+from hil.planning.measurement import Gravity
+from hil.runs import SIMULATED
+from hil.runs.run_folder import RunFolder
+from hil.terminal.interruption import STATUS
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+
+SUPPORT = Path(__file__).parents[2] / "support"
+HELD = 1.0
+"""Time after which a listener that hangs is ended, and more than enough for the rest [s]."""
+
+
+@pytest.fixture(autouse=True)
+def _support_on_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(SUPPORT))
+
+
+def run(plan: Plan, robot: Robot, folder: Path, *manners: str) -> list[Listener]:
+    """Measure on the plant with a listener of each manner; they note in files of their names."""
+    listeners = [
+        Listener(f"listener {manner}", "noting_listener", str(folder.parent / manner), manner)
+        for manner in manners
+    ]
+    how = OnBus(SIMULATED, None, None, None, listeners=listeners)
+    measure(plan, robot, Path("plan.yaml"), folder, how)
+    return listeners
+
+
+def told(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def recorded(folder: Path) -> list[str]:
+    return [each.measurement.id for each in RunFolder.open(folder)]
+
+
+def test_a_listener_is_told_of_everything_in_order(
+    small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    run(small_plan, manutec, tmp_path / "run", "note")
+    lines = told(tmp_path / "note")
+    kinds = [line["kind"] for line in lines]
+    assert kinds[0] == "start"
+    assert kinds[-2:] == ["off", "end"]
+    assert kinds.index("armed") < kinds.index("sample")
+    assert lines[-1]["how"] == "finished"
+    assert [joint["unit"] for joint in lines[0]["robot"]["joints"]] == ["rad"] * 6
+    assert [each["id"] for each in lines[0]["measurements"]] == ["g1", "i1", "c1"]
+    events = [(line["name"], line.get("measurement")) for line in lines if line["kind"] == "event"]
+    of_each = [(name, m) for m in ("g1", "i1", "c1") for name in ("Travelled", "Recorded")]
+    assert events == [("Started", None), *of_each, ("Finished", None)]
+
+
+def test_samples_are_those_of_the_run_and_few(
+    small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    run(small_plan, manutec, tmp_path / "run", "note")
+    samples = [line for line in told(tmp_path / "note") if line["kind"] == "sample"]
+    begun, ended = samples[0]["at"], samples[-1]["at"]
+    assert 2 <= len(samples) <= 25 * (ended - begun) + 2
+    recordings = {
+        round(t, 4): (q, tau)
+        for each in RunFolder.open(tmp_path / "run")
+        for t, q, tau in zip(each.recording.time, each.recording.q, each.recording.tau, strict=True)
+    }
+    compared = [(line, recordings[line["t"]]) for line in samples if line["t"] in recordings]
+    assert compared
+    for line, (q, tau) in compared:
+        np.testing.assert_allclose(line["q"], q, atol=1e-6)
+        np.testing.assert_allclose(line["tau"], tau, atol=1e-4)
+
+
+def test_friction_so_far_is_that_of_the_measured_axes(
+    small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    run(small_plan, manutec, tmp_path / "run", "note")
+    found = [line for line in told(tmp_path / "note") if line["kind"] == "friction"]
+    assert [(line["axis"], line["measurement"]) for line in found] == [
+        (1, "g1"),
+        (2, "i1"),
+        (0, "c1"),
+    ]
+    assert all(line["level"] > 0 for line in found)
+
+
+def test_half_the_difference_forth_and_back_is_the_friction(manutec: Robot) -> None:
+    g = Gravity(
+        id="g", axis=2, q=(0.0, -0.3, 0.2, 0.0, 0.5, 0.0), stroke=0.8, velocity=0.4,
+        acceleration=8.0, cycles=2,
+    )  # fmt: skip
+    friction = Friction()
+    recording = record(manutec, g, TABLE_3_A, friction)
+    level = level_of(g, recording)
+    assert level is not None
+    assert level.speed == pytest.approx(0.4, rel=0.02)
+    wanted = friction.torque(np.full((1, 6), 0.4), np.zeros(1))[0, 1]
+    assert level.level == pytest.approx(wanted, rel=0.01)
+
+
+def test_levels_so_far_state_their_number_and_range(manutec: Robot, small_plan: Plan) -> None:
+    g1 = small_plan.measurements[0]
+    so_far = FrictionSoFar()
+    recording = record(manutec, g1, TABLE_3_A, Friction())
+    first = so_far.with_recording(g1, recording)
+    again = so_far.with_recording(g1, recording)
+    assert first is not None
+    assert again is not None
+    assert (first["count"], again["count"]) == (1, 2)
+    assert again["least"] == again["most"] == first["level"]
+
+
+def test_a_recording_without_samples_in_the_middle_shows_no_level(
+    manutec: Robot, small_plan: Plan
+) -> None:
+    g1 = small_plan.measurements[0]
+    recording = record(manutec, g1, TABLE_3_A, Friction())
+    recording.q[:, 1] = math.nan
+    assert level_of(g1, recording) is None
+
+
+def test_a_stop_of_a_listener_is_one_of_the_operator(
+    small_plan: Plan, manutec: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    many = tuple(
+        each.model_copy(update={"id": f"{each.id}-{k}"})
+        for k in range(10)
+        for each in small_plan.measurements
+    )
+    plan = small_plan.model_copy(update={"measurements": many})
+    with pytest.raises(typer.Exit) as left:
+        run(plan, manutec, tmp_path / "run", "stop", "note")
+    assert left.value.exit_code == STATUS
+    assert "stopped, the axes are off" in capsys.readouterr().err
+    end = told(tmp_path / "note")[-1]
+    assert (end["kind"], end["how"]) == ("end", "stopped")
+    folder = RunFolder.open(tmp_path / "run")
+    assert folder.journal.sessions[0].reason == "interrupted by the operator"
+    assert 1 <= len(recorded(tmp_path / "run")) < 30
+
+
+def test_a_listener_that_ends_is_missed_once_and_the_run_goes_on(
+    small_plan: Plan, manutec: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(small_plan, manutec, tmp_path / "run", "leave", "note")
+    assert capsys.readouterr().out.count("listener leave has ended by itself") == 1
+    assert recorded(tmp_path / "run") == ["g1", "i1", "c1"]
+    assert told(tmp_path / "note")[-1]["kind"] == "end"
+
+
+def test_a_listener_that_never_reads_is_never_waited_for(
+    small_plan: Plan, manutec: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.live.feed._EVERY", 0.0)  # every sample, far more than a pipe holds
+    (deaf,) = run(small_plan, manutec, tmp_path / "run", "deaf")
+    assert deaf.dropped > 100
+    assert recorded(tmp_path / "run") == ["g1", "i1", "c1"]
+
+
+def test_a_listener_that_cannot_serve_is_refused_before_anything_moves(
+    small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    with pytest.raises(ListenerFailed, match="port 8765 is taken; choose another; nothing has"):
+        run(small_plan, manutec, tmp_path / "run", "refuse")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_fault_is_told_with_its_text_before_the_end(
+    small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    listener = Listener("listener", "noting_listener", str(tmp_path / "note"), "note")
+    faults = tmp_path / "faults.yaml"
+    faults.write_text("faults: [{what: fault, axis: 1, code: 0x2310, at: {time: 12.5}}]\n")
+    how = OnBus(SIMULATED, None, None, [f"faults={faults}"], listeners=[listener])
+    with pytest.raises(typer.Exit):
+        measure(small_plan, manutec, Path("plan.yaml"), tmp_path / "run", how)
+    lines = told(tmp_path / "note")
+    kinds = [line["kind"] for line in lines]
+    assert kinds[-3:] == ["fault", "off", "end"]
+    assert "2310" in lines[-3]["text"]
+    assert (lines[-1]["how"], lines[-1]["text"]) == ("failed", lines[-3]["text"])
