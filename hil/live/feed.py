@@ -142,6 +142,7 @@ class Feed:
         else:
             self._tell("end", {"how": "finished", "text": ""})
         finally:
+            self._name_missed()
             for listener in self._listeners:
                 listener.close()
 
