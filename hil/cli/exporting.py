@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import Masses
+from hil.cli.outputs import folder_to_write
 from hil.terminal.console import say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,7 +30,10 @@ def export(
         typer.Argument(metavar="MODEL", help="Folder of an identified run, or its model.yaml."),
     ],
     to: Annotated[str, typer.Option(help="Name of the format; an unknown one lists all.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write into.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", callback=folder_to_write, help="Folder to write into."),
+    ],
     urdf: Annotated[
         Path | None,
         typer.Option(help="URDF of the robot, whose shapes and names urdf and mjcf keep."),
@@ -36,24 +41,27 @@ def export(
     masses: Masses = None,
 ) -> None:
     """Write an identified model as files of other tools."""
-    from hil.export.exported import write_exported
-    from hil.export.formats import export
-    from hil.export.origin import origin, passed, validations
-    from hil.export.simulators import SIMULATORS
-    from hil.results.model import Model
+    with working("reading the model") as now:
+        from hil.export.exported import write_exported
+        from hil.export.formats import export, refuse_unknown
+        from hil.export.origin import origin, passed, validations
+        from hil.export.simulators import SIMULATORS
+        from hil.results.model import Model
 
-    model = Model.load(source)
-    if to in SIMULATORS:
-        exported = _bodies(model, source, to, urdf, masses)
-    elif urdf or masses:
-        raise typer.BadParameter(
-            f"--urdf and --mass are about bodies, which {to} has not; they go with"
-            f" {' and '.join(SIMULATORS)}",
-            param_hint="--to",
-        )
-    else:
-        exported = export(model, to, origin(model, source))
-    paths = write_exported(exported, output)
+        refuse_unknown(to)
+        if to not in SIMULATORS and (urdf or masses):
+            raise typer.BadParameter(
+                f"--urdf and --mass are about bodies, which {to} has not; they go with"
+                f" {' and '.join(SIMULATORS)}",
+                param_hint="--to",
+            )
+        model = Model.load(source)
+        now(f"writing the model as {to}")
+        if to in SIMULATORS:
+            exported = _bodies(model, source, to, urdf, masses)
+        else:
+            exported = export(model, to, origin(model, source))
+        paths = write_exported(exported, output)
     for line in validations(model, source):
         say(line, style=None if passed(model) else "yellow")
     for remark in exported.remarks:

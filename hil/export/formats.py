@@ -27,15 +27,25 @@ FORMATS: dict[str, Writer] = {
 
 
 def export(model: Model, name: str, origin: tuple[str, ...]) -> Exported:
-    """Return the model in a format by its name; nothing is written.
+    """Return the model in a format of `FORMATS` by its name; nothing is written.
 
     Raises
     ------
     UnknownName
         There is no such format.
     """
-    if name not in FORMATS:
-        known = (*FORMATS, *SIMULATORS)
+    refuse_unknown(name)
+    return FORMATS[name](model, origin)
+
+
+def refuse_unknown(name: str) -> None:
+    """Refuse what is no format, of bodies or without.
+
+    Raises
+    ------
+    UnknownName
+    """
+    known = (*FORMATS, *SIMULATORS)
+    if name not in known:
         near = did_you_mean(name, known)
         raise UnknownName(f"{name}: unknown format{near}; available: {', '.join(known)}")
-    return FORMATS[name](model, origin)
