@@ -16,7 +16,7 @@ import pytest
 from live_page import STOP, Served, events, watching
 
 from hil.live.listener import Listener
-from hil.planning.plan import dump_plan
+from hil.planning.plan import dump_plan, repeated
 from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
@@ -45,13 +45,8 @@ class Run(NamedTuple):
 @pytest.fixture
 def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
     """Some rounds of the small plan."""
-    measurements = tuple(
-        m.model_copy(update={"id": f"{m.id}-{k}"})
-        for k in range(ROUNDS)
-        for m in small_plan.measurements
-    )
     path = tmp_path / "plan.yaml"
-    path.write_text(dump_plan(small_plan.model_copy(update={"measurements": measurements})))
+    path.write_text(dump_plan(repeated(small_plan, ROUNDS)))
     return path
 
 
