@@ -18,6 +18,7 @@ from hil.cli.arguments import (
     RobotsDrives,
     WorkspaceOption,
 )
+from hil.cli.live import Live, LiveAddress, PortsOptional, listeners
 from hil.cli.measuring import OnBus
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
@@ -34,7 +35,7 @@ RUN = "run"
 """Run folder within the one of a watch."""
 
 
-@commands.command()
+@commands.command(cls=PortsOptional)
 def watch(
     plan_file: PlanFile,
     model_path: ModelPath,
@@ -66,6 +67,8 @@ def watch(
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
     realtime: RealTime = False,
+    live: Live = None,
+    live_address: LiveAddress = None,
 ) -> None:
     """Compare torques with a model's while a plan moves the robot, and find pushes.
 
@@ -82,7 +85,8 @@ def watch(
     model = Model.load(model_path)
     refuse_other_model(model, model_path, the_robot, plan_file)
     watcher = Watcher(model, the_plan.sample_period, learn)
-    how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
+    shown_by = listeners(live, live_address)
+    how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime, listeners=shown_by)
     rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
     try:
         _pass(the_plan, the_robot, plan_file, output, how, rounds, watcher, stop)

@@ -134,7 +134,16 @@ class Feed:
         try:
             for listener in self._listeners:
                 self._say(listener.start(interrupt_main))
-            self._tell("start", self._start)
+            with self._begun_and_ended():
+                yield
+        finally:
+            for listener in self._listeners:
+                listener.close()
+
+    @contextmanager
+    def _begun_and_ended(self) -> Iterator[None]:
+        self._tell("start", self._start)
+        try:
             yield
         except BaseException as error:
             self._tell("end", _how(error))
@@ -142,8 +151,7 @@ class Feed:
         else:
             self._tell("end", {"how": "finished", "text": ""})
         finally:
-            for listener in self._listeners:
-                listener.close()
+            self._name_missed()
 
     def _tell(self, kind: str, values: lines.Line) -> None:
         line = lines.encoded(kind, **values)

@@ -55,6 +55,7 @@ class PageServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    request_queue_size = CONNECTIONS_MAX
 
     def __init__(self, address: str, port: int, site: Site) -> None:
         is_long = ipaddress.ip_address(address).version == 6

@@ -16,13 +16,16 @@ export class LiveAxes {
     const fill = make('span', { class: 'fill' });
     const bar = make('span', { class: 'torque-bar' });
     const [position, torque] = [make('span', { text: '–' }), make('span', { text: '–' })];
+    const [ends, most] = [make('span', { class: 'small' }), make('span', { class: 'small' })];
     const friction = make('td', { class: 'friction', text: '–' });
     const name = make('th', { scope: 'row', text: `${j + 1}` });
     const range = make('span', { class: 'range', 'aria-hidden': 'true' }, fill);
     const limit = make('span', { class: 'range', 'aria-hidden': 'true' }, bar);
-    limit.hidden = !joint.torque;
-    const row = make('tr', {}, name, make('td', {}, position, range), make('td', {}, torque, limit), friction);
-    return { row, name, position, fill, torque, bar, friction };
+    limit.hidden = most.hidden = !joint.torque;
+    ends.textContent = within(joint);
+    most.textContent = `limit ${shown(joint.torque, joint.torque)}`;
+    const row = make('tr', {}, name, make('td', {}, position, range, ends), make('td', {}, torque, limit, most), friction);
+    return { row, position, fill, ends, torque, bar, friction };
   }
 
   /** Take the limits that hold on the drives. */
@@ -31,7 +34,8 @@ export class LiveAxes {
       const joint = this.joints[j];
       joint.lower = Math.max(joint.lower, lower ?? joint.lower);
       joint.upper = Math.min(joint.upper, upper ?? joint.upper);
-      this.rows[j].row.title = `${name}, ${shown(joint.lower, 1)} to ${shown(joint.upper, 1)} ${joint.unit}`;
+      this.rows[j].ends.textContent = within(joint);
+      this.rows[j].row.title = name;
     });
   }
 
@@ -56,9 +60,14 @@ export class LiveAxes {
 
   /** Show a level of friction. */
   friction({ axis, level, speed, count, least, most }) {
-    const { unit, torque_unit: torqueUnit, torque } = this.joints[axis];
-    const [now, from, to] = [level, least, most].map((each) => shown(each, torque ? torque / 10 : 10));
+    const { unit, torque_unit: torqueUnit } = this.joints[axis];
+    const [now, from, to] = [level, least, most].map((each) => shown(each, Math.abs(level)));
     const range = count > 1 ? ` (${count} so far: ${from} to ${to})` : '';
     this.rows[axis].friction.textContent = `${now} ${torqueUnit} at ${shown(speed, 10)} ${unit}/s${range}`;
   }
+}
+
+/** The range of a joint's position. */
+function within({ lower, upper }) {
+  return `${shown(lower, upper - lower)} to ${shown(upper, upper - lower)}`;
 }

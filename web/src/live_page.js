@@ -10,7 +10,7 @@ const AT_THE_TERMINAL = 'stop it with Ctrl-C at the terminal, or by the emergenc
 const ENDS = {
   finished: ['the run is finished, the axes are off', ''],
   stopped: ['stopped, the axes are off', ''],
-  failed: ['the run has ended with a fault', 'bad'],
+  failed: ['the run has ended with a fault, the axes are off', 'bad'],
   lost: ['the run has ended without a word: look at the robot', 'bad'],
 };
 
@@ -154,6 +154,7 @@ export class LivePage {
   }
 
   _state() {
+    if (this.ended && this.power === 'armed') return ['the run has ended, and whether the axes are off is not known: look at the robot', 'bad'];
     if (this.ended) return ENDS[this.ended];
     const silent = (performance.now() - this.heard) / 1000;
     if (this.lost || silent > SILENT) return [`no connection to the run, which may go on: ${AT_THE_TERMINAL}`, 'bad'];

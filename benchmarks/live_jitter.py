@@ -1,0 +1,181 @@
+"""SYNC of `hil run` on the wall clock without a live page, with one, and with 50 that watch it.
+
+Plant, run, page and those who watch are processes of their own, on a local channel, at 250 Hz. The
+plant stands for drives, which are never late, so it has the real-time class. The three cases take
+turns, since a computer is not the same from minute to minute. Below stands how soon the axes are
+off after a stop from the page, and after Ctrl-C. Options go to `hil run`, as --realtime::
+
+    python benchmarks/live_jitter.py [TURNS] [OPTION ...]
+"""
+
+from __future__ import annotations
+
+import http.client
+import multiprocessing
+import os
+import re
+import select
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import numpy as np
+
+from drivers.realtime import PRIORITY
+from hil.model.robot import load_robot
+from hil.planning.measurement import Gravity
+from hil.planning.plan import Plan, PlannedRobot, dump_plan
+from hil.runs.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+INTERFACE, CHANNEL = "local", "live-jitter"
+PAGES = 50
+PERIOD = 0.004
+CASES = {"no page": None, "one page": 1, f"{PAGES} pages": PAGES}
+"""Of each case the number of pages that watch; None where none is served."""
+MOTION = 2.0
+"""Time of motion before a stop [s]."""
+
+
+def make_plan() -> Plan:
+    """Return some 25 s of strokes."""
+    robot = load_robot("manutec-r15")
+    place = (0.0, -0.3, 0.2, 0.0, 0.5, 0.0)
+    strokes = {"axis": 2, "q": place, "stroke": 0.4, "velocity": 0.4, "acceleration": 8.0}
+    return Plan(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        sample_period=PERIOD,
+        attempts=1,
+        measurements=tuple(Gravity(id=f"g{k}", cycles=3, **strokes) for k in range(3)),
+    )
+
+
+@contextmanager
+def plant() -> Iterator[None]:
+    """Serve the plant from another process."""
+    place = ("--interface", INTERFACE, "--channel", CHANNEL)
+    command = (sys.executable, "-m", "sim_plant", *place, "--clock", "wall")
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline(), "the plant did not start"
+            os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
+            yield
+        except PermissionError as error:
+            sys.exit(f"the plant must have real time: {error}")
+        finally:
+            process.kill()
+
+
+@contextmanager
+def run(plan: Path, folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Begin a run on a fresh plant; yields its process, and the address of a page if it has one."""
+    place = ("--interface", INTERFACE, "--channel", CHANNEL)
+    command = (sys.executable, "-m", "hil", "run", plan, "-o", folder, *place, *options)
+    pipe = subprocess.PIPE
+    with plant(), subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
+        yield process, said(process, r"http://\S+") if "--live" in options else ""
+
+
+def said(process: subprocess.Popen[str], what: str) -> str:
+    """Wait until a run prints something; return it."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if found := re.search(what, line):
+            return found[0]
+    raise AssertionError(process.communicate()[1])
+
+
+def watch(url: str, pages: int) -> None:
+    """Read the events of a run as so many pages, until it ends."""
+    parts = urlsplit(url)
+    request = f"GET /events HTTP/1.0\r\nHost: {parts.netloc}\r\n\r\n".encode()
+    readers = []
+    for _ in range(pages):
+        reader = socket.create_connection((parts.hostname, parts.port))
+        reader.sendall(request)
+        readers.append(reader)
+    while readers:
+        for reader in select.select(readers, [], [])[0]:
+            if not reader.recv(65536):
+                readers.remove(reader)
+
+
+def measured(
+    plan: Path, folder: Path, pages: int | None, options: Sequence[str]
+) -> NDArray[np.float64]:
+    """How far the time between two SYNCs was off, or NaN for each that was left out [s]."""
+    live = () if pages is None else ("--live", "0")
+    with run(plan, folder, *live, *options) as (process, url):
+        watcher = multiprocessing.get_context("spawn").Process(target=watch, args=(url, pages))
+        if pages:
+            watcher.start()
+        _, errors = process.communicate()
+        assert process.returncode == 0, errors
+        if pages:
+            watcher.join()
+    steps = np.concatenate([np.diff(each.recording.time) for each in RunFolder.open(folder)])
+    passed = np.maximum(1, np.rint(steps / PERIOD))
+    left_out = np.full(int(passed.sum()) - len(steps), np.nan)
+    return np.concatenate([np.abs(steps - passed * PERIOD), left_out])
+
+
+def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) -> float:
+    """Time from a stop in the middle of a motion to its report that the axes are off [s]."""
+    with run(plan, folder, "--live", "0", *options) as (process, url):
+        parts = urlsplit(url)
+        assert process.stderr is not None
+        said(process, "measurements to do")
+        time.sleep(MOTION)
+        begun = time.perf_counter()
+        if by_page:
+            asked = http.client.HTTPConnection(parts.netloc)
+            asked.request("POST", "/stop", headers={"X-Hil-Stop": "1"})
+        else:
+            process.send_signal(signal.SIGINT)
+        report = process.stderr.readline()
+        assert "the axes are off" in report, report
+        return time.perf_counter() - begun
+
+
+def main(turns: int = 4, *options: str) -> None:
+    """Measure in turns, then print."""
+    jitter: dict[str, list[NDArray[np.float64]]] = {name: [] for name in CASES}
+    stops: dict[bool, list[float]] = {True: [], False: []}
+    with tempfile.TemporaryDirectory() as scratch:
+        plan = Path(scratch) / "plan.yaml"
+        plan.write_text(dump_plan(make_plan()))
+        for turn in range(turns):
+            for name, pages in CASES.items():
+                folder = Path(scratch) / f"{turn}-{name}"
+                jitter[name].append(measured(plan, folder, pages, options))
+            for by_page in (True, False):
+                folder = Path(scratch) / f"{turn}-stop-{by_page}"
+                stops[by_page].append(stopped(plan, folder, options, by_page=by_page))
+    print("SYNC off its period, ms    rms    99 %    99.9 %    worst    left out    SYNCs")
+    for name, each in jitter.items():
+        off = np.concatenate(each)
+        kept = 1e3 * off[np.isfinite(off)]
+        rms = np.sqrt(np.mean(kept**2))
+        print(
+            f"{name:<24}{rms:>6.2f}{np.quantile(kept, 0.99):>8.2f}{np.quantile(kept, 0.999):>10.2f}"
+            f"{kept.max():>9.2f}{len(off) - len(kept):>12}{len(off):>9}"
+        )
+    for by_page, name in ((True, "a stop from the page"), (False, "Ctrl-C")):
+        median, longest = np.median(stops[by_page]), max(stops[by_page])
+        print(f"axes off after {name}: {median:.2f} s (median of {turns}), {longest:.2f} s at most")
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:2]), *sys.argv[2:])

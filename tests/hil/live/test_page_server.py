@@ -1,0 +1,257 @@
+"""Whom the live page is served to, and what it is told."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+from itertools import takewhile
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from live_page import SERVER, STOP, Served, events, served, watching
+
+from drivers.drive_bus import Sample
+from hil.live import streams
+from hil.live.listener import ListenerFailed
+from hil.live.page_requests import FILES
+from hil.live.page_server import CONNECTIONS_MAX
+from hil.live.streams import CLIENTS_MAX, Streams
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from conftest import IdealBus
+
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+
+HEAVY = {"numpy", "scipy", "numba", "h5py", "canopen", "can", "pydantic", "yaml", "typer", "rich"}
+
+
+@pytest.fixture
+def page() -> Iterator[Served]:
+    with served() as found:
+        yield found
+
+
+def until(condition: Any, seconds: float = 20.0) -> None:
+    ends = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < ends, "waited in vain"
+        time.sleep(0.01)
+
+
+def test_the_page_and_its_parts_are_served_small(page: Served) -> None:
+    size = 0
+    for name, (kind, _) in FILES.items():
+        status, headers, text = page.ask("GET", f"/{name}")
+        assert (status, headers["Content-Type"]) == (200, kind)
+        size += len(text)
+    assert size < 700_000
+    assert page.ask("GET", "/passwd")[0] == 404
+    assert page.ask("GET", "/../page_server.py")[0] == 404
+
+
+def test_a_browser_may_load_nothing_from_elsewhere(page: Served) -> None:
+    headers = page.ask("GET", "/")[1]
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Server"] == "hil"
+
+
+def test_the_loopback_address_alone_is_listened_to(page: Served) -> None:
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.2", page.port), timeout=5)
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example:{}", "127.0.0.1.evil.example:{}", "127.0.0.1:1", "", "[:{}"]
+)
+def test_a_stranger_s_host_name_is_refused(page: Served, host: str) -> None:
+    given = {**STOP, "Host": host.format(page.port)}
+    for method, path in (("GET", "/"), ("GET", "/events"), ("POST", "/stop")):
+        assert page.ask(method, path, given)[0] == 403
+    assert page.stops == []
+
+
+@pytest.mark.parametrize("host", ["localhost:{}", "127.0.0.1:{}", "LOCALHOST:{}"])
+def test_our_own_names_are_not(page: Served, host: str) -> None:
+    assert page.ask("GET", "/", {"Host": host.format(page.port)})[0] == 200
+
+
+def test_a_page_of_another_site_can_stop_nothing(page: Served) -> None:
+    for origin in ("http://evil.example", "null", f"https://127.0.0.1:{page.port}"):
+        assert page.ask("POST", "/stop", {**STOP, "Origin": origin})[0] == 403
+    assert page.ask("POST", "/stop")[0] == 403  # as a form of another site would
+    assert page.ask("GET", "/stop", STOP)[0] == 404
+    assert page.stops == []
+
+
+def test_our_own_page_can_stop(page: Served) -> None:
+    given = {**STOP, "Origin": f"http://127.0.0.1:{page.port}"}
+    assert page.ask("POST", "/stop", given)[0] == 202
+    until(lambda: page.stops)
+    page.ask("POST", "/stop", given)
+    assert page.stops == [1]  # a second interrupt would disturb the first one's way
+
+
+def test_nothing_but_a_stop_can_be_asked_for(page: Served) -> None:
+    for path in ("/", "/move", "/events"):
+        assert page.ask("POST", path, STOP)[0] == 404
+    assert page.ask("PUT", "/stop", STOP)[0] == 501
+
+
+def test_on_another_address_a_secret_is_demanded() -> None:
+    with served("0.0.0.0") as page:  # noqa: S104 - on purpose
+        secret = page.path.strip("/")
+        assert len(secret) >= 20
+        for path in ("/", "/events", "/wrong/", f"/{secret[:-1]}/", "/live.js"):
+            assert page.ask("GET", path)[0] == 403
+        assert page.ask("POST", "/stop", STOP)[0] == 403
+        assert page.ask("POST", "/wrong/stop", STOP)[0] == 403
+        assert page.ask("GET", page.path)[0] == 200
+        assert page.stops == []
+        assert page.ask("POST", f"{page.path}stop", STOP)[0] == 202
+
+
+def test_no_two_secrets_are_alike() -> None:
+    with served("0.0.0.0") as one, served("0.0.0.0") as other:  # noqa: S104 - on purpose
+        assert one.path != other.path
+
+
+def test_a_port_that_is_taken_is_refused_with_the_remedy(page: Served) -> None:
+    refusal = f"port {page.port} .* --live PORT, or 0"
+    with pytest.raises(ListenerFailed, match=refusal), served(port=page.port):
+        pass
+
+
+def test_a_late_page_is_told_what_has_passed(
+    page: Served, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus
+) -> None:
+    page.begin(manutec, small_plan, ideal_bus.axes)
+    page.tell("note", text="a drive noted something")
+    page.tell("event", name="Travelled", doing="measuring g1 (gravity)", notice="", t=1.0)
+    page.tell("friction", axis=1, level=50.0)
+    page.tell("friction", axis=1, level=51.0)
+    for t in (1.0, 2.0):
+        page.sample(Sample(t, (0.0,) * 6, (1.0,) * 6, (0,) * 6, False))
+    page.tell("end", how="finished", text="")
+    with watching(page.port) as early:
+        assert any(line["kind"] == "end" for line in events(early))  # all has been read
+    assert page.ask("POST", "/stop", STOP)[0] == 409
+    with watching(page.port) as late:
+        got = [*takewhile(lambda line: line["kind"] != "end", events(late))]
+    assert [line["kind"] for line in got] == [
+        "start", "note", "armed", "event", "friction", "sample",
+    ]  # fmt: skip
+    assert got[-2]["level"] == 51.0
+    assert got[-1]["t"] == 2.0
+
+
+def test_one_page_too_many_is_refused_and_the_others_go_on(page: Served) -> None:
+    pages = [watching(page.port) for _ in range(CLIENTS_MAX)]
+    streams_of = [events(each) for each in pages]
+    assert all(next(each)["kind"] == "alive" for each in streams_of)
+    status, _, text = page.ask("GET", "/events")
+    assert (status, text) == (503, "too many pages are open; close one\n")
+    page.tell("note", text="still here")
+    for each in streams_of:
+        assert any(line.get("text") == "still here" for line in each)
+    closed = pages.pop()
+    closed.shutdown(socket.SHUT_RDWR)
+    until(lambda: _is_served(page))
+    for each in (*streams_of, *pages, closed):
+        each.close()
+
+
+def _is_served(page: Served) -> bool:
+    with watching(page.port) as one:
+        return b"200" in one.recv(100).split(b"\r\n")[0]
+
+
+def test_connections_that_ask_for_nothing_cost_only_themselves(page: Served) -> None:
+    """Those beyond the bound get their answer at once; what is served goes on."""
+    with watching(page.port) as one:
+        got = events(one)
+        idle = [socket.create_connection(("127.0.0.1", page.port)) for _ in range(CONNECTIONS_MAX)]
+        idle[-1].settimeout(30)
+        assert b"503" in idle[-1].recv(100)
+        page.tell("note", text="still here")
+        assert any(line.get("text") == "still here" for line in got)
+    for each in idle:
+        each.close()
+
+
+def test_a_page_that_never_reads_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(streams, "PATIENCE", 0.0)
+    ours, theirs = socket.socketpair()
+    reading, read = socket.socketpair()
+    passed_on = Streams()
+    deaf = passed_on.add(ours, b"")
+    other = passed_on.add(reading, b"")
+    assert deaf
+    assert other
+    sample = b'{"kind":"sample","q":[' + b"0.123456," * 100 + b"0]}"
+    for _ in range(2000):
+        passed_on.take(sample)
+        read.recv(1_000_000)
+        if deaf.left.is_set():
+            break
+    assert deaf.left.is_set()
+    assert not other.left.is_set()
+    for each in (ours, theirs, reading, read):
+        each.close()
+
+
+def test_a_page_that_is_behind_misses_samples_and_no_notice() -> None:
+    ours, theirs = socket.socketpair()
+    passed_on = Streams()
+    client = passed_on.add(ours, b"")
+    assert client
+    for number in range(3000):
+        passed_on.take(b'{"kind":"sample","t":%d,"q":[%s0]}' % (number, b"0.123456," * 100))
+        if number % 1000 == 500:
+            passed_on.take(b'{"kind":"note","text":"note %d"}' % number)
+    got = b""
+    while client.behind:
+        got += theirs.recv(1_000_000)
+        passed_on.flush()
+    ours.close()
+    while chunk := theirs.recv(1_000_000):
+        got += chunk
+    assert got.count(b'"sample"') < 300
+    assert [got.count(b"note %d" % number) for number in (500, 1500, 2500)] == [1, 1, 1]
+    theirs.close()
+
+
+def test_a_line_that_was_cut_off_is_left_out(page: Served) -> None:
+    with watching(page.port) as one:
+        got = events(one)
+        page.listener.write(b'{"kind":"note","te\n')
+        page.tell("note", text="whole")
+        assert next(line for line in got if line["kind"] == "note")["text"] == "whole"
+
+
+def test_the_server_ends_with_the_run_and_says_so(page: Served) -> None:
+    """Also where the run was killed: its end of the pipe is closed then."""
+    with watching(page.port) as one:
+        got = events(one)
+        next(got)
+        begun = time.monotonic()
+        page.listener.close()
+        assert time.monotonic() - begun < 2.0
+        *_, last = got
+    assert (last["kind"], last["how"]) == ("end", "lost")
+
+
+def test_it_loads_neither_numerics_nor_the_bus() -> None:
+    program = f"import sys; import {SERVER}; print(*sys.modules)"
+    loaded = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert not set(loaded.stdout.split()) & HEAVY

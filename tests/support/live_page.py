@@ -1,0 +1,104 @@
+"""The process that serves the live page, and what asks it, without a run."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import re
+import socket
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from hil.live import lines
+from hil.live.listener import Listener
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from drivers.drive_bus import AxisInfo, Sample
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+
+SERVER = "hil.live.page_server"
+STOP = {"X-Hil-Stop": "1"}
+
+
+@dataclass
+class Served:
+    """A page that is served.
+
+    Attributes
+    ----------
+    stops : list of int
+        One for each stop that was asked for.
+    """
+
+    listener: Listener
+    stops: list[int] = field(default_factory=list)
+    url: str = ""
+
+    @property
+    def port(self) -> int:
+        found = re.search(r":(\d+)/", self.url)
+        assert found
+        return int(found[1])
+
+    @property
+    def path(self) -> str:
+        return self.url.partition(f":{self.port}")[2]
+
+    def tell(self, kind: str, **values: object) -> None:
+        self.listener.write(lines.encoded(kind, **values))
+
+    def begin(self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...]) -> None:
+        """Tell what every run begins with."""
+        self.tell("start", **lines.start(robot, plan, None))
+        self.tell("armed", **lines.armed(axes))
+
+    def sample(self, sample: Sample) -> None:
+        self.tell("sample", **lines.sample(sample))
+
+    def ask(
+        self, method: str, path: str, headers: dict[str, str] | None = None
+    ) -> tuple[int, http.client.HTTPMessage, str]:
+        """Ask by the loopback; return status, headers and text."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        try:
+            given = {"Host": f"127.0.0.1:{self.port}", **(headers or {})}
+            connection.request(method, path, headers=given)
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read().decode()
+        finally:
+            connection.close()
+
+
+@contextmanager
+def served(address: str = "127.0.0.1", port: int = 0) -> Iterator[Served]:
+    """Serve a page on a free port."""
+    listener = Listener("the live page", SERVER, address, str(port))
+    found = Served(listener)
+    text = listener.start(lambda: found.stops.append(1))
+    match = re.search(r"http://\S+", text)
+    assert match
+    found.url = match[0]
+    try:
+        yield found
+    finally:
+        listener.close()
+
+
+def watching(port: int, path: str = "/events") -> socket.socket:
+    """Open a page's stream of events, of which nothing has been read yet."""
+    connection = socket.create_connection(("127.0.0.1", port), timeout=30)
+    request = f"GET {path} HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n"
+    connection.sendall(request.encode())
+    return connection
+
+
+def events(connection: socket.socket) -> Iterator[dict[str, Any]]:
+    """Lines of the run as a page gets them; raises OSError where the server has gone."""
+    with connection.makefile("rb") as stream:
+        for text in stream:
+            if text.startswith(b"data: "):
+                yield json.loads(text.removeprefix(b"data: "))
