@@ -18,7 +18,14 @@ from hil.cli.arguments import (
     RobotsDrives,
     WorkspaceOption,
 )
-from hil.cli.live import Live, LiveAddress, PortsOptional, listeners
+from hil.cli.live import (
+    Foxglove,
+    FoxgloveAddress,
+    Live,
+    LiveAddress,
+    PortsOptional,
+    listeners,
+)
 from hil.cli.measuring import OnBus
 from hil.cli.outputs import new_folder
 from hil.runs import SIMULATED
@@ -74,6 +81,8 @@ def watch(
     realtime: RealTime = False,
     live: Live = None,
     live_address: LiveAddress = None,
+    foxglove: Foxglove = None,
+    foxglove_address: FoxgloveAddress = None,
 ) -> None:
     """Compare torques with a model's while a plan moves the robot, and find pushes.
 
@@ -89,7 +98,7 @@ def watch(
         model = Model.load(model_path)
         refuse_other_model(model, model_path, the_robot, plan_file)
         watcher = Watcher(model, the_plan.sample_period, learn)
-        shown_by = listeners(live, live_address)
+        shown_by = listeners(live, live_address, foxglove, foxglove_address)
         how = OnBus(
             interface, channel, drives_file, bus_option, realtime=realtime, listeners=shown_by
         )
