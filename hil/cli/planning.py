@@ -66,9 +66,10 @@ def dry_run_(
         from hil.cli import viewing
 
         viewing.refuse_page(page := viewing.page_of_plan(plan_file))
-    the_plan, the_robot = load(plan_file, robot_file, workspace)
-    drives = known_drives(the_robot, drives_file)
-    with working("passing the plan's motions through the limits"):
+    with working("reading the plan") as now:
+        the_plan, the_robot = load(plan_file, robot_file, workspace)
+        drives = known_drives(the_robot, drives_file)
+        now("passing the plan's motions through the limits")
         cycle = bus_cycle(the_plan, the_robot.n_joints, drives, bitrate)
         result = dry_run(the_plan, the_robot, cycle)
     dry_run_view.render(result, out)
