@@ -91,7 +91,7 @@ def identify(
 def report(
     folder: RunPath,
     figures: Annotated[
-        Path | None, typer.Option(help="Folder that the plots are written to as PNG files too.")
+        Path | None, typer.Option(help="Folder that the plots are written to as SVG files too.")
     ] = None,
     without: Without = None,
 ) -> None:

@@ -1,4 +1,4 @@
-"""Friction over a campaign, as step 1 finds it by the way: level, drift and symmetry."""
+"""Friction over a campaign, as step 1 yields it with each element: level, drift and symmetry."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def _plot(estimate: Estimate, robot: Robot) -> Plot:
         partial(levels, estimate.local, robot),
         "Friction level of every axis over robot time, one panel an axis, markers by kind of"
         " measurement.",
-        "Friction level of each axis as step 1 finds it by the way. Levels of different kinds come"
-        " from different fits and may differ by a step; the course of one kind is drift by"
-        f" temperature and lubricant. {friction_change(estimate)} None of it enters the parameters:"
-        " friction is fitted anew in every measurement.",
+        "Friction level of each axis as step 1 yields it with each element. Levels of different"
+        " kinds come from different fits and may differ by a step; the course of one kind is drift"
+        f" by temperature and lubricant. {friction_change(estimate)} None of it enters the"
+        " parameters: friction is fitted anew in every measurement.",
     )
 
 

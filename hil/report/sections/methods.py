@@ -17,4 +17,4 @@ def section(run: IdentifiedRun) -> Section:
         "methods": methods(run.model, run.check),
         "disagreement": DISAGREEMENT,
     }
-    return Section("Both methods side by side", "methods.html", values)
+    return Section("Improved and published method", "methods.html", values)
