@@ -52,7 +52,7 @@ def identify(
     """Estimate base parameters from a run; writes model.yaml into its folder."""
     from hil.cli.consistent_view import body_bounds, render
     from hil.estimation.friction.symmetry import of_local_values
-    from hil.results import identification, model_file
+    from hil.results import identification, kept_findings, model_file
     from hil.results.tables.error_budget import error_budget
     from hil.results.tables.friction import symmetry
     from hil.results.tables.terminal import show, show_sentence
@@ -67,7 +67,10 @@ def identify(
         method, reason = identification.method_for(run, more)
         if run.imported:
             out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
-    found = identification.identify(run, method, more)
+    identified = identification.identified(run, method, more)
+    found = identified.model
+    if found.method == "improved" and not (more or run.imported):
+        kept_findings.keep_identified(run, identified)
     if consistent or masses:
         from hil.results.consistency import with_consistent_robot
 

@@ -118,8 +118,8 @@ def _header(
 
 def verdict(run: IdentifiedRun) -> str:
     """State the whole report in two sentences."""
-    relative = run.prediction.relative
-    urgent = sum(item.urgent for item in run.advice)
+    relative = run.found.prediction.relative
+    urgent = sum(item.urgent for item in run.found.advice)
     attention = "No finding requires action."
     if urgent:
         attention = (

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.report import header
 from hil.report.downloads import downloads
 from hil.report.friction_of_run import friction_alone
@@ -24,7 +23,6 @@ from hil.report.recordings import carried
 from hil.report.reported_run import fitted, identified, read, stroked
 from hil.report.section import Plot
 from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION, OF_STROKES
-from hil.results.identification import method_for
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
@@ -78,7 +76,7 @@ def _content(whole: ReportedRun) -> tuple[Header, list[Section], Model | None]:
     run = whole.source
     if friction_alone(run):
         return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION), None
-    if run.imported and method_for(run)[0] == BACK_AND_FORTH:
+    if run.imported and _back_and_forth(run):
         strokes = stroked(whole)
         return (
             header.of_strokes(strokes),
@@ -94,6 +92,14 @@ def _content(whole: ReportedRun) -> tuple[Header, list[Section], Model | None]:
         )
     found = identified(whole)
     return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN), found.model
+
+
+def _back_and_forth(run: Run) -> bool:
+    # all methods are loaded for it
+    from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH  # noqa: PLC0415
+    from hil.results.identification import method_for  # noqa: PLC0415
+
+    return method_for(run)[0] == BACK_AND_FORTH
 
 
 def _present(sections: Iterable[Section | None]) -> list[Section]:

@@ -19,8 +19,8 @@ COLUMNS = (
 
 def section(run: IdentifiedRun) -> Section:
     """Urgent advice as a table, all other as a list."""
-    urgent = [item for item in run.advice if item.urgent]
-    notes = [item for item in run.advice if not item.urgent]
+    urgent = [item for item in run.found.advice if item.urgent]
+    notes = [item for item in run.found.advice if not item.urgent]
     return Section(
         "Findings and remedies",
         "advice.html",

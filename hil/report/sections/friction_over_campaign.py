@@ -5,11 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hil.estimation.friction.history import history
 from hil.estimation.friction.symmetry import of_local_values
 from hil.report.plots.friction import levels
 from hil.report.section import Plot, Section
-from hil.results.friction import campaign_drifts
 from hil.results.tables import friction as tables
 
 if TYPE_CHECKING:
@@ -21,12 +19,11 @@ if TYPE_CHECKING:
 def section(run: IdentifiedRun) -> Section:
     """Levels by measurement, with time constants and symmetry where they are identifiable."""
     local = run.estimate.local
-    drifts = campaign_drifts(run.robot, local, history(run.robot, run.recordings))
     return Section(
         "Friction over the campaign",
         "friction_over_campaign.html",
         {
-            "drift": tables.drift(drifts),
+            "drift": tables.drift(run.found.drifts),
             "symmetry": tables.symmetry(of_local_values(local)),
         },
         (_plot(run.estimate, run.robot),),

@@ -21,7 +21,7 @@ def section(run: IdentifiedRun) -> Section:
     """Base parameters by group, and what their intervals mean in torques."""
     plot = Plot(
         "intervals",
-        partial(intervals, run.model, run.check, run.prediction),
+        partial(intervals, run.model, run.found.check, run.found.prediction),
         "Intervals of 95 % of all base parameters and of the torque of every axis, as shares of"
         " the torque of a free motion.",
         "How far the result is certain. Left: the interval of each parameter by the torque that it"
@@ -32,7 +32,7 @@ def section(run: IdentifiedRun) -> Section:
         "Base parameters",
         "parameters.html",
         {
-            "parameters": parameters(run.model, run.prediction),
+            "parameters": parameters(run.model, run.found.prediction),
             "lengths": run.robot.file.lengths,
             "model_note": _model_note(run.source),
         },

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.report.kept_result import kept_model
-from hil.report.plots.validation import NAME as PLOT_NAME
+from hil.report.plots import VALIDATION
 from hil.report.section import Picture, Section, picture_uri
 from hil.results.tables.validation import verdicts
 
@@ -18,7 +18,7 @@ def section(run: IdentifiedRun | FreeRun | StrokesRun) -> Section | None:
     kept = kept_model(run)
     if kept is None or not kept.validations:
         return None
-    places = (run.source.path / each.run / PLOT_NAME for each in reversed(kept.validations))
+    places = (run.source.path / each.run / VALIDATION for each in reversed(kept.validations))
     uri = next(filter(None, map(picture_uri, places)), None)
     picture = Picture(
         "validation",

@@ -25,6 +25,7 @@ from hil.report.page import report
 from hil.results.advice import advice
 from hil.results.error_budget import error_budget
 from hil.results.identification import identify
+from hil.results.kept_findings import kept
 from hil.results.prediction import predict
 from hil.results.rounding import decimals, percent, rounded, significant
 from hil.results.tables.html import symbols
@@ -80,9 +81,11 @@ def copy(folder, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def as_it_was(copy, found, monkeypatch):
-    """A copy whose recordings stay as they are, and so what is estimated from them."""
-    monkeypatch.setattr("hil.report.reported_run.estimates", lambda *_: found)
+def as_it_was(copy, folder, page, monkeypatch):
+    """A copy whose recordings stay as they are, and so what is found in them."""
+    del page  # with which it was kept
+    found = kept(folder)
+    monkeypatch.setattr("hil.report.reported_run.kept", lambda _: found)
     return copy
 
 
