@@ -56,7 +56,7 @@ def identify(
     with working("reading the run") as now:
         from hil.cli.consistent_view import body_bounds, render
         from hil.estimation.friction.symmetry import of_local_values
-        from hil.results import identification, model_file
+        from hil.results import identification, kept_findings, model_file
         from hil.results.tables.error_budget import error_budget
         from hil.results.tables.friction import symmetry
         from hil.results.tables.terminal import show, show_sentence
@@ -74,7 +74,10 @@ def identify(
             if run.imported:
                 out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
-        found = identification.identify(run, method, more)
+        identified = identification.identified(run, method, more)
+        found = identified.model
+        if found.method == "improved" and not (more or run.imported):
+            kept_findings.keep_identified(run, identified)
         if consistent or masses:
             from hil.results.consistency import with_consistent_robot
 
@@ -100,7 +103,7 @@ def report(
     figures: Annotated[
         Path | None,
         typer.Option(
-            callback=folder_to_write, help="Folder that the plots are written to as PNG files too."
+            callback=folder_to_write, help="Folder that the plots are written to as SVG files too."
         ),
     ] = None,
     without: Without = None,
