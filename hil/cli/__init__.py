@@ -82,7 +82,10 @@ PANELS = {
             "history",
             "Show parameters and friction of one machine over many runs, and mark what changed.",
         ),
-        "export": _Command("exporting", "Write an identified model as files of other tools."),
+        "export": _Command(
+            "exporting",
+            "Write an identified model, or the recordings of a run, as files of other tools.",
+        ),
     },
     "Drives and commissioning": {
         "doctor": _Command(

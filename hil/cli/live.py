@@ -10,8 +10,8 @@ from typer.core import TyperCommand
 if TYPE_CHECKING:
     from hil.live.listener import Listener
 
-LIVE_PORT = 8420
-PORTS = {"--live": LIVE_PORT}
+LIVE_PORT, FOXGLOVE_PORT = 8420, 8765
+PORTS = {"--live": LIVE_PORT, "--foxglove": FOXGLOVE_PORT}
 """Options that take a port, and the one that each means without."""
 LOOPBACK = "127.0.0.1"
 
@@ -51,6 +51,27 @@ LiveAddress = Annotated[
         help="Serve the live page to other computers at this IP address; its URL holds a secret.",
     ),
 ]
+Foxglove = Annotated[
+    int | None,
+    typer.Option(
+        "--foxglove",
+        metavar="PORT",
+        min=0,
+        max=65535,
+        help="Stream the run to Foxglove on this computer; port 8765 unless one is given, 0 for a"
+        " free one.",
+    ),
+]
+FoxgloveAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--foxglove-address",
+        metavar="ADDRESS",
+        callback=_address,
+        help="Stream to Foxglove on other computers at this IP address; whoever reaches it can"
+        " look.",
+    ),
+]
 
 
 class PortsOptional(TyperCommand):
@@ -72,18 +93,29 @@ def with_ports(arguments: list[str]) -> list[str]:
     return found
 
 
-def listeners(live: int | None, address: str | None) -> list[Listener]:
+def listeners(
+    live: int | None,
+    live_address: str | None,
+    foxglove: int | None,
+    foxglove_address: str | None,
+) -> list[Listener]:
     """Processes that are to be told of the run.
 
     Raises
     ------
     typer.BadParameter
-        An address without a page.
+        An address without what is served at it.
     """
-    if live is None:
-        if address is not None:
-            raise typer.BadParameter("it goes with --live", param_hint="--live-address")
+    page = "--live", "the live page", "hil.live.page_server", live, live_address
+    stream = "--foxglove", "the stream to Foxglove", "hil.live.foxglove_server"
+    found = []
+    for option, what, module, port, address in (page, (*stream, foxglove, foxglove_address)):
+        if port is not None:
+            found.append((what, module, address or LOOPBACK, str(port)))
+        elif address is not None:
+            raise typer.BadParameter(f"it goes with {option}", param_hint=f"{option}-address")
+    if not found:
         return []
     from hil.live.listener import Listener
 
-    return [Listener("the live page", "hil.live.page_server", address or LOOPBACK, str(live))]
+    return [Listener(*each) for each in found]

@@ -10,6 +10,7 @@ from hil.export.c_code import write_c
 from hil.export.friction_file import write_friction
 from hil.export.json_file import write_json
 from hil.export.python_code import write_python
+from hil.export.recordings.formats import RECORDINGS
 from hil.export.ros2_file import write_ros2
 from hil.export.simulators import SIMULATORS
 
@@ -27,15 +28,29 @@ FORMATS: dict[str, Writer] = {
 
 
 def export(model: Model, name: str, origin: tuple[str, ...]) -> Exported:
-    """Return the model in a format by its name; nothing is written.
+    """Return the model in a format of `FORMATS` by its name; nothing is written.
 
     Raises
     ------
     UnknownName
         There is no such format.
     """
-    if name not in FORMATS:
-        known = (*FORMATS, *SIMULATORS)
-        near = did_you_mean(name, known)
-        raise UnknownName(f"{name}: unknown format{near}; available: {', '.join(known)}")
+    refuse_unknown(name)
     return FORMATS[name](model, origin)
+
+
+def refuse_unknown(name: str) -> None:
+    """Refuse the name of no format, be it of models or of recordings.
+
+    Raises
+    ------
+    UnknownName
+        There is no such format.
+    """
+    known = (*FORMATS, *SIMULATORS, *RECORDINGS)
+    if name not in known:
+        near = did_you_mean(name, known)
+        models, recordings = ", ".join((*FORMATS, *SIMULATORS)), ", ".join(RECORDINGS)
+        raise UnknownName(
+            f"{name}: unknown format{near}; available: {models}; of recordings: {recordings}"
+        )

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-import secrets
-import shutil
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +15,7 @@ from hil.imports.one_map import OneMap, import_one
 from hil.imports.robot_of_map import robot_of
 from hil.planning.plan import PlannedRobot
 from hil.planning.recorded_motions import RecordedMotions
-from hil.runs.atomic_file import PART, file_errors, write_file
+from hil.runs.atomic_file import own_folder, whole_folder, write_file
 from hil.runs.journal import Journal, Session, now, write_journal
 from hil.runs.run import MOTIONS, Run
 
@@ -70,7 +67,9 @@ def import_recordings(
     robots = [robot_of(the_map) for the_map in loaded]
     _refuse_differing(loaded, robots)
     stems = _stems(loaded)
-    with _made_whole(output) as folder:
+    with whole_folder(output) as folder:
+        own_folder(folder / "recordings")
+        own_folder(folder / MAPS)
         started = now()
         jobs = [
             OneMap(number, the_map, robots[0], folder, stem)
@@ -131,29 +130,6 @@ def _named(job: OneMap, error: FileError) -> FileError:
     """The same error, which names the map."""
     path = str(job.the_map.path)
     return error if str(error).startswith(path) else FileError(f"{path}: {error}")
-
-
-@contextmanager
-def _made_whole(output: Path) -> Iterator[Path]:
-    """Yield a folder beside `output` that gets its name at the end, or goes.
-
-    Folders about it that had to be made go with it.
-    """
-    missing = [folder for folder in output.parents if not folder.exists()]
-    part = output.with_name(f".{output.name}.{secrets.token_hex(4)}{PART}")
-    try:
-        with file_errors(output, "made"):
-            (part / "recordings").mkdir(parents=True)
-            (part / MAPS).mkdir()
-        yield part
-        with file_errors(output, "made"):
-            part.rename(output)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        with suppress(OSError):  # somebody else put something there meanwhile
-            for folder in missing:
-                folder.rmdir()
-        raise
 
 
 def _write_about(

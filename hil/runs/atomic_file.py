@@ -7,6 +7,8 @@ A folder may come from a stranger, with symbolic links in it that lead to files 
 part has a name that cannot be foreseen and is a file that was not there before, and a link under
 the real name is replaced, not followed. Folders within such a folder are those that `own_folder`
 made or found to be no link. What the user names on the command line is the user's to choose.
+
+A folder of many files that belong together is made in the same way, by `whole_folder`.
 """
 
 from __future__ import annotations
@@ -14,8 +16,9 @@ from __future__ import annotations
 import os
 import re
 import secrets
+import shutil
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 
@@ -49,6 +52,52 @@ def write_file(path: Path, content: bytes) -> None:
                 part.unlink()
             raise
         _flush_folder(path.parent)
+
+
+@contextmanager
+def whole_folder(output: Path) -> Iterator[Path]:
+    """Yield a new folder beside `output` that gets its name at the end, or goes.
+
+    Folders about it that had to be made go with it. An empty folder at `output` is replaced.
+
+    Raises
+    ------
+    FileError
+        It cannot be made.
+    """
+    missing = [folder for folder in output.parents if not folder.exists()]
+    part = output.with_name(f".{output.name}.{secrets.token_hex(4)}{PART}")
+    try:
+        with file_errors(output, "made"):
+            part.mkdir(parents=True)
+        yield part
+        with file_errors(output, "made"):
+            part.rename(output)
+            _flush_folder(output.parent)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        with suppress(OSError):  # somebody else put something there meanwhile
+            for folder in missing:
+                folder.rmdir()
+        raise
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[IO[bytes]]:
+    """Yield a file of a `whole_folder` to write into; it is flushed to the disk at the end.
+
+    Raises
+    ------
+    FileError
+        It is there already, or cannot be written.
+    """
+    with (
+        file_errors(path, "written"),
+        os.fdopen(os.open(path, _FRESH, 0o666), "wb") as file,
+    ):
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def whole_name(name: str) -> str:

@@ -2,34 +2,30 @@
 
 The clock of the page is not that of the run: pauses, repetitions and time between sessions are left
 out, and the ways between recordings, of which nothing is recorded, take as long as the dry run
-reckons and are drawn straight. Set-points are those of the strokes, each from the sample on with
-which the recording numbers it, and those that were streamed.
+reckons and are drawn straight.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.planning.free_motion import FreeMotion
-from hil.planning.strokes import REST, Strokes
 from hil.planning.timetable import SETTLING, travel_time
-from hil.runs.recording import IDLE
+from hil.runs.set_points import set_points
 from hil.view.segment import Segment
 from hil.view.track import Track, simplified
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.planning.trapezoid import Trapezoid
     from hil.runs.recording import Recording
     from hil.runs.run import Run
 
@@ -145,35 +141,8 @@ def _means(values: Array, every: int) -> Array:
 
 def _set_points(motion: RecordedMotion, recording: Recording) -> Array:
     """Planned positions at the samples (n, n_joints); NaN where nothing was planned."""
-    if isinstance(motion, Strokes):
-        return _of_strokes(motion, recording)
-    if isinstance(motion, FreeMotion):
-        return np.full_like(recording.q, np.nan)
-    # the first sample comes with the SYNC that follows the first set-point
-    t = (np.arange(recording.n_samples) + 1 - round(REST / recording.period)) * recording.period
-    return motion.motion(np.clip(t, 0.0, motion.cycles * motion.period))[0]
-
-
-def _of_strokes(motion: Strokes, recording: Recording) -> Array:
-    found: Array = np.tile(np.array(motion.start), (recording.n_samples, 1))
-    moved: list[tuple[int, NDArray[np.int16], Callable[[int], Trapezoid]]] = [
-        (motion.index, recording.stroke, motion.profile),
-        *(
-            (partner.index, recording.partner_stroke, partial(partner.profile, motion.q))
-            for partner in motion.partners
-        ),
-    ]
-    for joint, numbers, profile in moved:
-        for first, number in _beginnings(numbers):
-            t = recording.time[first:] - recording.time[first]
-            found[first:, joint] = profile(number).q(t)
-    return found
-
-
-def _beginnings(numbers: NDArray[np.int16]) -> Iterator[tuple[int, int]]:
-    """First sample and number of each stroke."""
-    changed = np.flatnonzero(np.diff(numbers, prepend=IDLE))
-    yield from ((int(i), int(numbers[i])) for i in changed if numbers[i] != IDLE)
+    found = set_points(motion, recording)
+    return np.full_like(recording.q, np.nan) if found is None else found
 
 
 def _tracks(

@@ -1,4 +1,4 @@
-"""Where a joint state has what, for thousands of messages at once.
+"""Where a joint state has what, to read or write thousands of messages at once.
 
 A message of `sensor_msgs/JointState` in CDR (OMG formal/02-06-51) is: encapsulation (4 bytes),
 stamp (int32, uint32), frame_id (string), names (sequence of strings), and three sequences of
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     Bytes = NDArray[np.uint8]
     Array = NDArray[np.float64]
@@ -71,6 +71,28 @@ class MessageLayout:
         """Values of one of `PARTS` of messages (n, size), shape (n, n_values)."""
         first, count = self.values[part]
         return np.ascontiguousarray(messages[:, first : first + 8 * count]).view("<f8")
+
+    def messages(
+        self, like: bytes, seconds: ArrayLike, nanoseconds: ArrayLike, parts: dict[str, Array]
+    ) -> Bytes:
+        """Messages that differ from one in stamp and values, shape (n, size).
+
+        Parameters
+        ----------
+        like : bytes
+            A message of this layout.
+        seconds, nanoseconds : array (n,)
+        parts : dict of str to array (n, n_values)
+            By their names in `PARTS`; those without values may be left out.
+        """
+        stamps = np.column_stack([seconds, nanoseconds]).astype("<u4")
+        found = np.tile(np.frombuffer(like, np.uint8), (len(stamps), 1))
+        found[:, _STAMP] = stamps.view(np.uint8)
+        for part, values in parts.items():
+            first, count = self.values[part]
+            doubles = np.ascontiguousarray(values, dtype="<f8")
+            found[:, first : first + 8 * count] = doubles.view(np.uint8)
+        return found
 
 
 class _Cursor:

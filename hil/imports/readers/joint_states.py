@@ -17,8 +17,8 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.readers.joint_state_layout import PARTS
 from hil.imports.readers.joint_state_rows import Rows
-from hil.imports.readers.optional import needed_for
 from hil.imports.tables import ROWS
+from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -93,6 +93,9 @@ def _topic_of(path: Path, stated: str | None) -> str:
     with _opened(path) as reader:
         topics = sorted({c.topic for c in reader.connections if c.msgtype == TYPE})
         others = sorted({c.topic for c in reader.connections})
+        if stated is None and len(topics) > 1:
+            with _Sound(path):
+                topics = [t for t in topics if _has_efforts(reader, t)] or topics
     if not topics:
         has = f"its topics are {', '.join(others)}" if others else "it has no topics"
         raise FileError(f"{path}: has no topic of {TYPE}; {has}")
@@ -103,6 +106,14 @@ def _topic_of(path: Path, stated: str | None) -> str:
     if stated is not None and stated not in topics:
         raise FileError(f"{path}: has no joint states as {stated}, but as {', '.join(topics)}")
     return stated or topics[0]
+
+
+def _has_efforts(reader: Any, topic: str) -> bool:
+    """Whether the first joint state of a topic has efforts; set-points have none."""
+    here = [c for c in reader.connections if c.topic == topic and c.msgtype == TYPE]
+    for _, _, data in reader.messages(here):
+        return len(reader.deserialize(data, TYPE).effort) > 0
+    return False
 
 
 class _opened:  # noqa: N801 - a context manager, read like a function

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.readers.optional import needed_for
 from hil.imports.tables import ROWS
+from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ import pytest
 from small_run import write_run
 
 from hil.export.formats import FORMATS
+from hil.export.recordings.formats import RECORDINGS
 from hil.export.simulators import SIMULATORS
 from hil.results.identification import identify
 from hil.results.model import Model
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-HOW_TO = (Path(__file__).parents[3] / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
+GUIDES = Path(__file__).parents[3] / "docs" / "how-to"
+HOW_TO = (GUIDES / "export.md").read_text(encoding="utf-8")
+HOW_TO_RECORDINGS = GUIDES / "other-tools.md"
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +104,7 @@ def test_an_unknown_format_is_refused_and_all_are_named(
     status, _, err = hil("export", run, "--to", "simulink", "-o", tmp_path / "out")
     assert status == 1
     assert "simulink: unknown format; available: c, python, json, friction" in err
+    assert "of recordings: mcap, csv, parquet" in err
     assert not (tmp_path / "out").exists()
 
 
@@ -116,3 +120,52 @@ def test_a_run_that_was_not_identified_is_refused_with_the_remedy(hil: Hil, tmp_
     status, _, err = hil("export", tmp_path, "--to", "json", "-o", tmp_path / "out")
     assert status == 1
     assert "hil identify" in err
+
+
+def test_the_commands_of_other_tools_work_and_name_every_format(
+    hil: Hil, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(run, "runs/first")
+    text = HOW_TO_RECORDINGS.read_text(encoding="utf-8")
+    commands = re.findall(r"(?m)^hil export runs/first [^#\n]*", text)
+    assert {line.split()[4] for line in commands} == {*RECORDINGS}
+    for line in commands:
+        status, _, err = hil(*line.split()[1:])
+        assert (status, err) == (0, ""), line
+    for place in re.findall(r"`((?:mcap|csv|parquet)/[\w/.]+)`", text):
+        assert (tmp_path / place).is_file()
+
+
+def test_recordings_need_no_model(hil: Hil, manutec: Robot, tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", manutec)
+    status, out, err = hil("export", folder.path, "--to", "csv", "-o", tmp_path / "out")
+    assert (status, err) == (0, "")
+    assert f"written: {tmp_path / 'out' / 'index.csv'}" in out
+    status, _, err = hil("export", tmp_path / "run", "--to", "simulnk", "-o", tmp_path / "other")
+    assert status == 1
+    assert "simulnk: unknown format" in err
+
+
+def test_a_model_s_file_has_no_recordings(hil: Hil, run: Path, tmp_path: Path) -> None:
+    status, _, err = hil("export", run / NAME, "--to", "mcap", "-o", tmp_path / "out")
+    assert status == 1
+    assert "model.yaml: is a file, and mcap holds the recordings of a run; name the folder" in err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("to", "option"),
+    [
+        ("csv", ("--urdf", "arm.urdf")),
+        ("mcap", ("--mass", "1:0:5")),
+        ("json", ("--without", "g01")),
+    ],
+)
+def test_an_option_that_a_format_has_no_use_for_is_refused(
+    hil: Hil, run: Path, tmp_path: Path, to: str, option: tuple[str, str]
+) -> None:
+    status, _, err = hil("export", run, "--to", to, "-o", tmp_path / "out", *option)
+    assert status == 2
+    assert f"{to} has no use for it" in err
+    assert not (tmp_path / "out").exists()

@@ -11,8 +11,8 @@ from checked_files.yaml_file import FileError
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
-from hil.imports.readers.optional import REMEDY
 from hil.imports.tables import column_of
+from hil.optional_packages import remedy
 
 COLUMNS = table(4.0)
 N = len(COLUMNS["t"])
@@ -212,4 +212,4 @@ def test_a_package_that_is_missing_is_named_with_its_remedy(tmp_path, monkeypatc
     with pytest.raises(FileError) as refused:
         open_table(tmp_path / name, Format())
     assert f"needs the package {package}" in str(refused.value)
-    assert REMEDY in str(refused.value)
+    assert remedy("recordings") in str(refused.value)

@@ -1,0 +1,136 @@
+"""Recordings as one MCAP file with messages of ROS 2, for Foxglove, PlotJuggler and rosbag2.
+
+Its topics are those of `TOPICS`; stamps are those of `timeline`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hil.export.recordings.origin import NAME, facts, readme
+from hil.export.recordings.ros_messages import INFO, JOINT_STATE, LOG, SECOND, WARN, RosMessages
+from hil.export.recordings.timeline import timeline
+from hil.imports.readers.joint_state_layout import layout_of
+from hil.optional_packages import needed_for
+from hil.runs.atomic_file import new_file
+from hil.runs.set_points import set_points
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.export.recordings.job import Job
+    from hil.runs.recording_file import Measured
+
+    Array = NDArray[np.float64]
+    Stamps = NDArray[np.int64]
+
+ROWS = 1 << 14
+"""Messages that are made at a time."""
+TOPICS = {"/joint_states": JOINT_STATE, "/set_points": JOINT_STATE, "/events": LOG}
+"""Topics and the types of their messages."""
+ABOUT = (
+    "/joint_states: sensor_msgs/JointState at every sample, recorded; torques as effort, no"
+    " velocities where none were recorded",
+    "/set_points: sensor_msgs/JointState with positions alone, derived, where they were planned",
+    "/events: rcl_interfaces/Log on measurements, findings, repeated attempts and notes",
+    "Stamps: the computer's clock when a session began plus the bus's time; what is imported"
+    " begins at 0.",
+)
+
+
+def write_mcap(job: Job) -> None:
+    """Write the recordings of a run as ``RUN.mcap``, and a text beside it.
+
+    Raises
+    ------
+    FileError
+        mcap or rosbags is not installed.
+    """
+    with needed_for("--to mcap"):
+        from mcap.writer import Writer  # noqa: PLC0415 - optional
+    messages = RosMessages("--to mcap", "recordings")
+    with new_file(job.folder / f"{job.run.path.resolve().name}.mcap") as file:
+        writer = Writer(file)
+        writer.start("ros2", library="hil")
+        writer.add_metadata("run", facts(job))
+        _Content(job, messages, writer).write()
+        writer.finish()  # type: ignore[no-untyped-call]
+    with new_file(job.folder / NAME) as file:
+        file.write(readme(job, ABOUT).encode())
+
+
+class _Content:
+    """Messages of all measurements, written in order of time."""
+
+    def __init__(self, job: Job, messages: RosMessages, writer: Any) -> None:
+        self._job, self._messages, self._writer = job, messages, writer
+        kinds = {
+            kind: writer.register_schema(kind, "ros2msg", messages.definition(kind))
+            for kind in dict.fromkeys(TOPICS.values())
+        }
+        self._channels = {
+            topic: writer.register_channel(topic, "cdr", kinds[kind])
+            for topic, kind in TOPICS.items()
+        }
+        self._noted: set[int] = set()
+
+    def write(self) -> None:
+        """Write all that was measured."""
+        for placed in timeline(self._job.run):
+            self._job.progress(placed.id)
+            measured = self._job.run[placed.id]
+            stamps = placed.stamps(measured.recording)
+            for level, text in self._before(measured):
+                self._event(int(stamps[0]), level, placed.id, text)
+            self._samples(measured, stamps)
+            for finding in measured.findings:
+                self._event(int(stamps[-1]), WARN, placed.id, finding.message)
+
+    def _samples(self, measured: Measured, stamps: Stamps) -> None:
+        recording = measured.recording
+        parts = {"position": recording.q, "effort": recording.tau}
+        if recording.qd is not None:
+            parts["velocity"] = recording.qd
+        planned = set_points(measured.measurement, recording)
+        for begin in range(0, len(stamps), ROWS):
+            some = slice(begin, begin + ROWS)
+            topics = {"/joint_states": self._states(stamps[some], _rows(parts, some))}
+            if planned is not None:
+                topics["/set_points"] = self._states(stamps[some], {"position": planned[some]})
+            for stamp, *data in zip(stamps[some].tolist(), *topics.values(), strict=True):
+                for topic, message in zip(topics, data, strict=True):
+                    self._add(topic, stamp, message)
+
+    def _states(self, stamps: Stamps, parts: dict[str, Array]) -> Iterator[bytes]:
+        """States of joints, all at once: they differ in stamp and values alone."""
+        empty = {part: np.zeros(values.shape[1]) for part, values in parts.items()}
+        like = self._messages.joint_state(0, self._job.joints, **empty)
+        found = layout_of(like).messages(like, stamps // SECOND, stamps % SECOND, parts)
+        return (each.tobytes() for each in found)
+
+    def _before(self, measured: Measured) -> Iterator[tuple[int, str]]:
+        """What the log states where a measurement begins."""
+        session = self._job.run.journal.sessions[measured.session]
+        if measured.session not in self._noted:
+            self._noted.add(measured.session)
+            yield from ((INFO, note) for note in session.notes)
+        for failed in session.repeated:
+            if failed.measurement == measured.measurement.id:
+                reasons = "; ".join(failed.findings)
+                yield WARN, f"attempt {failed.attempt} was repeated: {reasons}"
+        yield INFO, f"{measured.measurement.kind}, {measured.measurement.axes_in_words}"
+
+    def _event(self, stamp: int, level: int, name: str, text: str) -> None:
+        self._add("/events", stamp, self._messages.log(stamp, level, name, text))
+
+    def _add(self, topic: str, stamp: int, data: bytes) -> None:
+        channel = self._channels[topic]
+        self._writer.add_message(channel, log_time=stamp, publish_time=stamp, data=data)
+
+
+def _rows(parts: dict[str, Array], some: slice) -> dict[str, Array]:
+    return {part: values[some] for part, values in parts.items()}

@@ -1,0 +1,60 @@
+"""Set-points of a recording, which follow from what was planned: none are recorded.
+
+Those of strokes are the profiles that the drives were given, each from the sample on with which the
+recording numbers its stroke; those of a trajectory are what was streamed.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.free_motion import FreeMotion
+from hil.planning.strokes import REST, Strokes
+from hil.runs.recording import IDLE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.planning.measurement import RecordedMotion
+    from hil.planning.trapezoid import Trapezoid
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+
+def set_points(motion: RecordedMotion, recording: Recording) -> Array | None:
+    """Planned positions at the samples (n, n_joints) [rad or m]; None where nothing was planned."""
+    if isinstance(motion, FreeMotion):
+        return None
+    if isinstance(motion, Strokes):
+        return _of_strokes(motion, recording)
+    # the first sample comes with the SYNC that follows the first set-point
+    t = (np.arange(recording.n_samples) + 1 - round(REST / recording.period)) * recording.period
+    return motion.motion(np.clip(t, 0.0, motion.cycles * motion.period))[0]
+
+
+def _of_strokes(motion: Strokes, recording: Recording) -> Array:
+    found: Array = np.tile(np.array(motion.start), (recording.n_samples, 1))
+    moved: list[tuple[int, NDArray[np.int16], Callable[[int], Trapezoid]]] = [
+        (motion.index, recording.stroke, motion.profile),
+        *(
+            (partner.index, recording.partner_stroke, partial(partner.profile, motion.q))
+            for partner in motion.partners
+        ),
+    ]
+    for joint, numbers, profile in moved:
+        for first, number in _beginnings(numbers):
+            t = recording.time[first:] - recording.time[first]
+            found[first:, joint] = profile(number).q(t)
+    return found
+
+
+def _beginnings(numbers: NDArray[np.int16]) -> Iterator[tuple[int, int]]:
+    """First sample and number of each stroke."""
+    changed = np.flatnonzero(np.diff(numbers, prepend=IDLE))
+    yield from ((int(i), int(numbers[i])) for i in changed if numbers[i] != IDLE)

@@ -1,0 +1,311 @@
+"""The run as Foxglove gets it: what arrives is what was measured, and no client disturbs a run."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import typer
+
+pytest.importorskip("foxglove")
+pytest.importorskip("rosbags")
+
+from foxglove_client import PATIENCE, FoxgloveClient, connected, subscribe
+from rosbags.typesys import Stores, get_typestore
+
+from hil.cli.live import listeners, with_ports
+from hil.cli.measuring import OnBus, measure
+from hil.export.recordings.ros_messages import FAULT, OK, STALE, WARNING, RosMessages
+from hil.live import lines
+from hil.live.listener import Listener, ListenerFailed
+from hil.live.ros_lines import TOPICS, RosLines
+from hil.planning.measurement import Gravity
+from hil.planning.plan import Plan, PlannedRobot
+from hil.runs import SIMULATED
+from hil.runs.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.model.robot import Robot
+
+MODULE = "hil.live.foxglove_server"
+
+
+def free_port() -> int:
+    """Return a port that was free a moment ago."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+@pytest.fixture
+def port() -> int:
+    return free_port()
+
+
+def run(plan: Plan, robot: Robot, folder: Path, port: int) -> Listener:
+    listener = Listener("the stream to Foxglove", MODULE, "127.0.0.1", str(port))
+    how = OnBus(SIMULATED, None, None, None, listeners=[listener])
+    measure(plan, robot, Path("plan.yaml"), folder, how)
+    return listener
+
+
+def until(true: Callable[[], object]) -> None:
+    """Wait until something is so."""
+    end = time.monotonic() + 3 * PATIENCE
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def values_of(status: Any) -> dict[str, str]:
+    return {each.key: each.value for each in status.values}
+
+
+@pytest.fixture(scope="module")
+def shown(
+    manutec: Robot, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[FoxgloveClient, RunFolder]:
+    """A client that looked on at a run, and what was recorded of it."""
+    folder, port = tmp_path_factory.mktemp("shown") / "run", free_port()
+    measurements = (
+        Gravity(
+            id=f"g{k}", axis=2, q=(0.0, -0.3, 0.2, 0.0, 0.5, 0.0), stroke=0.4, velocity=0.4,
+            acceleration=8.0, cycles=2,
+        )
+        for k in (1, 2)
+    )  # fmt: skip
+    robot = PlannedRobot(name=manutec.name, digest=manutec.digest)
+    with pytest.MonkeyPatch.context() as patch, FoxgloveClient(port) as client:
+        patch.setattr("hil.live.feed._EVERY", 0.002)  # lock-step takes but a moment
+        run(Plan(robot=robot, measurements=tuple(measurements)), manutec, folder, port)
+    return client, RunFolder.open(folder)
+
+
+def test_joint_states_are_what_was_measured(shown: tuple[FoxgloveClient, RunFolder]) -> None:
+    client, folder = shown
+    recordings = {
+        f"{t:.4f}": (q, tau)
+        for each in folder
+        for t, q, tau in zip(each.recording.time, each.recording.q, each.recording.tau, strict=True)
+    }
+    times = {
+        stamp: values_of(content.status[0])["bus time [s]"]
+        for stamp, content in client.of("/diagnostics")
+    }
+    compared = 0
+    for stamp, state in client.of("/joint_states"):
+        if times.get(stamp) in recordings:  # a client that is behind misses messages
+            q, tau = recordings[times[stamp]]
+            np.testing.assert_allclose(state.position, q, atol=1e-6)
+            np.testing.assert_allclose(state.effort, tau, atol=1e-4)
+            compared += 1
+        assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == stamp
+        assert state.velocity.size == 0
+    assert compared > 5
+
+
+def test_channels_are_of_ros_2_and_clients_may_only_look(
+    shown: tuple[FoxgloveClient, RunFolder],
+) -> None:
+    client, _ = shown
+    assert {each["topic"]: each["schemaName"] for each in client.channels.values()} == TOPICS
+    assert {each["encoding"] for each in client.channels.values()} == {"cdr"}
+    assert {each["schemaEncoding"] for each in client.channels.values()} == {"ros2msg"}
+    assert client.info["capabilities"] == []
+
+
+def test_events_go_on_to_the_end(shown: tuple[FoxgloveClient, RunFolder]) -> None:
+    client, _ = shown
+    said = [(content.name, content.msg) for _, content in client.of("/events")]
+    assert ("g2", "measured g2 (gravity)") in said
+    assert said[-2:] == [("run", "the axes are stopped and without power"), ("run", "finished")]
+    assert {content.level for _, content in client.of("/events")} == {20}
+
+
+def test_clients_that_never_read_or_die_disturb_nobody(
+    small_plan: Plan, manutec: Robot, tmp_path: Path, port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.live.feed._EVERY", 0.0)  # every sample, far more than sockets hold
+    many = tuple(
+        each.model_copy(update={"id": f"{each.id}-{k}"})
+        for k in range(3)
+        for each in small_plan.measurements
+    )
+    plan = small_plan.model_copy(update={"measurements": many})
+    bad = [Thread(target=_never_read, args=(port,)), Thread(target=_die, args=(port,))]
+    with FoxgloveClient(port) as good:
+        for each in bad:
+            each.start()
+        run(plan, manutec, tmp_path / "run", port)
+        for each in bad:
+            each.join()
+    assert not RunFolder.open(tmp_path / "run").missing
+    assert good.of("/events")[-1].content.msg == "finished"
+
+
+def _never_read(port: int) -> None:
+    """Subscribe five times, and take no more than what fits into buffers."""
+    with ExitStack() as deaf:
+        for _ in range(5):
+            subscribe(deaf.enter_context(connected(port, max_queue=1)), range(1, 4))
+        until(lambda: _refused(port))  # the run is over
+
+
+def _die(port: int) -> None:
+    """Subscribe five times, and go without a word."""
+    for _ in range(5):
+        with connected(port) as client:
+            subscribe(client, range(1, 4))
+            client.socket.shutdown(socket.SHUT_RDWR)
+
+
+def _refused(port: int) -> bool:
+    with socket.socket() as asking:
+        return asking.connect_ex(("127.0.0.1", port)) != 0
+
+
+def test_nobody_is_served_but_at_the_address_that_was_asked_for(port: int) -> None:
+    listener = Listener("the stream to Foxglove", MODULE, "127.0.0.1", str(port))
+    assert listener.start(lambda: None) == (f"Foxglove: open a connection to ws://127.0.0.1:{port}")
+    with socket.socket() as other:  # of the same computer, by another of its addresses
+        assert other.connect_ex(("127.0.0.2", port)) != 0
+    assert not _refused(port)
+    listener.close()
+    assert _refused(port)
+
+
+def test_port_0_takes_a_free_one_and_states_it() -> None:
+    listener = Listener("the stream to Foxglove", MODULE, "127.0.0.1", "0")
+    text = listener.start(lambda: None)
+    assert not _refused(int(re.search(r":(\d+)$", text)[1]))
+    listener.close()
+
+
+def test_a_port_that_is_taken_is_refused_before_anything_moves(
+    small_plan: Plan, manutec: Robot, tmp_path: Path, port: int
+) -> None:
+    with socket.create_server(("127.0.0.1", port)), pytest.raises(ListenerFailed) as refused:
+        run(small_plan, manutec, tmp_path / "run", port)
+    assert f"cannot be served on port {port} of 127.0.0.1" in str(refused.value)
+    assert "choose another with --foxglove PORT, or 0 for a free one" in str(refused.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_package_that_is_missing_is_named_with_its_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    absent = 'raise ModuleNotFoundError("no foxglove", name="foxglove")'
+    (tmp_path / "foxglove.py").write_text(absent)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(ListenerFailed) as refused:
+        Listener("the stream to Foxglove", MODULE, "127.0.0.1", "0").start(lambda: None)
+    assert "--foxglove: needs the package foxglove" in str(refused.value)
+    assert "canopen-robot-identification[foxglove]" in str(refused.value)
+
+
+# --- lines become messages ------------------------------------------------------------------------
+
+
+@pytest.fixture
+def told(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]:
+    """Take lines after the first one; return the messages of the last by topic, deserialized."""
+    ros = RosLines(RosMessages("--foxglove", "foxglove"))
+    store = get_typestore(Stores.ROS2_HUMBLE)
+
+    def take(kind: str, **values: object) -> dict[str, Any]:
+        line = json.loads(lines.encoded(kind, **values))
+        found = {said.topic: said for said in ros.take(line)}
+        return {
+            topic: store.deserialize_cdr(said.data, TOPICS[topic]) for topic, said in found.items()
+        }
+
+    take("start", **lines.start(manutec, small_plan, None))
+    return take
+
+
+def a_sample(flags: int = 0, tau: float | None = 94.5) -> dict[str, Any]:
+    return {"t": 1.5, "q": [0.25] * 6, "tau": [tau] * 6, "flags": [flags, 0, 0, 0, 0, 0]}
+
+
+def test_a_diagnosis_states_torque_beside_its_limit(told: Any, manutec: Robot) -> None:
+    told("armed", axes=[])
+    _, first, *_ = told("sample", **a_sample())["/diagnostics"].status
+    limit = manutec.torque_limit[0]
+    assert (first.name, first.level, first.message) == ("run: joint1", OK, "under power")
+    assert values_of(first) == {
+        "position [rad]": "0.25",
+        "torque [N m]": "94.5",
+        "torque limit [N m]": f"{limit:g}",
+        "share of the torque limit [%]": f"{9450 / limit:.1f}",
+    }
+
+
+@pytest.mark.parametrize(
+    ("flags", "text"), [(8, "the drive limits its torque"), (1, "no sample came")]
+)
+def test_flags_of_a_sample_warn(told: Any, flags: int, text: str) -> None:
+    told("armed", axes=[])
+    run, first, second, *_ = told("sample", **a_sample(flags))["/diagnostics"].status
+    assert (first.level, first.message) == (WARNING, text)
+    assert (run.level, second.level) == (OK, OK)
+
+
+def test_a_missing_sample_is_nan(told: Any) -> None:
+    state = told("sample", **a_sample(1, None))["/joint_states"]
+    assert np.isnan(state.effort).all()
+    assert (state.position == 0.25).all()
+
+
+def test_levels_follow_power_and_faults(told: Any) -> None:
+    def levels() -> set[int]:
+        return {each.level for each in told("sample", **a_sample())["/diagnostics"].status}
+
+    assert levels() == {STALE}
+    told("armed", axes=[])
+    assert levels() == {OK}
+    fault = told("fault", text="axis 1: overcurrent; look at the motor's cable")["/events"]
+    assert (fault.level, fault.msg) == (40, "axis 1: overcurrent; look at the motor's cable")
+    assert levels() == {FAULT}
+    told("off")
+    assert levels() == {FAULT}
+
+
+@pytest.mark.parametrize(
+    ("line", "level", "text"),
+    [
+        ({"kind": "event", "notice": "paused", "doing": "paused"}, 30, "paused"),
+        ({"kind": "event", "notice": "", "doing": "warming up"}, 20, "warming up"),
+        ({"kind": "note", "text": "a fan stands still"}, 30, "a fan stands still"),
+        ({"kind": "end", "how": "failed", "text": "no answer"}, 40, "failed: no answer"),
+        ({"kind": "end", "how": "stopped", "text": ""}, 20, "stopped"),
+    ],
+)
+def test_what_is_said_stands_in_the_log(
+    told: Any, line: dict[str, str], level: int, text: str
+) -> None:
+    said = told(**line)["/events"]
+    assert (said.level, said.msg, said.name) == (level, text, "run")
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+def test_without_a_port_the_usual_one_is_meant() -> None:
+    assert with_ports(["run", "--foxglove", "--live", "0"]) == [
+        *("run", "--foxglove", "8765", "--live", "0"),
+    ]
+
+
+def test_an_address_needs_what_is_served_at_it() -> None:
+    with pytest.raises(typer.BadParameter, match="it goes with --foxglove"):
+        listeners(None, None, None, "192.168.0.5")
