@@ -29,7 +29,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from drivers.realtime import PRIORITY
-from hil.model.robot import load_robot
+from hil.model.robot import ROBOTS, load_robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.runs.run_folder import RunFolder
@@ -44,6 +44,7 @@ PAGES = 50
 PERIOD = 0.004
 CASES = {"no page": None, "one page": 1, f"{PAGES} pages": PAGES}
 """Of each case the number of pages that watch; None where none is served."""
+HEARTBEAT = "heartbeat_timeout: 0.5"
 MOTION = 2.0
 """Time of motion before a stop [s]."""
 
@@ -59,6 +60,14 @@ def make_plan() -> Plan:
         attempts=1,
         measurements=tuple(Gravity(id=f"g{k}", cycles=3, **strokes) for k in range(3)),
     )
+
+
+def patient_drives(path: Path) -> Path:
+    """Write the robot's drives file with a heartbeat that a busy computer keeps, too."""
+    text = (ROBOTS / "manutec-r15.drives.yaml").read_text(encoding="utf-8")
+    assert HEARTBEAT in text
+    path.write_text(text.replace(HEARTBEAT, "heartbeat_timeout: 2.0\nsdo_timeout: 5.0"))
+    return path
 
 
 @contextmanager
@@ -157,6 +166,7 @@ def main(turns: int = 4, *options: str) -> None:
         os.environ["XDG_STATE_HOME"] = scratch  # where runs keep what drives held
         plan = Path(scratch) / "plan.yaml"
         plan.write_text(dump_plan(make_plan()))
+        options = ("--drives", str(patient_drives(Path(scratch) / "drives.yaml")), *options)
         for turn in range(turns):
             for name, pages in CASES.items():
                 folder = Path(scratch) / f"{turn}-{name}"
