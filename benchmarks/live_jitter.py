@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-INTERFACE, CHANNEL = "local", "live-jitter"
+INTERFACE, CHANNEL = "local", f"live-jitter-{os.getpid()}"
 PAGES = 50
 PERIOD = 0.004
 CASES = {"no page": None, "one page": 1, f"{PAGES} pages": PAGES}
@@ -154,6 +154,7 @@ def main(turns: int = 4, *options: str) -> None:
     jitter: dict[str, list[NDArray[np.float64]]] = {name: [] for name in CASES}
     stops: dict[bool, list[float]] = {True: [], False: []}
     with tempfile.TemporaryDirectory() as scratch:
+        os.environ["XDG_STATE_HOME"] = scratch  # where runs keep what drives held
         plan = Path(scratch) / "plan.yaml"
         plan.write_text(dump_plan(make_plan()))
         for turn in range(turns):

@@ -179,7 +179,8 @@ def measure(
     drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.options)
-    feed = _feed(how, the_plan, the_robot, rehearsal)
+    planned = repeated(the_plan, rounds)
+    feed = _feed(how, planned, the_robot, rehearsal)
     display = display or shown
 
     def bus() -> DriveBus:
@@ -197,7 +198,6 @@ def measure(
         return found if feed is None else feed.in_front(found)
 
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
-        planned = repeated(the_plan, rounds)
         folder = prepare_folder(output, planned, the_robot, text, resume, out)
         carry_out(
             folder,

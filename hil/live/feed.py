@@ -65,6 +65,7 @@ class Feed:
         self._listeners = listeners
         self._missed: set[str] = set()
         self._start = lines.start(robot, plan, rehearsal)
+        self._numbers = {each.id: k for k, each in enumerate(plan.measurements, start=1)}
         self._pace = Pace()
         self._friction = FrictionSoFar()
         self._say: Callable[[str], None] = lambda _: None
@@ -96,11 +97,11 @@ class Feed:
 
     def take_event(self, event: Event) -> None:
         """Pass an event on."""
-        self._tell("event", lines.event(event, self._pace.left(event)))
+        self._tell("event", lines.event(event, self._pace.left(event), self._numbers))
         if isinstance(event, Recorded):
             found = self._friction.with_recording(event.measurement, event.recording)
             if found is not None:
-                self._tell("friction", found)
+                self._tell("level", found)
 
     def take_sample(self, sample: Sample, notes: Sequence[str]) -> None:
         """Pass a sample on if it is time, and what has been noted since."""

@@ -56,7 +56,7 @@ class FrictionSoFar:
     def with_recording(
         self, measurement: Measurement, recording: Recording
     ) -> dict[str, object] | None:
-        """What stands in the line ``friction``; None where a recording shows no level."""
+        """What stands in the line ``level``; None where a recording shows no level."""
         found = level_of(measurement, recording)
         if found is None:
             return None

@@ -5,8 +5,8 @@ side; what is not known is null.
 
 start
     The first line. ``robot`` as `hil.view.robot_data.robot_data` has it (name, joints with limits
-    and units), ``workspace`` likewise or null, ``measurements`` of the plan (``id``, ``sort``, its
-    ``axes`` that move, from 0), ``rehearsal``: share of the speed limits, or null.
+    and units), ``workspace`` likewise or null, ``measurements``: how many the plan has,
+    ``rehearsal``: share of the speed limits, or null.
 armed
     The axes are under power: ``axes``, of each ``name``, ``identity``, ``lower`` and ``upper``
     limit of its position and the ``velocity`` limit that hold on the drive.
@@ -18,11 +18,11 @@ sample
 event
     The sequencer's: ``name`` of its class in `hil.measuring.events`, ``doing`` in words, ``notice``
     that the operator must see or "", ``t`` and ``total``: the bus's time and what it will be at the
-    end [s], ``left`` by the wall's clock [s]; of those about a measurement its ``measurement`` and
-    the ``axes`` that move, from 0.
-friction
-    What a recording shows of one ``axis`` (`hil.live.friction_so_far`): ``level``, ``speed``,
-    ``measurement``, and of all so far ``count``, ``least`` and ``most``.
+    end [s], ``left`` by the wall's clock [s]; of those about a measurement its ``measurement``, its
+    ``number`` in the plan from 1, and the ``axes`` that move, from 0.
+level
+    What a recording shows of the friction of one ``axis`` (`hil.live.friction_so_far`): ``level``,
+    ``speed``, ``measurement``, and of all so far ``count``, ``least`` and ``most``.
 note
     ``text`` of what the operator should know though it stops nothing.
 fault
@@ -43,7 +43,7 @@ from hil.terminal.progress import doing, notice
 from hil.view.robot_data import robot_data, workspace_data
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from drivers.drive_bus import AxisInfo, Sample
     from hil.measuring.events import Event
@@ -64,13 +64,10 @@ def encoded(kind: str, **values: object) -> bytes:
 
 def start(robot: Robot, plan: Plan, rehearsal: float | None) -> Line:
     """What stands in the line ``start``."""
-    measurements = [
-        {"id": each.id, "sort": each.kind, "axes": list(each.moved)} for each in plan.measurements
-    ]
     return {
         "robot": robot_data(robot),
         "workspace": workspace_data(plan.workspace),
-        "measurements": measurements,
+        "measurements": len(plan.measurements),
         "rehearsal": rehearsal,
     }
 
@@ -100,8 +97,16 @@ def sample(taken: Sample) -> Line:
     }
 
 
-def event(happened: Event, left: float) -> Line:
-    """What stands in the line ``event``, with the time left by the wall's clock [s]."""
+def event(happened: Event, left: float, numbers: Mapping[str, int]) -> Line:
+    """What stands in the line ``event``.
+
+    Parameters
+    ----------
+    left : float
+        Time left by the wall's clock [s].
+    numbers : mapping of str to int
+        Number of each measurement in the plan.
+    """
     line: Line = {
         "name": type(happened).__name__,
         "doing": doing(happened),
@@ -112,7 +117,11 @@ def event(happened: Event, left: float) -> Line:
     }
     if isinstance(happened, AboutMeasurement):
         measurement = happened.measurement
-        line |= {"measurement": measurement.id, "axes": list(measurement.moved)}
+        line |= {
+            "measurement": measurement.id,
+            "number": numbers.get(measurement.id),
+            "axes": list(measurement.moved),
+        }
     return line
 
 

@@ -1,7 +1,9 @@
 """The process that shows a run as a page while it goes on: `python -m hil.live.page_server`.
 
 It reads the run's lines from its standard input (`hil.live.lines`) and serves them over HTTP with
-nothing but Python's own library, at a lower priority than the run. It ends with its input.
+nothing but Python's own library, at a lower priority than the run. It ends with its input. To the
+run's lines it adds ``alive``, now and then; ``stopping``, where a page has asked for a stop; and an
+``end`` of its own, ``lost``, where the run has ended without one.
 """
 
 from __future__ import annotations

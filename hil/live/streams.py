@@ -127,8 +127,8 @@ class Streams:
             self._history.append(chunk)
         if kind in {"armed", "off"}:
             self._state["power"] = chunk
-        elif kind == "friction":
-            self._state[f"friction of {said['axis']}"] = chunk
+        elif kind == "level":
+            self._state[f"level of {said['axis']}"] = chunk
         elif kind in {"start", "event", "sample", "stopping", "end"}:
             self._state[kind] = chunk
 

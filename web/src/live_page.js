@@ -55,7 +55,7 @@ export class LivePage {
     at('fault').textContent = '';
     if (!this.robot) this._open(line);
     this.text = text;
-    this.measurements = line.measurements.map(({ id }) => id);
+    this.measurements = line.measurements;
     const how = line.rehearsal ? `Rehearsal at ${Math.round(100 * line.rehearsal)} %` : 'Run';
     document.title = at('title').textContent = `${how} of ${line.robot.name}, live`;
     return undefined;
@@ -107,8 +107,7 @@ export class LivePage {
   _event(line) {
     this.event = line;
     this.due = performance.now() + 1000 * line.left;
-    const number = this.measurements.indexOf(line.measurement) + 1;
-    at('doing').textContent = number ? `${line.doing}, ${number} of ${this.measurements.length}` : line.doing;
+    at('doing').textContent = line.number ? `${line.doing}, ${line.number} of ${this.measurements}` : line.doing;
     if (line.total) at('progress').value = Math.min(line.t / line.total, 1);
     if (line.notice) this._note({ ...line, text: line.notice });
     const axes = line.axes ?? [];
@@ -116,7 +115,7 @@ export class LivePage {
     this.axes.highlight(axes);
   }
 
-  _friction(line) {
+  _level(line) {
     this.axes.friction(line);
   }
 

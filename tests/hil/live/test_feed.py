@@ -65,10 +65,12 @@ def test_a_listener_is_told_of_everything_in_order(
     assert kinds.index("armed") < kinds.index("sample")
     assert lines[-1]["how"] == "finished"
     assert [joint["unit"] for joint in lines[0]["robot"]["joints"]] == ["rad"] * 6
-    assert [each["id"] for each in lines[0]["measurements"]] == ["g1", "i1", "c1"]
+    assert lines[0]["measurements"] == 3
     events = [(line["name"], line.get("measurement")) for line in lines if line["kind"] == "event"]
     of_each = [(name, m) for m in ("g1", "i1", "c1") for name in ("Travelled", "Recorded")]
     assert events == [("Started", None), *of_each, ("Finished", None)]
+    numbers = [line["number"] for line in lines if line.get("name") == "Recorded"]
+    assert numbers == [1, 2, 3]
 
 
 def test_samples_are_those_of_the_run_and_few(
@@ -94,7 +96,7 @@ def test_friction_so_far_is_that_of_the_measured_axes(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
     run(small_plan, manutec, tmp_path / "run", "note")
-    found = [line for line in told(tmp_path / "note") if line["kind"] == "friction"]
+    found = [line for line in told(tmp_path / "note") if line["kind"] == "level"]
     assert [(line["axis"], line["measurement"]) for line in found] == [
         (1, "g1"),
         (2, "i1"),

@@ -55,7 +55,7 @@ def page(
     with served() as found:
         found.begin(manutec, small_plan, ideal_bus.axes)
         event = Travelled(3.0, 20.0, small_plan.measurements[0])
-        found.tell("event", **lines.event(event, 65.0))
+        found.tell("event", **lines.event(event, 65.0, {"g1": 1}))
         found.sample(Sample(4.0, Q, TAU, (0,) * 6, False))
         browser.get(found.url)
         until(browser, lambda: "rad" in "".join(row[1] for row in cells(browser)))
@@ -111,9 +111,9 @@ def test_the_robot_stands_as_it_was_sampled(browser: Chrome, page: Served) -> No
 
 def test_friction_so_far_stands_beside_its_axis(browser: Chrome, page: Served) -> None:
     level = {"axis": 1, "speed": 0.4, "measurement": "g1"}
-    page.tell("friction", **level, level=51.2, count=1, least=51.2, most=51.2)
+    page.tell("level", **level, level=51.2, count=1, least=51.2, most=51.2)
     until(browser, lambda: cells(browser)[1][3] == "51.2 N m at 0.40 rad/s")
-    page.tell("friction", **level, level=53.2, count=2, least=51.2, most=53.2)
+    page.tell("level", **level, level=53.2, count=2, least=51.2, most=53.2)
     wanted = "53.2 N m at 0.40 rad/s (2 so far: 51.2 to 53.2)"
     until(browser, lambda: cells(browser)[1][3] == wanted)
 
@@ -130,7 +130,7 @@ def test_findings_and_faults_are_shown_with_their_remedy(
 ) -> None:
     finding = Finding("gaps", "12 samples are missing, at most 3 may; check the cable", 12, 3)
     event = GaveUp(9.0, 10.0, small_plan.measurements[0], 3, (finding,))
-    page.tell("event", **lines.event(event, 30.0))
+    page.tell("event", **lines.event(event, 30.0, {"g1": 1}))
     until(browser, lambda: "check the cable" in text(browser, "notices"))
     page.tell("fault", text="joint 2: following error; check the brake")
     page.tell("off")
@@ -205,7 +205,7 @@ def test_everybody_can_use_it(browser: Chrome, page: Served, width: int, scheme:
     colour_scheme(browser, scheme)
     page.tell("note", text="joint 3 warms up")
     page.tell("fault", text="joint 2: following error; check the brake")
-    page.tell("friction", axis=1, level=51.2, speed=0.4, count=2, least=49.0, most=51.2)
+    page.tell("level", axis=1, level=51.2, speed=0.4, count=2, least=49.0, most=51.2)
     until(browser, lambda: text(browser, "fault"))
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []

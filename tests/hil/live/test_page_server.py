@@ -136,8 +136,8 @@ def test_a_late_page_is_told_what_has_passed(
     page.begin(manutec, small_plan, ideal_bus.axes)
     page.tell("note", text="a drive noted something")
     page.tell("event", name="Travelled", doing="measuring g1 (gravity)", notice="", t=1.0)
-    page.tell("friction", axis=1, level=50.0)
-    page.tell("friction", axis=1, level=51.0)
+    page.tell("level", axis=1, level=50.0)
+    page.tell("level", axis=1, level=51.0)
     for t in (1.0, 2.0):
         page.sample(Sample(t, (0.0,) * 6, (1.0,) * 6, (0,) * 6, False))
     page.tell("end", how="finished", text="")
@@ -147,7 +147,7 @@ def test_a_late_page_is_told_what_has_passed(
     with watching(page.port) as late:
         got = [*takewhile(lambda line: line["kind"] != "end", events(late))]
     assert [line["kind"] for line in got] == [
-        "start", "note", "armed", "event", "friction", "sample",
+        "start", "note", "armed", "event", "level", "sample",
     ]  # fmt: skip
     assert got[-2]["level"] == 51.0
     assert got[-1]["t"] == 2.0
