@@ -70,6 +70,7 @@ class Listener:
         self._first: SimpleQueue[dict[str, Any]] = SimpleQueue()
         self._process: subprocess.Popen[bytes] | None = None
         self._input = -1
+        self._ear = Thread()
 
     def start(self, stop: Callable[[], None], patience: float = PATIENCE) -> str:
         """Start the process; return what it states once it is ready.
@@ -97,10 +98,10 @@ class Listener:
         assert self._process.stdout is not None  # noqa: S101 - a pipe
         self._input = self._process.stdin.fileno()
         os.set_blocking(self._input, False)
-        heard = Thread(
+        self._ear = Thread(
             target=self._hear, args=(self._process.stdout, stop), name=self.what, daemon=True
         )
-        heard.start()
+        self._ear.start()
         return self._ready(patience)
 
     def write(self, line: bytes, *, droppable: bool = False) -> None:
@@ -132,6 +133,8 @@ class Listener:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+        if self._ear.is_alive():
+            self._ear.join()  # a stop that came later would find nobody who takes it
 
     def _flush(self) -> None:
         try:
@@ -161,7 +164,7 @@ class Listener:
                 said = json.loads(line)
                 if said["kind"] != "stop":
                     self._first.put(said)
-                elif not stopped:
+                elif not (stopped or self.gone):
                     stopped = True
                     stop()
         self._first.put({"text": f"{self.what} ended before it was ready"})
