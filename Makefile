@@ -22,7 +22,7 @@ help:
 	@echo 'make docs     the documentation as a site, into build/docs'
 	@echo 'make lint     the checks alone: ruff, mypy, import-linter'
 	@echo 'make bench    the benchmarks'
-	@echo 'make view-bundle   the scripts of the page that hil view writes, from web/; takes npm'
+	@echo 'make view-bundle   the scripts of the pages of hil view and --live, from web/; takes npm'
 	@echo 'make clean    remove .venv and caches; runs/ stays'
 
 demo: $(RUNTIME)

@@ -57,7 +57,8 @@ def robot_time(run: Path) -> float:
 
 def print_errors(runs: list[Path]) -> None:
     """Print errors and how often the intervals of 95 % hold the truth."""
-    found = [{q.name: q for q in load_yaml(run / NAME, LoadFile).load} for run in runs]
+    files = [load_yaml(run / NAME, LoadFile) for run in runs]
+    found = [{q.name: q for q in file.load} for file in files]
     held = []
     for name, truth in TRUTH.items():
         errors = np.array([each[name].value - truth for each in found])
@@ -67,6 +68,8 @@ def print_errors(runs: list[Path]) -> None:
             f"{name}: error {rms(errors):.3g} ({100 * rms(errors) / truth:.3f} %), half-width"
             f" {np.median(halves):.3g}, {held[-1].sum()} of {len(errors)} intervals hold the truth"
         )
+    least = [min((axis.p_value for axis in file.rigidity), default=1.0) for file in files]
+    print(f"chance of the worst axis, were the load rigid: {min(least):.2g} at least")
     times = [robot_time(run) for run in runs]
     print(f"{100 * np.mean(held):.1f} % of {np.size(held)} intervals; at most {max(times):.0f} s")
 

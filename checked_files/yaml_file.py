@@ -165,7 +165,7 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
 
 def line_of(text: str, location: tuple[str | int, ...]) -> int:
     """Line (from 1) on which the value at `location` stands in YAML `text`."""
-    return _line(yaml.compose(text, Loader=yaml.SafeLoader), location)
+    return _line(_Loader(text).get_single_node(), location)
 
 
 def _shown(value: object) -> str:

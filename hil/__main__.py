@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 STATUS = 130
 """Exit status of a program that was interrupted."""
+CLEARED = b"\r\x1b[2K\x1b[?25h"
+"""What takes a line of progress away, and shows the cursor again that it had hidden."""
 
 
 def main() -> None:
@@ -40,6 +42,8 @@ def main() -> None:
 
 def _leave(number: int, frame: FrameType | None) -> None:
     del number, frame
+    if os.isatty(1):
+        os.write(1, CLEARED)
     os._exit(STATUS)
 
 

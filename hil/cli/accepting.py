@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.arguments import RunPath, refuse_existing
+from hil.cli.arguments import RunPath
+from hil.cli.outputs import place_to_write, refuse_existing, refuse_no_folder
 from hil.terminal.console import out, say
 from hil.terminal.printable import printable
+from hil.terminal.working import working
 
 commands = typer.Typer()
 REFUSED = 3
@@ -22,7 +24,12 @@ def accept(
     folder: RunPath,
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", help="Folder of page and JUnit XML; file of a draft."),
+        typer.Option(
+            "-o",
+            "--output",
+            callback=place_to_write,
+            help="Folder of page and JUnit XML; file of a draft.",
+        ),
     ],
     limits: Annotated[
         Path | None, typer.Option("--limits", help="File of limits that the run is judged by.")
@@ -55,7 +62,9 @@ def _draft(folder: Path, output: Path, factor: float) -> None:
     from hil.runs.run import Run
 
     refuse_existing(output)
-    found = acceptance.draft(Run.open(folder), Model.load(folder), factor)
+    refuse_no_folder(output)
+    with working("reading the run"):
+        found = acceptance.draft(Run.open(folder), Model.load(folder), factor)
     write_limits(output, found)
     say(f"{len(found.quantities) + len(found.residual)} limits in {output}; set them to what the"
         " series may vary by")  # fmt: skip
@@ -74,9 +83,10 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
     bounds = load_yaml(limits, Limits)
     with file_errors(output, "made"):
         output.mkdir(parents=True, exist_ok=True)
-    run, model = Run.open(folder), Model.load(folder)
-    checks = judge(run, model, bounds)
-    write_page(output / PAGE, run, checks, stated)
+    with working("judging the run by the limits"):
+        run, model = Run.open(folder), Model.load(folder)
+        checks = judge(run, model, bounds)
+        write_page(output / PAGE, run, checks, stated)
     write_junit(output / JUNIT, run.robot.name, model.provenance.measured, checks)
     show(checked(checks), out)
     failed = sum(not check.passed for check in checks)

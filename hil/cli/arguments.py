@@ -20,13 +20,6 @@ PLANT = "manutec-r15"
 """Channel of the virtual plant where neither a robot nor drives name one."""
 
 
-def _in_a_folder(ctx: typer.Context, path: Path | None) -> Path | None:
-    """Refuse an output whose folder is not there, before anything is computed."""
-    if path is not None and not ctx.resilient_parsing and not path.parent.is_dir():
-        raise typer.BadParameter(f"{path}: there is no folder {path.parent}; make it first")
-    return path
-
-
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
 Masses = Annotated[
     list[str] | None,
@@ -50,10 +43,6 @@ RobotName = Annotated[
 PlanFile = Annotated[Path, typer.Argument(help="Plan as a YAML file.")]
 ModelPath = Annotated[
     Path, typer.Option("--model", help="Model: its file, or the folder of the run that gave it.")
-]
-NewPlan = Annotated[
-    Path,
-    typer.Option("-o", "--output", callback=_in_a_folder, help="Plan to write."),
 ]
 RobotOption = Annotated[
     str | None,
@@ -108,20 +97,6 @@ RealTime = Annotated[
     bool,
     typer.Option("--realtime", help="Run with as much real-time priority as this system grants."),
 ]
-
-
-def refuse_existing(output: Path) -> None:
-    """Refuse to write over a file.
-
-    Raises
-    ------
-    FileError
-        It is there.
-    """
-    from checked_files.yaml_file import FileError
-
-    if output.exists():
-        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
 
 
 def refuse_no_channel(interface: str, channel: str | None) -> None:

@@ -202,6 +202,9 @@ def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool
     from drivers.can_bus.capabilities import capabilities_of
     from drivers.operator_tools import wake_ups
 
+    if duration and not capabilities_of(bus).lock_step:
+        # in words alone: a line that moves would itself keep the computer from waking up in time
+        say(f"measuring this computer's wake-ups for {duration:g} s")
     found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
     if found is None:
         return []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,9 +29,10 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Write the points as JSON.")] = False,
 ) -> None:
     """Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one fails."""
-    from drivers.operator_tools.computer import judge, read_computer
+    with working("examining this computer"):
+        from drivers.operator_tools.computer import judge, read_computer
 
-    points = judge(read_computer(folder, EXTRAS))
+        points = judge(read_computer(folder, EXTRAS))
     (_write_json if as_json else _show)(points)
     if any(each.word == "FAIL" for each in points):
         raise typer.Exit(1)

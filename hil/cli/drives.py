@@ -15,10 +15,12 @@ import typer
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from hil.cli import restoring, scan_view
-from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_existing, refuse_no_channel
+from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_no_channel
+from hil.cli.outputs import new_file
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -63,7 +65,9 @@ def scan(
 
 @drives_commands.command()
 def new(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Drives file to write.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", callback=new_file, help="Drives file to write.")
+    ],
     eds: Annotated[
         list[Path] | None, typer.Option(help="EDS or DCF file of a drive; may be repeated.")
     ] = None,
@@ -90,7 +94,6 @@ def new(
 
     if (eds is None) == (interface is None):
         raise typer.BadParameter("give data sheets with --eds, or a bus with --interface")
-    refuse_existing(output)
     if interface is None:
         axes = _from_sheets(eds or [], _numbers(nodes))
     else:
@@ -168,7 +171,10 @@ def _scanned(
 
     refuse_no_channel(interface, channel)
     channel = channel or PLANT
-    with bus_access.opened(interface, channel, bitrate, pairs) as bus:
+    with (
+        working(f"asking {len(nodes) or HIGHEST_NODE} nodes on {interface} {channel}"),
+        bus_access.opened(interface, channel, bitrate, pairs) as bus,
+    ):
         found = scan_bus(bus, only=nodes or NODES)
     if not found.nodes:
         asked = f"node {', '.join(map(str, nodes))}" if nodes else "any of 127 node numbers"

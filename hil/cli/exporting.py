@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import Masses, Without
-from hil.terminal.console import out, say
+from hil.cli.outputs import folder_to_write
+from hil.terminal.console import say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -31,7 +33,10 @@ def export(
         ),
     ],
     to: Annotated[str, typer.Option(help="Name of the format; an unknown one lists all.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write into.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", callback=folder_to_write, help="Folder to write into."),
+    ],
     urdf: Annotated[
         Path | None,
         typer.Option(
@@ -44,11 +49,18 @@ def export(
     """Write an identified model, or the recordings of a run, as files of other tools."""
     from hil.export.formats import refuse_unknown
     from hil.export.recordings.formats import RECORDINGS
+    from hil.export.simulators import SIMULATORS
 
     refuse_unknown(to)
     if to in RECORDINGS:
         _refuse(to, urdf=None if to == "mcap" else urdf, mass=masses)
         paths = _recordings_written(source, to, output, urdf, without)
+    elif to not in SIMULATORS and (urdf or masses):
+        raise typer.BadParameter(
+            f"--urdf and --mass are about bodies, which {to} has not; they go with"
+            f" {' and '.join(SIMULATORS)}",
+            param_hint="--to",
+        )
     else:
         _refuse(to, without=without)
         paths = _model_written(source, to, output, urdf, masses)
@@ -68,24 +80,20 @@ def _refuse(to: str, **given: object) -> None:
 def _model_written(
     source: Path, to: str, output: Path, urdf: Path | None, masses: list[str] | None
 ) -> tuple[Path, ...]:
-    from hil.export.exported import write_exported
-    from hil.export.formats import export
-    from hil.export.origin import origin, passed, validations
-    from hil.export.simulators import SIMULATORS
-    from hil.results.model import Model
+    with working("reading the model") as now:
+        from hil.export.exported import write_exported
+        from hil.export.formats import export
+        from hil.export.origin import origin, passed, validations
+        from hil.export.simulators import SIMULATORS
+        from hil.results.model import Model
 
-    model = Model.load(source)
-    if to in SIMULATORS:
-        exported = _bodies(model, source, to, urdf, masses)
-    elif urdf or masses:
-        raise typer.BadParameter(
-            f"--urdf and --mass are about bodies, which {to} has not; they go with"
-            f" {' and '.join(SIMULATORS)}",
-            param_hint="--to",
-        )
-    else:
-        exported = export(model, to, origin(model, source))
-    paths = write_exported(exported, output)
+        model = Model.load(source)
+        now(f"writing the model as {to}")
+        if to in SIMULATORS:
+            exported = _bodies(model, source, to, urdf, masses)
+        else:
+            exported = export(model, to, origin(model, source))
+        paths = write_exported(exported, output)
     for line in validations(model, source):
         say(line, style=None if passed(model) else "yellow")
     for remark in exported.remarks:
@@ -96,26 +104,21 @@ def _model_written(
 def _recordings_written(
     source: Path, to: str, output: Path, urdf: Path | None, without: list[str] | None
 ) -> tuple[Path, ...]:
-    from checked_files.yaml_file import FileError
-    from hil.export.given_urdf import given_urdf
-    from hil.export.recordings.formats import export_recordings
-    from hil.runs.run import Run
+    with working("reading the run") as now:
+        from checked_files.yaml_file import FileError
+        from hil.export.given_urdf import given_urdf
+        from hil.export.recordings.formats import export_recordings
+        from hil.runs.run import Run
 
-    if source.is_file():
-        raise FileError(
-            f"{source}: is a file, and {to} holds the recordings of a run; name the folder of the"
-            " run"
-        )
-    run = Run.open(source).without(without or ())
-    chain = () if urdf is None else given_urdf(urdf, run.robot).chain.joints
-    with out.status("writing") as status:
-        return export_recordings(
-            run,
-            to,
-            output,
-            [joint.name for joint in chain],
-            lambda name: status.update(f"writing {name}"),
-        )
+        if source.is_file():
+            raise FileError(
+                f"{source}: is a file, and {to} holds the recordings of a run; name the folder of"
+                " the run"
+            )
+        run = Run.open(source).without(without or ())
+        chain = () if urdf is None else given_urdf(urdf, run.robot).chain.joints
+        joints = [joint.name for joint in chain]
+        return export_recordings(run, to, output, joints, lambda name: now(f"writing {name}"))
 
 
 def _bodies(

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import NewPlan, PlanWorkspace, RobotName, RunPath, refuse_existing
+from hil.cli.arguments import PlanWorkspace, RobotName, RunPath
 from hil.cli.measuring import run
+from hil.cli.outputs import NewPlan, refuse_unwritable
 from hil.terminal.console import out
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -57,7 +59,6 @@ def plan(
 
     robot = load_robot(name)
     refuse_unknown(robot)
-    refuse_existing(output)
     guard = load_guard(workspace, robot)
     axes = [_index(number, robot) for number in axis or ()]
     try:
@@ -82,16 +83,19 @@ def fit(
     ] = None,
 ) -> None:
     """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""
-    from hil.cli import friction_view
-    from hil.estimation.friction.symmetry import BOUND
-    from hil.results.friction import evaluate
-    from hil.results.friction_file import write_friction
-    from hil.runs.pooling import recorded
-    from hil.runs.run import Run
+    with working("reading the run") as now:
+        from hil.cli import friction_view
+        from hil.estimation.friction.symmetry import BOUND
+        from hil.results.friction import evaluate
+        from hil.results.friction_file import NAME, write_friction
+        from hil.runs.pooling import recorded
+        from hil.runs.run import Run
 
-    run = Run.open(folder)
-    bound = BOUND if asymmetry is None else asymmetry
-    found = evaluate(run, list(recorded(run)), model, bound)
+        refuse_unwritable(folder / NAME)
+        run = Run.open(folder)
+        bound = BOUND if asymmetry is None else asymmetry
+        now("fitting models of friction")
+        found = evaluate(run, list(recorded(run)), model, bound)
     path = write_friction(run, found)
     friction_view.render(found, out)
     out.print(f"friction in {path}", highlight=False, soft_wrap=True)

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hil.cli.outputs import file_to_write
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 commands = typer.Typer()
 CHANGED = 4
@@ -33,10 +35,16 @@ def history(
         ),
     ] = 0.0,
     page: Annotated[
-        Path | None, typer.Option("--html", help="Page with plots to write, one HTML file.")
+        Path | None,
+        typer.Option(
+            "--html", callback=file_to_write, help="Page with plots to write, one HTML file."
+        ),
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="JSON file to write, for monitoring systems.")
+        Path | None,
+        typer.Option(
+            "--json", callback=file_to_write, help="JSON file to write, for monitoring systems."
+        ),
     ] = None,
     identify: Annotated[
         bool, typer.Option("--identify", help="Identify runs that have no model.yaml yet.")
@@ -49,14 +57,16 @@ def history(
     ] = False,
 ) -> None:
     """Show parameters and friction of one machine over many runs, and mark what changed."""
-    from hil.results.history import read_history
-    from hil.results.history_file import write_history
-    from hil.results.tables import history as tables
-    from hil.results.tables.terminal import show
+    with working(f"reading {len(folders)} runs") as now:
+        from hil.results.history import read_history
+        from hil.results.history_file import write_history
+        from hil.results.tables import history as tables
+        from hil.results.tables.terminal import show
 
-    if identify:
-        _identify([*folders, *([reference] if reference else [])])
-    found = read_history(folders, reference, wander / 100)
+        if identify:
+            _identify([*folders, *([reference] if reference else [])], now)
+        now(f"comparing {len(folders)} runs")
+        found = read_history(folders, reference, wander / 100)
     show(tables.runs(found), out)
     show(tables.condition(found), out)
     show(tables.changes(found), out)
@@ -69,15 +79,16 @@ def history(
         write_history(json_file, found)
         say(f"history in {json_file}")
     if page is not None:
-        from hil.report.history_page import write_page
+        with working("drawing the page"):
+            from hil.report.history_page import write_page
 
-        write_page(page, found)
+            write_page(page, found)
         say(f"page in {page}")
     if fail_on_change and newest:
         raise typer.Exit(CHANGED)
 
 
-def _identify(folders: Sequence[Path]) -> None:
+def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:
     """Identify the runs among folders that have no model yet."""
     from hil.results.identification import identify
     from hil.results.model_file import file_of
@@ -85,5 +96,6 @@ def _identify(folders: Sequence[Path]) -> None:
 
     for folder in folders:
         if folder.is_dir() and not (path := file_of(folder)).exists():
+            now(f"identifying {folder}")
             identify(Run.open(folder)).save(path)
             say(f"model in {path}")

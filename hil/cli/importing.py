@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hil.cli.arguments import refuse_existing
+from hil.cli.outputs import new_folder, refuse_no_folder
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
@@ -22,7 +22,10 @@ commands = typer.Typer()
 @commands.command("import")
 def import_(
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Run folder to make, or map with --draft.")
+        Path,
+        typer.Option(
+            "-o", "--output", callback=new_folder, help="Run folder to make, or map with --draft."
+        ),
     ],
     maps: Annotated[
         list[Path] | None, typer.Argument(help="Maps that state which column is what.")
@@ -91,7 +94,7 @@ def _draft(recording: Path, output: Path) -> None:
     from hil.imports.draft import draft_map
     from hil.runs.atomic_file import write_file
 
-    refuse_existing(output)
+    refuse_no_folder(output)
     name = Path(os.path.relpath(recording.resolve(), output.resolve().parent)).as_posix()
     text = draft_map(recording, name)
     write_file(output, text.encode())

@@ -32,9 +32,11 @@ from hil.cli.live import (
     PortsOptional,
     listeners,
 )
+from hil.cli.outputs import file_to_write, folder_to_write
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
 from hil.terminal.console import out
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -61,7 +63,10 @@ class Pacing(StrEnum):
 @commands.command(cls=PortsOptional)
 def run(
     plan_file: PlanFile,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the run."),
+    ],
     interface: Interface = SIMULATED,
     channel: RobotsChannel = None,
     drives_file: RobotsDrives = None,
@@ -74,7 +79,10 @@ def run(
     ] = Pacing.AUTO,
     frame_log: Annotated[
         Path | None,
-        typer.Option(help="File that all CAN frames are logged to, such as *.asc, *.log or *.blf."),
+        typer.Option(
+            callback=file_to_write,
+            help="File that all CAN frames are logged to, such as *.asc, *.log or *.blf.",
+        ),
     ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
@@ -105,11 +113,13 @@ def run(
     foxglove_address: FoxgloveAddress = None,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
-    from hil.cli.plan_files import load
+    with working("reading the plan") as now:
+        from hil.cli.plan_files import load
 
-    the_plan, the_robot = load(plan_file, robot_file, workspace)
-    if symmetric is not None:
-        _gate(symmetric, the_robot)
+        the_plan, the_robot = load(plan_file, robot_file, workspace)
+        if symmetric is not None:
+            now(f"testing the friction of {symmetric}")
+            _gate(symmetric, the_robot)
     shown_by = listeners(live, live_address, foxglove, foxglove_address)
     how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime, shown_by)
     if what_changes:
@@ -169,14 +179,16 @@ def measure(
     """
     from functools import partial
 
-    from drivers.open_drive_bus import open_drive_bus
-    from hil.cli import bus_access, drive_settings
-    from hil.cli.run_session import carry_out, prepare_folder
-    from hil.planning.plan import repeated
-    from hil.runs.journal import BusName
-    from hil.terminal.progress import shown
+    with working("passing the plan's motions through the limits"):
+        from drivers.open_drive_bus import open_drive_bus
+        from hil.cli import bus_access, drive_settings
+        from hil.cli.run_session import carry_out, prepare_folder, refuse_unusable
+        from hil.planning.plan import repeated
+        from hil.runs.journal import BusName
+        from hil.terminal.progress import shown
 
-    drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
+        refuse_unusable(output, resume)
+        drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.options)
     planned = repeated(the_plan, rounds)

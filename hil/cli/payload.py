@@ -11,8 +11,10 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.arguments import BusOptions, Interface, ModelPath, RobotsChannel, RobotsDrives
+from hil.cli.outputs import folder_to_write, refuse_unwritable
 from hil.runs import SIMULATED
 from hil.terminal.console import out
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from hil.cli.measuring import OnBus
@@ -67,24 +69,30 @@ def two_runs(
     ] = False,
 ) -> None:
     """Find a load from two runs; writes payload.yaml into the second; what happens by default."""
-    from hil.cli import payload_view
-    from hil.results import payload as results
-    from hil.results import payload_file
-    from hil.runs.run import Run
-
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
-    runs = Run.open(without), Run.open(loaded)
-    found = results.find_payload(*runs, mass, gains=gains)
+    with working("reading the runs") as now:
+        from hil.cli import payload_view
+        from hil.results import payload as results
+        from hil.results import payload_file
+        from hil.runs.run import Run
+
+        path = loaded / payload_file.NAME
+        refuse_unwritable(path)
+        runs = Run.open(without), Run.open(loaded)
+        now("estimating both runs anew and the load between them")
+        found = results.find_payload(*runs, mass, gains=gains)
     payload_view.render(payload_file.write_payload(*runs, found), out)
-    path = loaded / payload_file.NAME
     out.print(f"load in {path}; hil report {loaded} shows it", highlight=False, soft_wrap=True)
 
 
 @payload.command()
 def measure(
     model: ModelPath,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the measurement.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the measurement."),
+    ],
     minutes: Annotated[
         float,
         typer.Option(min=0.5, max=3, help="Duration of motion, ways included \\[min]."),
@@ -126,14 +134,16 @@ def measure(
     bare_run = Run.open(model if model.is_dir() else model.parent)
     _refuse_output(bare_run, output, resume=resume)
     poses = _poses(bare_run.robot, pose or [])
-    bare = know(bare_run)
+    with working("reading what the run without the load knows"):
+        bare = know(bare_run)
     how = OnBus(interface, channel, drives_file, bus_option)
     slow = _kept_plan(output / SLOW, bare)
     if slow is None:
-        stage = load_plan.slow_plan(bare, minutes, at_most if mass is None else mass, poses)
-        slow = stage.plan
+        with working("choosing slow measurements"):
+            stage = load_plan.slow_plan(bare, minutes, at_most if mass is None else mass, poses)
+            slow = stage.plan
+            held = load_plan.holds(bare, slow)
         _show_stage("slow", stage, bare)
-        held = load_plan.holds(bare, slow)
         out.print(
             f"all axes hold up to {held:.3g} kg in these poses, its centre up to"
             f" {load_plan.REACH:g} m from the last frame",
@@ -142,13 +152,15 @@ def measure(
     _carry_out(slow, bare, output / SLOW, how, resume=resume)
     fast = _kept_plan(output / FAST, bare)
     if fast is None:
-        found = estimate_load(bare, [Run.open(output / SLOW)])
-        stage = load_plan.fast_plan(bare, minutes, slow, found, poses)
-        fast = stage.plan
+        with working("estimating the load, and choosing faster measurements by it"):
+            found = estimate_load(bare, [Run.open(output / SLOW)])
+            stage = load_plan.fast_plan(bare, minutes, slow, found, poses)
+            fast = stage.plan
         _show_stage("fast", stage, bare)
     _carry_out(fast, bare, output / FAST, how, resume=resume)
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
-    kept = write_load(output, bare, runs, find_load(bare, runs, mass))
+    with working("estimating the load"):
+        kept = write_load(output, bare, runs, find_load(bare, runs, mass))
     for line in kept.verdict:
         out.print(line, highlight=False, markup=False, soft_wrap=True)
     out.print(f"load in {output / NAME}", highlight=False, soft_wrap=True)

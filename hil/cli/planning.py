@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import (
-    NewPlan,
     NoiseFrom,
     PlanFile,
     PlanWorkspace,
     RobotOption,
     RobotsDrives,
     WorkspaceOption,
-    refuse_existing,
 )
+from hil.cli.outputs import NewPlan
 from hil.planning import LONGEST
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -62,14 +62,19 @@ def dry_run_(
     from hil.cli.robot_drives import known_drives
     from hil.planning.dry_run import dry_run
 
-    the_plan, the_robot = load(plan_file, robot_file, workspace)
-    drives = known_drives(the_robot, drives_file)
-    result = dry_run(the_plan, the_robot, bus_cycle(the_plan, the_robot.n_joints, drives, bitrate))
-    dry_run_view.render(result, out)
     if view:
         from hil.cli import viewing
 
-        viewing.write(viewing.page_of_plan(plan_file), viewing.scene_of_plan(the_plan, the_robot))
+        viewing.refuse_page(page := viewing.page_of_plan(plan_file))
+    with working("reading the plan") as now:
+        the_plan, the_robot = load(plan_file, robot_file, workspace)
+        drives = known_drives(the_robot, drives_file)
+        now("passing the plan's motions through the limits")
+        cycle = bus_cycle(the_plan, the_robot.n_joints, drives, bitrate)
+        result = dry_run(the_plan, the_robot, cycle)
+    dry_run_view.render(result, out)
+    if view:
+        viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
         from hil.cli import precision_view
@@ -77,8 +82,9 @@ def dry_run_(
         from hil.planning.prediction.precision import predict
         from hil.results.ripple import ripple_left_out
 
-        noise = noise_of(the_robot, noise_from, drives_file)
-        found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
+        with working("predicting the precision"):
+            noise = noise_of(the_robot, noise_from, drives_file)
+            found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
         precision_view.render(found, the_robot, out)
         if ripple := ripple_left_out(the_robot):
             say(ripple, style="yellow")
@@ -141,30 +147,28 @@ def plan(
         name, run, minutes, counts, warm_up, workspace, noise_from,
         with_trajectories=with_trajectories,
     )  # fmt: skip
-    refuse_existing(output)
     if run:
         _refine(run, minutes or REFINEMENT, output)
         return
-    from checked_files.yaml_file import FileError
-    from hil.cli.plan_files import load_guard, write_plan
-    from hil.model.robot import load_robot, refuse_unknown
+    with working("reading the robot") as now:
+        from checked_files.yaml_file import FileError
+        from hil.cli.plan_files import load_guard, write_plan
+        from hil.model.robot import load_robot, refuse_unknown
 
-    the_robot = load_robot(str(name))
-    refuse_unknown(the_robot)
-    try:
-        guard = load_guard(workspace, the_robot)
-        if minutes is None:
-            designed = _by_counts(the_robot, counts, warm_up, guard)
-        else:
-            from hil.cli.assumed_noise import noise_of
-            from hil.planning.design.by_minutes import design_within
-
-            noise = noise_of(the_robot, noise_from)
-            designed = design_within(
-                the_robot, minutes, noise, warm_up, guard, with_trajectories=with_trajectories
-            )
-    except ValueError as error:
-        raise FileError(f"{name}: {error}") from error
+        the_robot = load_robot(str(name))
+        refuse_unknown(the_robot)
+        try:
+            guard = load_guard(workspace, the_robot)
+            if minutes is None:
+                now("choosing measurements")
+                designed = _by_counts(the_robot, counts, warm_up, guard)
+            else:
+                now(f"choosing the most informative measurements of {minutes:g} minutes")
+                designed = _by_minutes(
+                    the_robot, minutes, noise_from, warm_up, guard, trajectories=with_trajectories
+                )
+        except ValueError as error:
+            raise FileError(f"{name}: {error}") from error
     write_plan(output, designed, the_robot)
 
 
@@ -176,25 +180,43 @@ def _by_counts(
     return design(robot, counts, warm_up, guard)
 
 
-def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
-    from checked_files.yaml_file import FileError
-    from hil.cli import precision_view
-    from hil.cli.assumed_noise import experience_of
-    from hil.cli.plan_files import write_plan
-    from hil.planning.design.by_minutes import refine
-    from hil.planning.prediction.precision import information, precision
+def _by_minutes(
+    robot: Robot,
+    minutes: float,
+    noise_from: Path | None,
+    warm_up: float,
+    guard: Workspace | None,
+    *,
+    trajectories: bool,
+) -> Plan:
+    from hil.cli.assumed_noise import noise_of
+    from hil.planning.design.by_minutes import design_within
 
-    folders, (noise, known) = experience_of(runs)
-    first, robot = folders[0], folders[0].robot
-    taken = {measurement.id for folder in folders for measurement in folder.motions}
-    try:
-        designed = refine(robot, minutes, noise, known, first.planned, taken)
-    except ValueError as error:
-        raise FileError(f"{first.path}: {error}") from error
+    noise = noise_of(robot, noise_from)
+    return design_within(robot, minutes, noise, warm_up, guard, with_trajectories=trajectories)
+
+
+def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
+    with working("finding what the runs have shown") as now:
+        from checked_files.yaml_file import FileError
+        from hil.cli import precision_view
+        from hil.cli.assumed_noise import experience_of
+        from hil.cli.plan_files import write_plan
+        from hil.planning.design.by_minutes import refine
+        from hil.planning.prediction.precision import information, precision
+
+        folders, (noise, known) = experience_of(runs)
+        first, robot = folders[0], folders[0].robot
+        taken = {measurement.id for folder in folders for measurement in folder.motions}
+        now(f"choosing the most informative measurements of {minutes:g} minutes")
+        try:
+            designed = refine(robot, minutes, noise, known, first.planned, taken)
+        except ValueError as error:
+            raise FileError(f"{first.path}: {error}") from error
+        more = information(robot, designed.measurements, designed.sample_period, noise)
+        before, then = (precision(robot, each, noise.source) for each in (known, known + more))
     write_plan(output, designed, robot)
-    more = information(robot, designed.measurements, designed.sample_period, noise)
-    now, then = (precision(robot, each, noise.source) for each in (known, known + more))
-    precision_view.render_refinement(now, then, robot, out)
+    precision_view.render_refinement(before, then, robot, out)
 
 
 def _refuse_contradictions(

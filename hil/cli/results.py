@@ -10,7 +10,9 @@ import typer
 from rich.text import Text
 
 from hil.cli.arguments import Masses, RunPath, Without
+from hil.cli.outputs import folder_to_write, refuse_unwritable
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from hil.results.model import Model
@@ -50,30 +52,38 @@ def identify(
     masses: Masses = None,
 ) -> None:
     """Estimate base parameters from a run; writes model.yaml into its folder."""
-    from hil.cli.consistent_view import body_bounds, render
-    from hil.estimation.friction.symmetry import of_local_values
-    from hil.results import identification, model_file
-    from hil.results.tables.error_budget import error_budget
-    from hil.results.tables.friction import symmetry
-    from hil.results.tables.terminal import show, show_sentence
-    from hil.runs.pooling import open_runs, pooled
-
     begun = perf_counter()
-    _refuse_unknown(method)
-    bounds = body_bounds(masses)
-    run, *more = open_runs([folder, *(others or ())])
-    run = run.without(without or ())
-    if method is None:
-        method, reason = identification.method_for(run, more)
-        if run.imported:
-            out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
-    found = identification.identify(run, method, more)
-    if consistent or masses:
-        from hil.results.consistency import with_consistent_robot
+    with working("reading the run") as now:
+        from hil.cli.consistent_view import body_bounds, render
+        from hil.estimation.friction.symmetry import of_local_values
+        from hil.results import identification, kept_findings, model_file
+        from hil.results.tables.error_budget import error_budget
+        from hil.results.tables.friction import symmetry
+        from hil.results.tables.terminal import show, show_sentence
+        from hil.runs.pooling import open_runs, pooled
 
-        found = with_consistent_robot(found, pooled([run, *more]), bounds)
-    path = run.path / model_file.NAME
-    found.save(path)
+        _refuse_unknown(method)
+        bounds = body_bounds(masses)
+        path = folder / model_file.NAME
+        refuse_unwritable(path)
+        run, *more = open_runs([folder, *(others or ())])
+        run = run.without(without or ())
+        bounds.refuse_other_links(run.robot)
+        if method is None:
+            method, reason = identification.method_for(run, more)
+            if run.imported:
+                out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
+        now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
+        identified = identification.identified(run, method, more)
+        found = identified.model
+        if found.method == "improved" and not (more or run.imported):
+            kept_findings.keep_identified(run, identified)
+        if consistent or masses:
+            from hil.results.consistency import with_consistent_robot
+
+            now("finding the nearest robot that consists of bodies")
+            found = with_consistent_robot(found, pooled([run, *more]), bounds)
+        found.save(path)
     _show_outcome(found)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
@@ -91,17 +101,23 @@ def identify(
 def report(
     folder: RunPath,
     figures: Annotated[
-        Path | None, typer.Option(help="Folder that the plots are written to as PNG files too.")
+        Path | None,
+        typer.Option(
+            callback=folder_to_write, help="Folder that the plots are written to as SVG files too."
+        ),
     ] = None,
     without: Without = None,
 ) -> None:
     """Write a run's report, one HTML file."""
-    from hil.report import page as module
-    from hil.runs.run import Run
-
     begun = perf_counter()
-    run = Run.open(folder).without(without or ())
-    path = module.report(run, figures)
+    with working("reading the run") as now:
+        from hil.report import page as module
+        from hil.runs.run import Run
+
+        refuse_unwritable(folder / module.NAME)
+        run = Run.open(folder).without(without or ())
+        now(f"estimating {run.robot.name} anew and drawing the report")
+        path = module.report(run, figures)
     _show_unusable_model(run)
     _show_shortfall(run)
     out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
@@ -119,30 +135,35 @@ def compare(
     without: Without = None,
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
-    from hil.results.identification import method_for
-    from hil.runs.pooling import open_runs
-    from hil.study import comparison as module
+    with working("reading the run") as now:
+        from hil.results.identification import method_for
+        from hil.runs.pooling import open_runs
+        from hil.study import comparison as module
 
-    _refuse_unknown(method)
-    run, *more = open_runs([folder, *(others or ())])
-    run = run.without(without or ())
-    module.compare(run, truth, out, method or method_for(run, more)[0], more)
+        _refuse_unknown(method)
+        run, *more = open_runs([folder, *(others or ())])
+        run = run.without(without or ())
+        now(f"estimating {run.robot.name} anew, beside the truth")
+        module.compare(run, truth, out, method or method_for(run, more)[0], more)
 
 
 @commands.command()
 def diagnose(folder: RunPath, without: Without = None) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
-    from hil.cli import diagnosis_view
-    from hil.report.plots.diagnosis import write_diagnosis_plots
-    from hil.results import diagnosis, diagnosis_file
-    from hil.runs.run import Run
+    with working("reading the run") as now:
+        from hil.cli import diagnosis_view
+        from hil.report.plots.diagnosis import write_diagnosis_plots
+        from hil.results import diagnosis, diagnosis_file
+        from hil.runs.run import Run
 
-    run = Run.open(folder).without(without or ())
-    found = diagnosis.diagnose(run)
-    diagnosis_view.render(
-        diagnosis_file.write_diagnosis(run, found), found.estimate, run.robot, out
-    )
-    plots = write_diagnosis_plots(folder, found)
+        refuse_unwritable(folder / diagnosis_file.NAME)
+        run = Run.open(folder).without(without or ())
+        now(f"testing what the robot file of {run.robot.name} leaves out")
+        found = diagnosis.diagnose(run)
+        kept = diagnosis_file.write_diagnosis(run, found)
+        now("drawing")
+        plots = write_diagnosis_plots(folder, found)
+    diagnosis_view.render(kept, found.estimate, run.robot, out)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
     _show_place("diagnosis", folder / diagnosis_file.NAME)
 

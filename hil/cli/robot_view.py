@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
 
+WIDEST = 12
+"""Joints up to which the table of M and g can be read on a terminal."""
 _GROUP_TITLES = {
     GRAVITY: "gravity: in g(q)",
     DIAGONAL: "diagonal: on the diagonal of M(q), not in g(q)",
@@ -30,7 +32,14 @@ def render(robot: Robot, console: Console) -> None:
     base = base_parameters(robot)
     console.print(_present_parameters(robot))
     console.print(_base_parameters(robot, base))
-    console.print(_dependencies(robot, base))
+    if robot.n_joints <= WIDEST:
+        console.print(_dependencies(robot, base))
+    else:
+        console.print(
+            f"which parameter occurs in which element is a table of {robot.n_joints} columns, which"
+            f" is shown up to {WIDEST}; in Python: base_parameters(robot).dependencies",
+            highlight=False, soft_wrap=True,
+        )  # fmt: skip
 
 
 def _present_parameters(robot: Robot) -> Table:

@@ -8,8 +8,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from hil.cli.arguments import RobotName, refuse_existing
+from hil.cli.arguments import RobotName
+from hil.cli.outputs import new_file
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 
 class _ShowsByDefault(TyperGroup):
@@ -34,15 +36,22 @@ commands.add_typer(robot_commands, name="robot")
 @robot_commands.command()
 def show(name: RobotName) -> None:
     """Show base parameters; `hil robot NAME` does so too."""
-    from hil.cli import robot_view
-    from hil.model.robot import load_robot
+    with working("reading the robot") as now:
+        from hil.cli import robot_view
+        from hil.model.base_parameters import base_parameters
+        from hil.model.robot import load_robot
 
-    robot_view.render(load_robot(name), out)
+        robot = load_robot(name)
+        now(f"finding what can be identified of {robot.n_joints} joints")
+        base_parameters(robot)
+    robot_view.render(robot, out)
 
 
 @robot_commands.command()
 def new(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Robot file to write.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", callback=new_file, help="Robot file to write.")
+    ],
     urdf: Annotated[
         Path | None, typer.Option("--urdf", help="URDF file; expand a xacro file first.")
     ] = None,
@@ -77,7 +86,6 @@ def new(
         raise typer.BadParameter("give one of --urdf, --dh and --mdh")
     if urdf is None and (base or tip):
         raise typer.BadParameter("--from and --to name links of a URDF; leave them out")
-    refuse_existing(output)
     if urdf is not None:
         text, found, rounded = _from_urdf(urdf, base, tip, gravity)
     else:

@@ -43,6 +43,23 @@ COLD = 60.0
 """Time of motion before the first recording up to which a run begins cold [s]."""
 
 
+def refuse_unusable(path: Path, resume: bool) -> None:
+    """Refuse a folder for what is in it, before the plan is gone through.
+
+    Raises
+    ------
+    FileError
+        There is a run already, or none to resume.
+    """
+    if RunFolder.is_stub(path):
+        return
+    if resume or (path / "run.json").exists():
+        folder = RunFolder.open(path)
+        if resume or folder.only_rehearsed:
+            return
+    RunFolder.refuse_taken(path)
+
+
 def prepare_folder(
     path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool, out: Console
 ) -> RunFolder:

@@ -10,8 +10,10 @@ import typer
 
 from checked_files.near import did_you_mean
 from hil.cli.arguments import PLANT, RobotsDrives
+from hil.cli.outputs import folder_to_write
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
+from hil.terminal.working import working
 
 study = typer.Typer(help="Methods against one another on plants whose truth is known.")
 commands = typer.Typer()
@@ -20,7 +22,10 @@ commands.add_typer(study, name="study")
 
 @study.command()
 def drift(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the study.")],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the study."),
+    ],
     robot: Annotated[
         str, typer.Option(help="Name of a robot that comes along, or path of a robot file.")
     ] = PLANT,
@@ -91,17 +96,18 @@ def drift(
     left = f"stopped; what is done stays in {output}, the same command goes on"
     with interruptible(lambda: left):
         try:
-            cells = campaigns.prepare(
-                output,
-                robot,
-                plant or robot,
-                numbers,
-                scenarios,
-                kinds,
-                1.0 if share is None else share,
-                drives_file,
-                minutes,
-            )
+            with working("planning the campaigns"):
+                cells = campaigns.prepare(
+                    output,
+                    robot,
+                    plant or robot,
+                    numbers,
+                    scenarios,
+                    kinds,
+                    1.0 if share is None else share,
+                    drives_file,
+                    minutes,
+                )
         except ValueError as error:
             raise FileError(f"{output}: {error}") from error
         where = execution.cluster(scheduler) if scheduler else execution.local(workers)
@@ -109,9 +115,11 @@ def drift(
             for done in campaigns.measure_cells(cells, execute):
                 show(done)
                 failed += bool(done.error)
-        rows = summary.summarise(campaigns.judged(cells))
+        with working("summing up"):
+            rows = summary.summarise(campaigns.judged(cells))
+            if rows:
+                summary.write(output, rows)
         if rows:
-            summary.write(output, rows)
             study_view.render(rows, out)
             out.print(f"table and picture in {output}", highlight=False, soft_wrap=True)
     if failed:

@@ -19,8 +19,10 @@ from hil.cli.arguments import (
     WorkspaceOption,
 )
 from hil.cli.measuring import OnBus
+from hil.cli.outputs import folder_to_write
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,7 +45,13 @@ def track(
     plan_file: PlanFile,
     model_path: ModelPath,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder of the three runs and of what they show.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            callback=folder_to_write,
+            help="Folder of the three runs and of what they show.",
+        ),
     ],
     interface: Interface = SIMULATED,
     channel: RobotsChannel = None,
@@ -67,18 +75,22 @@ def track(
     realtime: RealTime = False,
 ) -> None:
     """Follow trajectories with neither, velocity and both fed forward; the robot moves."""
-    from functools import partial
+    with working("predicting the torques of the plan"):
+        from functools import partial
 
-    from hil.cli.plan_files import load
-    from hil.results.drive_torque import drive_torque
-    from hil.results.model import Model
-    from hil.results.model_file import file_of
+        from hil.cli.plan_files import load
+        from hil.cli.run_session import refuse_unusable
+        from hil.results.drive_torque import drive_torque
+        from hil.results.model import Model
+        from hil.results.model_file import file_of
+        from hil.results.tracking import PASSES
 
-    the_plan, the_robot = load(plan_file, robot_file, workspace)
-    model = Model.load(model_path)
-
-    predict = partial(drive_torque, model)
-    _refuse(the_plan, the_robot, plan_file, model, model_path, predict)
+        for name in PASSES:
+            refuse_unusable(output / name, resume and (output / name).exists())
+        the_plan, the_robot = load(plan_file, robot_file, workspace)
+        model = Model.load(model_path)
+        predict = partial(drive_torque, model)
+        _refuse(the_plan, the_robot, plan_file, model, model_path, predict)
     how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
     _pass_all(the_plan, the_robot, plan_file, output, how, resume, predict, delay, loop)
     _show(output, str(file_of(model_path)), delay)
@@ -144,8 +156,9 @@ def _show(output: Path, model: str, delay: float) -> None:
     from hil.results.tracking import PASSES, tracked, write_tracking
     from hil.runs.run import Run
 
-    runs = {name: Run.open(output / name) for name in PASSES}
-    found = tracked(runs, model, delay)
+    with working("comparing the passes"):
+        runs = {name: Run.open(output / name) for name in PASSES}
+        found = tracked(runs, model, delay)
     show(tracking(found), out)
     file = write_tracking(output, found)
     say(f"following errors in {file}, plot in {write_tracking_plot(output, runs, delay)}")

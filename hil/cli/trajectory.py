@@ -11,8 +11,10 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.arguments import NewPlan, RobotName, refuse_existing
+from hil.cli.arguments import RobotName
+from hil.cli.outputs import NewPlan
 from hil.terminal.console import out
+from hil.terminal.working import working
 
 trajectory = typer.Typer(
     help="Conventional identification with periodic trajectories.", no_args_is_help=True
@@ -72,10 +74,10 @@ def plan(
 
     robot = load_robot(name)
     refuse_unknown(robot)
-    refuse_existing(output)
     period, harmonics = period or PERIOD, harmonics or HARMONICS
     cycles = max(1, round(60 * minutes / period))
-    found = design_trajectory(robot, period, cycles, criterion.value, seed, harmonics=harmonics)
+    with working(f"optimising a trajectory of {robot.n_joints} axes and {harmonics} harmonics"):
+        found = design_trajectory(robot, period, cycles, criterion.value, seed, harmonics=harmonics)
     designed = Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         warm_up=WarmUp(duration=warm_up) if warm_up else None,

@@ -10,8 +10,10 @@ import typer
 from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsChannel, RobotsDrives, RunPath
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
+from hil.cli.outputs import refuse_unwritable
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from hil.results.model import Model
@@ -43,12 +45,15 @@ def validate(
     realtime: RealTime = False,
 ) -> None:
     """Judge a model by a run that it was not made from; exit status 3 where it is refused."""
-    from hil.results.model import Model
-    from hil.results.model_file import file_of
-    from hil.runs.run import Run
+    with working("reading the model"):
+        from hil.results.model import Model
+        from hil.results.model_file import file_of
+        from hil.results.validation_file import NAME
+        from hil.runs.run import Run
 
-    model_path = file_of(model_path)
-    model = Model.load(model_path)
+        refuse_unwritable(folder / NAME)
+        model_path = file_of(model_path)
+        model = Model.load(model_path)
     if measure:
         _measure(
             model, folder, OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
@@ -62,7 +67,9 @@ def _measure(model: Model, folder: Path, how: OnBus) -> None:
     from hil.planning.design.validation import design_validation
 
     refuse_unknown(model.robot)
-    measure_plan(design_validation(model.robot), model.robot, folder / "plan.yaml", folder, how)
+    with working("choosing a motion"):
+        plan = design_validation(model.robot)
+    measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
@@ -75,9 +82,10 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
     from hil.runs.pooling import pooled
 
     _refuse_other_robot(model, run)
-    drawn = Drawn(predicted_torques(model, pooled([run])))
-    found = judge(model, drawn)
-    file = write_validation(run, model, model_path, found)
+    with working("predicting the torques of the recordings"):
+        drawn = Drawn(predicted_torques(model, pooled([run])))
+        found = judge(model, drawn)
+        file = write_validation(run, model, model_path, found)
     show(table(found, _notes(model, run)), out)
     say(f"{found.verdict}: {found.reason}", style=STYLES[found.verdict])
     if found.axes:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import RobotOption, WorkspaceOption
+from hil.cli.outputs import file_to_write, refuse_no_folder, refuse_unwritable
 from hil.terminal.console import say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,6 +42,7 @@ def view(
         typer.Option(
             "-o",
             "--output",
+            callback=file_to_write,
             help="Page to write; by default beside the plan, in the run's folder, or here.",
         ),
     ] = None,
@@ -62,13 +65,17 @@ def view(
     if path.is_dir():
         _refuse(robot_file, "--robot", "a run, which has its own")
         _refuse(workspace, "--workspace", "a run, which has its own")
-        make, page = _of_run(path, model_path, urdf), path / RUN_PAGE
+        read, page = partial(_of_run, path, model_path, urdf), path / RUN_PAGE
     elif _is_plan(path):
-        make, page = _of_plan(path, robot_file, workspace, model_path, urdf), page_of_plan(path)
+        read = partial(_of_plan, path, robot_file, workspace, model_path, urdf)
+        page = page_of_plan(path)
     else:
         _refuse(robot_file, "--robot", "a robot")
         _refuse(model_path, "--model", "a robot, which stands still")
-        make, page = _of_robot(what, workspace, urdf), Path(f"{path.stem}.html")
+        read, page = partial(_of_robot, what, workspace, urdf), Path(f"{path.stem}.html")
+    refuse_page(output or page)
+    with working(f"reading {what}"):
+        make = read()
     write(output or page, make)
 
 
@@ -77,11 +84,21 @@ def page_of_plan(plan_file: Path) -> Path:
     return plan_file.with_suffix(".html")
 
 
+def refuse_page(path: Path) -> None:
+    """Refuse a place where no page can be written, or something else is."""
+    from hil.view.page import refuse_other_file
+
+    refuse_no_folder(path)
+    refuse_unwritable(path)
+    refuse_other_file(path)
+
+
 def write(path: Path, make: Callable[[int], Scene]) -> None:
     """Write a page, and state where it is."""
-    from hil.view.page import write_page
+    with working("making the page"):
+        from hil.view.page import write_page
 
-    size = write_page(path, make)
+        size = write_page(path, make)
     say(f"page in {path} ({size / 1e6:.1f} MB)")
 
 

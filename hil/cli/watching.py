@@ -27,8 +27,10 @@ from hil.cli.live import (
     listeners,
 )
 from hil.cli.measuring import OnBus
+from hil.cli.outputs import new_folder
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
+from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -47,7 +49,10 @@ def watch(
     plan_file: PlanFile,
     model_path: ModelPath,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder of the run and of what was found.")
+        Path,
+        typer.Option(
+            "-o", "--output", callback=new_folder, help="Folder of the run and of what was found."
+        ),
     ],
     interface: Interface = SIMULATED,
     channel: RobotsChannel = None,
@@ -83,20 +88,21 @@ def watch(
 
     Exit status 3 where there were alarms.
     """
-    from hil.cli.arguments import refuse_existing
-    from hil.cli.plan_files import load, refuse_other_model
-    from hil.results.model import Model
-    from hil.results.model_file import file_of
-    from hil.watching.watcher import Watcher
+    with working("reading plan and model"):
+        from hil.cli.plan_files import load, refuse_other_model
+        from hil.results.model import Model
+        from hil.results.model_file import file_of
+        from hil.watching.watcher import Watcher
 
-    refuse_existing(output)
-    the_plan, the_robot = load(plan_file, robot_file, workspace)
-    model = Model.load(model_path)
-    refuse_other_model(model, model_path, the_robot, plan_file)
-    watcher = Watcher(model, the_plan.sample_period, learn)
-    shown_by = listeners(live, live_address, foxglove, foxglove_address)
-    how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime, listeners=shown_by)
-    rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
+        the_plan, the_robot = load(plan_file, robot_file, workspace)
+        model = Model.load(model_path)
+        refuse_other_model(model, model_path, the_robot, plan_file)
+        watcher = Watcher(model, the_plan.sample_period, learn)
+        shown_by = listeners(live, live_address, foxglove, foxglove_address)
+        how = OnBus(
+            interface, channel, drives_file, bus_option, realtime=realtime, listeners=shown_by
+        )
+        rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
     try:
         _pass(the_plan, the_robot, plan_file, output, how, rounds, watcher, stop)
     finally:

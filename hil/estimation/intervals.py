@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,6 +59,7 @@ def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
 
 def degrees_behind(ratio: float, level: float = 0.95) -> float:
     """Degrees of freedom with which a half-width is `ratio` standard errors."""
+    from scipy import optimize  # noqa: PLC0415 - takes long to load, and half-widths need none
 
     def excess(degrees: float) -> float:
         return float(special.stdtrit(degrees, 0.5 + level / 2)) - ratio

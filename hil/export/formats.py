@@ -28,7 +28,7 @@ FORMATS: dict[str, Writer] = {
 
 
 def export(model: Model, name: str, origin: tuple[str, ...]) -> Exported:
-    """Return the model in a format by its name; nothing is written.
+    """Return the model in a format of `FORMATS` by its name; nothing is written.
 
     Raises
     ------

@@ -18,6 +18,7 @@ from hil.live.friction_so_far import FrictionSoFar
 from hil.measuring.bus_in_front import BusInFront
 from hil.measuring.events import Recorded
 from hil.terminal.interruption import interrupt_main
+from hil.terminal.printable import printable
 from hil.terminal.progress import Pace
 
 if TYPE_CHECKING:
@@ -131,7 +132,9 @@ class Feed:
 
     @contextmanager
     def _listening(self, console: Console) -> Iterator[None]:
-        self._say = lambda text: console.print(text, highlight=False, markup=False, soft_wrap=True)
+        self._say = lambda text: console.print(
+            printable(text), highlight=False, markup=False, soft_wrap=True
+        )
         try:
             for listener in self._listeners:
                 self._say(listener.start(interrupt_main))
@@ -222,5 +225,7 @@ class FedBus(BusInFront):
 def _how(error: BaseException) -> lines.Line:
     """How a run ends that is left by an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return {"how": "stopped", "text": "stopped by the operator, the axes are off"}
+        return {"how": "stopped", "text": "stopped by the operator"}
+    if isinstance(error, (BrokenPipeError, SystemExit)):  # rich turns the one into the other
+        return {"how": "stopped", "text": "nobody reads the output of the terminal"}
     return {"how": "failed", "text": str(error) or type(error).__name__}

@@ -14,6 +14,7 @@ import json
 import os
 import subprocess
 import sys
+import sysconfig
 import time
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -32,7 +33,6 @@ PATIENCE = 20.0
 """How long a process may take to be ready [s]; nothing moves before."""
 LAST_WORDS = 1.0
 """How long the end of a run waits for a reader that is behind, and for its own end [s]."""
-_ROOT = Path(__file__).parents[2]
 _LOOK = 0.01
 
 
@@ -70,6 +70,7 @@ class Listener:
         self._first: SimpleQueue[dict[str, Any]] = SimpleQueue()
         self._process: subprocess.Popen[bytes] | None = None
         self._input = -1
+        self._ear = Thread()
 
     def start(self, stop: Callable[[], None], patience: float = PATIENCE) -> str:
         """Start the process; return what it states once it is ready.
@@ -84,13 +85,12 @@ class Listener:
         ListenerFailed
             It cannot serve.
         """
-        path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH"))))
         self._process = subprocess.Popen(  # noqa: S603 - our own program
             self._command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": path},
+            env=_environment(),
             start_new_session=True,
             bufsize=0,
         )
@@ -98,10 +98,10 @@ class Listener:
         assert self._process.stdout is not None  # noqa: S101 - a pipe
         self._input = self._process.stdin.fileno()
         os.set_blocking(self._input, False)
-        heard = Thread(
+        self._ear = Thread(
             target=self._hear, args=(self._process.stdout, stop), name=self.what, daemon=True
         )
-        heard.start()
+        self._ear.start()
         return self._ready(patience)
 
     def write(self, line: bytes, *, droppable: bool = False) -> None:
@@ -133,6 +133,8 @@ class Listener:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+        if self._ear.is_alive():
+            self._ear.join()  # a stop that came later would find nobody who takes it
 
     def _flush(self) -> None:
         try:
@@ -162,8 +164,17 @@ class Listener:
                 said = json.loads(line)
                 if said["kind"] != "stop":
                     self._first.put(said)
-                elif not stopped:
+                elif not (stopped or self.gone):
                     stopped = True
                     stop()
         self._first.put({"text": f"{self.what} ended before it was ready"})
         self.gone = True
+
+
+def _environment() -> dict[str, str]:
+    """Ours, in which a checkout that is not installed is found as well."""
+    root = str(Path(__file__).parents[2])
+    if root == sysconfig.get_path("purelib"):
+        return dict(os.environ)
+    path = filter(None, (root, os.environ.get("PYTHONPATH")))
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(path)}

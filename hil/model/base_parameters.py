@@ -96,7 +96,8 @@ def base_parameters(robot: Robot) -> BaseParameters:
     heads, regrouped = _regroup(robot)
     sparse = [_put_in_sparsity(robot, row) for row in regrouped]
     matrix = _numeric(robot, sparse)
-    kept, dependence = _independent_rows(matrix, [h in _free(robot) for h in heads])
+    free = _free(robot)
+    kept, dependence = _independent_rows(matrix, [head in free for head in heads])
     placement = np.zeros((10 * robot.n_joints, len(kept)))
     placement[heads] = dependence
     mass, gravity = influences(robot)
@@ -193,6 +194,8 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     dependence : array, shape (n_rows, n_kept)
         All rows as combinations of those kept.
     """
+    if len(matrix) and _rank(matrix) == len(matrix):  # as of most robots: no search among hundreds
+        return list(range(len(matrix))), np.eye(len(matrix))
     kept: list[int] = []
     for index in sorted(range(len(matrix)), key=lambda k: (not headed[k], k)):
         if _rank(matrix[[*kept, index]]) > len(kept):

@@ -221,7 +221,7 @@ class ElementKind(Kind):
     unit: str
     pair: bool
     colour: str
-    marker: str
+    marker: Literal["o", "s", "^"]
     elements: str
     figure: str
     caption: str

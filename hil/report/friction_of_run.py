@@ -6,10 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError, Mismatch
-from hil.estimation.friction.symmetry import BOUND
 from hil.planning.measurement import Friction, recorded_as
-from hil.results.friction import evaluate
-from hil.results.friction_file import load_friction
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,6 +36,11 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     """
     if not recorded_as(Friction, recordings) and not friction_alone(run):
         return None
+    # of runs that measure friction: other reports need none of this
+    from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
+    from hil.results.friction import evaluate  # noqa: PLC0415
+    from hil.results.friction_file import load_friction  # noqa: PLC0415
+
     try:
         kept = load_friction(run)
         model = Path(kept.model_folder) if kept.model_folder else None

@@ -118,17 +118,17 @@ def _header(
 
 def verdict(run: IdentifiedRun) -> str:
     """State the whole report in two sentences."""
-    relative = run.prediction.relative
-    worst = int(np.nanargmax(relative))
-    urgent = sum(item.urgent for item in run.advice)
-    attention = "Nothing needs attention."
+    relative = run.found.prediction.relative
+    urgent = sum(item.urgent for item in run.found.advice)
+    attention = "No finding requires action."
     if urgent:
-        attention = f"{urgent} point{'s need' if urgent > 1 else ' needs'} attention, see below."
+        attention = (
+            f"{urgent} finding{'s require' if urgent > 1 else ' requires'} action, see below."
+        )
     return (
-        f"All {len(run.estimate.p)} base parameters of {run.robot.name} were identified. On a free"
-        " motion within the robot's limits they predict the rigid-body torques to"
-        f" {percent(float(np.nanmean(relative)), 1.0)} % on average over the joints, to"
-        f" {percent(float(relative[worst]), 1.0)} % at joint {worst + 1} (one standard error)."
+        f"All {len(run.estimate.p)} base parameters were identified; the rigid-body torques of a"
+        f" free motion follow from them to {percent(float(np.nanmean(relative)), 1.0)} % on average"
+        " over the axes (one standard error)."
         f" {attention}"
     )
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from hil.report.header import when
 from hil.report.page import TEMPLATES
 from hil.report.plots.history import over_time
-from hil.report.plots.style import plotting
 from hil.report.section import Plot
 from hil.results.changes import FALSE_ALARM
 from hil.results.tables import history as tables
@@ -29,18 +28,17 @@ def write_page(path: Path, found: History) -> None:
     """Write the page, whole or not at all."""
     templates = environment(*TEMPLATES)
     templates.filters["when"] = when
-    with plotting():
-        text = templates.get_template("history.html").render(
-            robot=found.robot.name,
-            newest=found.runs[-1].label,
-            marked=found.sentences(found.runs[-1]),
-            tables=[table(found) for table in (tables.runs, tables.changes, tables.condition)],
-            plots=list(_plots(found)),
-            rate=f"{FALSE_ALARM:.0%}",
-            written=now(),
-            version=versions()["canopen-robot-identification"],
-        )
-        write_file(path, text.encode())
+    text = templates.get_template("history.html").render(
+        robot=found.robot.name,
+        newest=found.runs[-1].label,
+        marked=found.sentences(found.runs[-1]),
+        tables=[table(found) for table in (tables.runs, tables.changes, tables.condition)],
+        plots=list(_plots(found)),
+        rate=f"{FALSE_ALARM:.0%}",
+        written=now(),
+        version=versions()["canopen-robot-identification"],
+    )
+    write_file(path, text.encode())
 
 
 def _plots(found: History) -> Iterator[Plot]:

@@ -1,24 +1,28 @@
 """A run's report: one HTML file with everything in it, made from the recordings alone.
 
-It can be written again at any time, without hardware and without the network; what `hil identify`
-wrote before is only mentioned. Plots are embedded as SVG. What stands in it, and in which order, is
-the registry of `hil.report.sections`.
+It can be written again at any time, without hardware and without the network. What stands in it,
+and in which order, is the registry of `hil.report.sections`; above them stands the plot that shows
+the result best, which is that of the first section that leads. Plots are part of the page as SVG,
+and behind their points are the recordings (`hil.report.recordings`).
 """
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
+from markupsafe import Markup
+
 from hil.report import header
 from hil.report.downloads import downloads
 from hil.report.friction_of_run import friction_alone
 from hil.report.header import when
-from hil.report.plots.style import plotting
+from hil.report.recordings import carried
 from hil.report.reported_run import fitted, identified, read, stroked
+from hil.report.section import Plot
 from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION, OF_STROKES
-from hil.results.identification import method_for
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
@@ -30,21 +34,22 @@ if TYPE_CHECKING:
 
     from hil.report.downloads import Downloads
     from hil.report.header import Header
-    from hil.report.section import Plot, Section
+    from hil.report.reported_run import ReportedRun
+    from hil.report.section import Picture, Section
     from hil.results.model import Model
     from hil.runs.run import Run
 
 NAME = "report.html"
-TEMPLATES = tuple(Path(__file__).parent / folder for folder in ("templates", "sections"))
+TEMPLATES = tuple(Path(__file__).parent / folder for folder in ("templates", "sections", "charts"))
 
 
 def report(run: Run, figures: Path | None = None) -> Path:
-    """Estimate a run anew by both methods and write its report into its folder.
+    """Estimate a run by both methods and write its report into its folder.
 
     Parameters
     ----------
     figures : path, optional
-        Folder for the plots as PNG files too; made if it is not there.
+        Folder for the plots as SVG files too; made if it is not there.
 
     Returns
     -------
@@ -58,20 +63,20 @@ def report(run: Run, figures: Path | None = None) -> Path:
     NotIdentifiable, NotEnoughData
         Measurements that do not suffice.
     """
-    top, sections, model = _content(run)
+    whole = read(run)
+    top, sections, model = _content(whole)
     path = run.path / NAME
-    with plotting():
-        write_file(path, _html(run, top, sections, downloads(model) if model else ()).encode())
-        if figures is not None:
-            _write_figures(figures, [plot for each in sections for plot in each.plots])
+    write_file(path, _html(whole, top, sections, downloads(model) if model else ()).encode())
+    if figures is not None:
+        _write_figures(figures, _plots(sections))
     return path
 
 
-def _content(run: Run) -> tuple[Header, list[Section], Model | None]:
-    whole = read(run)
+def _content(whole: ReportedRun) -> tuple[Header, list[Section], Model | None]:
+    run = whole.source
     if friction_alone(run):
         return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION), None
-    if run.imported and method_for(run)[0] == BACK_AND_FORTH:
+    if run.imported and _back_and_forth(run):
         strokes = stroked(whole)
         return (
             header.of_strokes(strokes),
@@ -89,25 +94,45 @@ def _content(run: Run) -> tuple[Header, list[Section], Model | None]:
     return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN), found.model
 
 
+def _back_and_forth(run: Run) -> bool:
+    # all methods are loaded for it
+    from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH  # noqa: PLC0415
+    from hil.results.identification import method_for  # noqa: PLC0415
+
+    return method_for(run)[0] == BACK_AND_FORTH
+
+
 def _present(sections: Iterable[Section | None]) -> list[Section]:
     return [section for section in sections if section is not None]
 
 
-def _html(run: Run, top: Header, sections: Sequence[Section], files: Downloads) -> str:
+def _plots(sections: Iterable[Section]) -> list[Plot]:
+    return [plot for each in sections for plot in each.plots if isinstance(plot, Plot)]
+
+
+def _html(whole: ReportedRun, top: Header, sections: Sequence[Section], files: Downloads) -> str:
     templates = environment(*TEMPLATES)
     templates.filters["when"] = when
+    lead = next((each.plots[0] for each in sections if each.leads and each.plots), None)
+    script = (TEMPLATES[0] / "report.js").read_text(encoding="utf-8")
+    behind = frozenset[str]().union(*(plot.chart.ids for plot in _plots(sections)))
     return templates.get_template(NAME).render(
         top=top,
-        sections=[(section, _text(templates, section)) for section in sections],
+        lead=lead,
+        sections=[(section, _text(templates, section, lead)) for section in sections],
         downloads=files,
-        run=run,
+        script=Markup(script),  # noqa: S704 - our own
+        script_source=f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'",
+        recordings=carried(whole.campaign, whole.robot, behind),
+        run=whole.source,
         written=now(),
         version=versions()["canopen-robot-identification"],
     )
 
 
-def _text(templates: Environment, section: Section) -> str:
-    plots = {plot.name: plot for plot in section.plots}
+def _text(templates: Environment, section: Section, lead: Plot | Picture | None) -> str:
+    """Text of a section; the plot that leads stands above all of them."""
+    plots = {plot.name: plot for plot in section.plots if plot is not lead}
     return templates.get_template(section.template).render(plots=plots, **section.values)
 
 
@@ -115,4 +140,4 @@ def _write_figures(folder: Path, plots: Iterable[Plot]) -> None:
     with file_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
     for plot in plots:
-        write_file(folder / f"{plot.name}.png", plot.image("png"))
+        write_file(folder / f"{plot.name}.svg", plot.file)

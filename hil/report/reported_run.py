@@ -5,17 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
-from hil.estimation.free_motion.variants import DEFAULT
-from hil.estimation.identify import estimate
-from hil.estimation.mistakes.finding import find_mistake
-from hil.estimation.two_step_methods import estimates
 from hil.report.friction_of_run import friction_of_run
-from hil.results.advice import advice
-from hil.results.identification import model_of
-from hil.results.naming import named
-from hil.results.prediction import predict
-from hil.results.recorded_torque import in_si, predict_recording
+from hil.results.findings import findings
+from hil.results.kept_findings import keep, kept
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
@@ -24,10 +16,9 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.results.advice import Advice
+    from hil.results.findings import Findings
     from hil.results.friction import FrictionResult
     from hil.results.model import Model
-    from hil.results.prediction import Prediction
     from hil.results.recorded_torque import RecordedTorque
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
@@ -68,20 +59,20 @@ class IdentifiedRun(ReportedRun):
 
     Attributes
     ----------
-    estimate : Estimate
-        By the improved method, which the report is about.
-    model, check : Model
-        By the improved method, and by the published one as a check.
-    prediction : Prediction
-        What the improved method's parameters mean in torques.
-    advice : tuple of Advice
+    found : Findings
     """
 
-    estimate: Estimate
-    model: Model
-    check: Model
-    prediction: Prediction
-    advice: tuple[Advice, ...]
+    found: Findings
+
+    @property
+    def estimate(self) -> Estimate:
+        """By the improved method, which the report is about."""
+        return self.found.estimate
+
+    @property
+    def model(self) -> Model:
+        """By the improved method."""
+        return self.found.model
 
     @property
     def robot_time(self) -> float:
@@ -151,6 +142,14 @@ def fitted(run: ReportedRun) -> FreeRun:
     NotIdentifiable, NotEnoughData
         Recordings that do not suffice.
     """
+    # of motions recorded elsewhere alone: other reports need none of this
+    from hil.estimation.free_motion.variants import DEFAULT  # noqa: PLC0415
+    from hil.estimation.identify import estimate  # noqa: PLC0415
+    from hil.estimation.mistakes.finding import find_mistake  # noqa: PLC0415
+    from hil.results.identification import model_of  # noqa: PLC0415
+    from hil.results.naming import named  # noqa: PLC0415
+    from hil.results.recorded_torque import in_si, predict_recording  # noqa: PLC0415
+
     with named(run.source):
         found = estimate(run.robot, run.recordings, DEFAULT)
     model = model_of(run.source, found, mistake=find_mistake(run.robot, run.recordings))
@@ -174,6 +173,11 @@ def stroked(run: ReportedRun) -> StrokesRun:
     NotIdentifiable, NotEnoughData
         Recordings that do not suffice.
     """
+    from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH  # noqa: PLC0415
+    from hil.estimation.identify import estimate  # noqa: PLC0415 - as above
+    from hil.results.identification import model_of  # noqa: PLC0415
+    from hil.results.naming import named  # noqa: PLC0415
+
     with named(run.source):
         found = estimate(run.robot, run.recordings, BACK_AND_FORTH)
     return StrokesRun(
@@ -187,28 +191,15 @@ def stroked(run: ReportedRun) -> StrokesRun:
 
 
 def identified(run: ReportedRun) -> IdentifiedRun:
-    """Estimate the base parameters of a run by both methods.
+    """Take what is kept of a run's estimates, or estimate it by both methods and keep that.
 
     Raises
     ------
     NotIdentifiable
         Measurements that do not suffice.
     """
-    with named(run.source):
-        found = estimates(run.robot, run.recordings)
-    best = found["improved"]
-    prediction = predict(best, run.robot)
-    model = model_of(run.source, best, mistake=find_mistake(run.robot, run.recordings))
-    return IdentifiedRun(
-        source=run.source,
-        campaign=run.campaign,
-        recordings=run.recordings,
-        friction=run.friction,
-        estimate=best,
-        model=model,
-        check=model_of(run.source, found["published"]),
-        prediction=prediction,
-        advice=advice(
-            best, prediction, model.error_budget, run.robot, run.source.planned, run.campaign
-        ),
-    )
+    found = kept(run.source)
+    if found is None:
+        found = findings(run.source, run.campaign, run.recordings)
+        keep(run.source, found)
+    return IdentifiedRun(run.source, run.campaign, run.recordings, run.friction, found)

@@ -8,48 +8,78 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from hil.report.plots.style import image
+from hil.report.charts import svg
+from hil.report.charts.file import file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from matplotlib.figure import Figure
+    from markupsafe import Markup
+
+    from hil.report.charts.chart import Chart
 
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot, which is drawn when it is wanted; use it within `hil.report.plots.style.plotting`.
+    """A plot, which is drawn when it is wanted.
 
     Attributes
     ----------
     name : str
         Of its file; unique within a report.
     draw : callable
-        Returns the figure.
+        Returns the chart.
     alternative : str
         What it shows, for those who do not see it.
     caption : str
     """
 
     name: str
-    draw: Callable[[], Figure]
+    draw: Callable[[], Chart]
     alternative: str
     caption: str
 
     @cached_property
-    def figure(self) -> Figure:
-        """As it was drawn."""
+    def chart(self) -> Chart:
+        """As it was made."""
         return self.draw()
 
-    def image(self, kind: str) -> bytes:
-        """As a file of ``svg`` or ``png``."""
-        return image(self.figure, kind)
+    @property
+    def panels(self) -> list[tuple[float, Markup]]:
+        """Width that each panel is drawn for, and its picture."""
+        return [
+            (panel.width, picture)
+            for panel, picture in zip(self.chart.panels, svg.panels(self.chart), strict=True)
+        ]
 
     @property
-    def uri(self) -> str:
-        """As an address that holds the picture itself."""
-        return data_uri(self.image("svg"), "image/svg+xml")
+    def legend(self) -> list[tuple[Markup, str]]:
+        """What explains its marks."""
+        return svg.legend(self.chart)
+
+    @property
+    def file(self) -> bytes:
+        """As an SVG file."""
+        return file(self.chart)
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture that a command has written.
+
+    Attributes
+    ----------
+    name, alternative, caption : str
+        As of a `Plot`.
+    uri : str
+        Address that holds the picture itself.
+    """
+
+    name: str
+    uri: str
+    alternative: str
+    caption: str
 
 
 def data_uri(content: bytes, kind: str) -> str:
@@ -76,13 +106,16 @@ class Section:
         File of `hil/report/sections` with its text; its plots are there as ``plots``, by name.
     values : mapping
         What else the template shows.
-    plots : tuple of Plot
+    plots : tuple of Plot or Picture
+    leads : bool
+        Whether the first plot may stand at the top of the page, where one looks first.
     """
 
     heading: str
     template: str
     values: Mapping[str, Any] = field(default_factory=dict)
-    plots: tuple[Plot, ...] = ()
+    plots: tuple[Plot | Picture, ...] = ()
+    leads: bool = False
 
     @property
     def anchor(self) -> str:

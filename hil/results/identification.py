@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,28 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
+class Identified(NamedTuple):
+    """A model, and what it was made of.
+
+    Attributes
+    ----------
+    estimate : Estimate
+    mistake : Mistake or None
+        The likeliest in what is stated of robot and drives.
+    model : Model
+    """
+
+    estimate: Estimate
+    mistake: Mistake | None
+    model: Model
+
+
 def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) -> Model:
+    """Identify the base parameters from a run; see `identified`."""
+    return identified(run, method, others).model
+
+
+def identified(run: Run, method: str | None = None, others: Sequence[Run] = ()) -> Identified:
     """Identify the base parameters from a run.
 
     Parameters
@@ -68,7 +89,8 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
         past = history(run.robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
-    return model_of(run, found, others, find_mistake(run.robot, campaign))
+    mistake = find_mistake(run.robot, campaign)
+    return Identified(found, mistake, model_of(run, found, others, mistake))
 
 
 def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:

@@ -86,10 +86,7 @@ class RunFolder(Run):
             There is something at `path` already, or it cannot be written.
         """
         path = Path(path)
-        if path.exists() and not (cls.is_stub(path) or _is_empty(path)):
-            raise FileError(
-                f"{path}: is there already; go on with --resume, or choose another folder with -o"
-            )
+        cls.refuse_taken(path)
         with file_errors(path, "made"):
             path.mkdir(parents=True, exist_ok=True)
         own_folder(path / "recordings")
@@ -105,6 +102,20 @@ class RunFolder(Run):
         )
         write_journal(path / "run.json", journal)
         return cls(path, plan, robot, journal)
+
+    @classmethod
+    def refuse_taken(cls, path: Path) -> None:
+        """Refuse a place where no run can be begun.
+
+        Raises
+        ------
+        FileError
+            There is something already.
+        """
+        if path.exists() and not (cls.is_stub(path) or _is_empty(path)):
+            raise FileError(
+                f"{path}: is there already; go on with --resume, or choose another folder with -o"
+            )
 
     @staticmethod
     def is_stub(path: Path) -> bool:

@@ -20,9 +20,8 @@ Each has a threshold,
 
 from how such means scatter on this machine (`hil.watching.scatter`), from the model's own interval
 (base parameters, and friction as it is followed, `hil.watching.friction_level`), and from what
-friction may be wrong by just after a reversal (`hil.watching.turning`) and at speeds slower than
-its law was found from. At rest friction holds against anything up to its level in either direction,
-so only more than that is seen.
+friction may be wrong by just after a reversal (`hil.watching.turning`). At rest friction holds
+against anything up to its level in either direction, so only more than that is seen.
 """
 
 from __future__ import annotations
@@ -55,8 +54,6 @@ BLOCK = 0.25
 """Time after which what is learned counts: friction, scatter, presliding distances [s]."""
 SLOW = 0.01
 """Share of the velocity limit below which an axis may be at rest."""
-EXTRAPOLATED = 0.2
-"""Share of friction's level by which a law may be wrong far below the speeds it was found from."""
 SURE = 0.05
 """Doubt of friction's direction up to which a sample shows how friction and scatter are."""
 DOUBTFUL = 1.0
@@ -129,8 +126,7 @@ class Detector:
         self._model, self._period = model, period
         self._limit, self._speed = robot.torque_limit, robot.velocity_limit
         self._tables = FrictionTables(model)
-        self._slowest = np.maximum(self._tables.slowest, 1e-9)
-        self._level = FrictionLevel(self._tables.uncertainty)
+        self._level = FrictionLevel(self._tables.uncertainty, self._tables.slowest / self._speed)
         self._turning = Turning(_presliding(model))
         self._scatter = Scatter(len(self.windows), n, period)
         self._recent = np.zeros((2, self.windows[-1], n))
@@ -205,8 +201,7 @@ class Detector:
         predicted = frictionless + turn.direction * level + drifted * self._limit
         left = (measured - predicted) / self._limit
         rest = np.clip(1.0 - speed / SLOW, 0.0, 1.0) * (1.0 + np.abs(turn.direction))
-        slow = EXTRAPOLATED * np.clip(1.0 - np.abs(qd) / self._slowest, 0.0, 1.0)
-        wrong = np.maximum(np.maximum(turn.doubt, rest), slow)
+        wrong = np.maximum(turn.doubt, rest)
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
         threshold = np.sqrt((SIGMAS * self._scatter.rms) ** 2 + error) + bands

@@ -1,13 +1,15 @@
 """What friction has become since the model was identified: followed slowly, axis by axis.
 
-Temperature and lubricant change a level of friction by a tenth and more, in minutes. A push comes
-within milliseconds and goes. So a few shares of the law's friction are unknowns that wander, each a
-random walk, and a Kalman filter follows them block by block:
+Temperature and lubricant change a level of friction by a tenth and more, in minutes, and a law of
+friction is never quite the axis's. A push comes within milliseconds and goes. So what friction is
+beside the law's is unknown at a row of speeds, linear between them, and wanders; a Kalman filter
+follows it block by block:
 
-    residual / limit = z level (x0 + x1 u + x2 arctan(u / 0.08)) / limit + x3,
+    residual / limit = z level x(u) / limit + offset,
 
-with direction z and speed u as a share of the velocity limit. It begins with what the model says
-of the uncertainty of its friction. What the filter says of its own is part of every threshold.
+with direction z and speed u as a share of the velocity limit. What neighbours in the row say is
+alike, as what a walk over the row's numbers would leave. It begins with what the model says of the
+uncertainty of its friction. What the filter says of its own is part of every threshold.
 """
 
 from __future__ import annotations
@@ -21,14 +23,20 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-BEND = 0.08
-"""Share of the velocity limit at which the arc tangent bends."""
-LEAST = (0.02, 0.05, 0.05, 0.01)
+SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])
+"""Shares of the velocity limit at which friction is unknown; faster is as fast as the last."""
+ALIKE = 2.0
+"""Places in the row of speeds after which what is said has half gone over into something else."""
+LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
 """Standard deviations at the beginning, at least: shares of the level, and of the torque limit."""
-WANDER = (0.05, 0.05, 0.03, 0.005)
-"""Standard deviations of what the unknowns wander in a minute."""
+EXTRAPOLATED = 0.2
+"""That of the shape far below the speeds that a law was found from."""
+LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
+"""Standard deviations of what they wander in a minute."""
 ERROR = 0.004
 """Share of the torque limit by which the mean of a block errs that is no friction."""
+N_UNKNOWNS = len(SPEEDS) + 1
+"""Friction beside the law's at each of the speeds, and the offset."""
 
 
 class FrictionLevel:
@@ -38,21 +46,29 @@ class FrictionLevel:
     ----------
     uncertainty : ndarray, shape (n_joints,)
         Of the law's level, as a share of it.
+    slowest : ndarray, shape (n_joints,)
+        Speeds from which the law was found, as shares of the velocity limit.
     """
 
-    def __init__(self, uncertainty: Array) -> None:
-        n = len(uncertainty)
-        self._x = np.zeros((n, len(LEAST)))
-        spread = np.tile(LEAST, (n, 1))
-        spread[:, 0] = np.maximum(spread[:, 0], uncertainty)
-        self._covariance = spread[:, :, np.newaxis] ** 2 * np.eye(len(LEAST))
+    def __init__(self, uncertainty: Array, slowest: Array) -> None:
+        self._x = np.zeros((len(uncertainty), N_UNKNOWNS))
+        below = np.clip(1.0 - SPEEDS / np.maximum(slowest, 1e-9)[:, np.newaxis], 0.0, 1.0)
+        shape = np.maximum(SHAPE, EXTRAPOLATED * below)
+        self._covariance = np.stack(
+            [
+                _covariance(max(LEVEL, own), spread, OFFSET)
+                for own, spread in zip(uncertainty, shape, strict=True)
+            ]
+        )
+        even = np.full(len(SPEEDS), SHAPE_WANDER)
+        self._wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
 
     def at(self, columns: Array) -> tuple[Array, Array]:
         """What friction adds to the law's, and its standard error, as shares of the torque limit.
 
         Parameters
         ----------
-        columns : ndarray, shape (n, n_joints, 4)
+        columns : ndarray, shape (n, n_joints, n_unknowns)
             Those of `columns_of`.
         """
         spread = np.einsum("njk,jkl,njl->nj", columns, self._covariance, columns)
@@ -63,33 +79,44 @@ class FrictionLevel:
 
         Parameters
         ----------
-        columns : ndarray, shape (n, n_joints, 4)
+        columns : ndarray, shape (n, n_joints, n_unknowns)
         left : ndarray, shape (n, n_joints)
             Measured less predicted, with what was followed before, as shares of the torque limit.
         used : ndarray of bool, shape (n, n_joints)
         duration : float
             Of the block [s].
         """
-        walk = np.diag(np.square(WANDER)) * duration / 60
+        walk = self._wander * duration / 60
         weight = used / (ERROR**2 * len(left))
         information = np.einsum("njk,nj,njl->jkl", columns, weight, columns)
         shown = np.einsum("njk,nj,nj->jk", columns, weight, left)
         before = self._covariance + walk
-        narrowed = np.linalg.solve(np.eye(len(LEAST)) + before @ information, before)
+        narrowed = np.linalg.solve(np.eye(N_UNKNOWNS) + before @ information, before)
         self._covariance = (narrowed + np.swapaxes(narrowed, 1, 2)) / 2
         self._x = self._x + np.einsum("jkl,jl->jk", self._covariance, shown)
 
 
 def columns_of(direction: Array, level: Array, speed: Array) -> Array:
-    """Columns of the unknowns, shape (n, n_joints, 4).
+    """Columns of the unknowns, shape (n, n_joints, n_unknowns).
 
     Parameters
     ----------
     direction, level, speed : ndarray, shape (n, n_joints)
         Direction from -1 to 1, and shares of the torque and velocity limits.
     """
-    columns = np.ones((*speed.shape, len(LEAST)))
-    columns[..., 0] = friction = direction * level
-    columns[..., 1] = friction * speed
-    columns[..., 2] = friction * np.arctan(speed / BEND)
+    columns = np.empty((*speed.shape, N_UNKNOWNS))
+    place = np.interp(speed, SPEEDS, np.arange(len(SPEEDS)))
+    near = np.abs(place[..., np.newaxis] - np.arange(len(SPEEDS)))
+    columns[..., :-1] = (direction * level)[..., np.newaxis] * np.maximum(1.0 - near, 0.0)
+    columns[..., -1] = 1.0
     return columns
+
+
+def _covariance(level: float, shape: Array, offset: float) -> Array:
+    """Of the unknowns, shape (n_unknowns, n_unknowns); `shape` is of each speed."""
+    found = np.zeros((N_UNKNOWNS, N_UNKNOWNS))
+    number = np.arange(len(SPEEDS))
+    apart = np.abs(np.subtract.outer(number, number))
+    found[:-1, :-1] = level**2 + np.outer(shape, shape) * 0.5 ** (apart / ALIKE)
+    found[-1, -1] = offset**2
+    return found

@@ -1,7 +1,8 @@
 """A process that is told of a run and writes all lines down, as `hil.live.listener` starts it.
 
 Arguments: the file to write, and what it does: ``note``; ``deaf`` (reads nothing until the end);
-``refuse`` (cannot serve); ``stop`` (wants a stop at the first recording); ``leave`` (ends at it).
+``refuse`` (cannot serve); ``stop`` (wants a stop at the first recording); ``leave`` (ends at it);
+``late`` (wants a stop when all is over).
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ def main(path: str, manner: str) -> None:
                 say("stop")
             elif '"name":"Recorded"' in line and manner == "leave":
                 return
+    if manner == "late":
+        say("stop")
 
 
 if __name__ == "__main__":

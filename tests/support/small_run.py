@@ -7,6 +7,7 @@ from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
 from hil.planning.design.by_counts import design
+from hil.report.charts.chart import Chart
 from hil.runs.journal import BusName
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
@@ -47,5 +48,5 @@ def as_on_hardware(journal, bus):
 
 
 def empty_plots(monkeypatch):
-    """Let reports have all their pictures, with nothing drawn."""
-    monkeypatch.setattr("hil.report.section.Plot.image", lambda _plot, _kind: b"<svg/>")
+    """Let reports have all their plots, with nothing in them."""
+    monkeypatch.setattr("hil.report.section.Plot.chart", Chart())

@@ -83,6 +83,19 @@ class BodyBounds:
                     f"{max(abs(least), abs(most)) or MOST_MASS:g}, or leave the bound out"
                 )
 
+    def refuse_other_links(self, robot: Robot) -> None:
+        """Refuse bounds of a link that the robot does not have.
+
+        Raises
+        ------
+        InvalidValue
+        """
+        for link in (*self.masses, *self.centres):
+            if not 1 <= link <= robot.n_joints:
+                raise InvalidValue(
+                    f"bounds of link {link}: {robot.name} has links 1 to {robot.n_joints}"
+                )
+
     def mass(self, link: int) -> tuple[float, float]:
         """Bounds of a link's mass, from 1 [kg]."""
         return self.masses.get(link, (LEAST_MASS, MOST_MASS))
@@ -120,11 +133,7 @@ def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
     InvalidValue
         Bounds of a link that the robot does not have.
     """
-    unknown = [n for n in (*bounds.masses, *bounds.centres) if not 1 <= n <= robot.n_joints]
-    if unknown:
-        raise InvalidValue(
-            f"bounds of link {unknown[0]}: {robot.name} has links 1 to {robot.n_joints}"
-        )
+    bounds.refuse_other_links(robot)
     found: list[Condition] = []
     for link in range(robot.n_joints):
         found.append(_spread(robot, link, bounds.thickness))

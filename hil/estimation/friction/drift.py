@@ -24,7 +24,6 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from hil.estimation.friction.warmth import REFERENCE, relaxed
 from hil.regression.least_squares import fitted
@@ -154,6 +153,8 @@ class _Fit:
         grid = [np.linspace(a, b, n + 2)[1:-1] for a, b, n in
                 zip(self._low, self._high, GRID, strict=True)]  # fmt: skip
         start = min(product(*grid), key=lambda taus: float(np.sum(self._left(np.array(taus)) ** 2)))
+        from scipy.optimize import least_squares  # noqa: PLC0415 - takes long to load
+
         refined = least_squares(self._left, np.array(start), bounds=(self._low, self._high))
         return np.asarray(refined.x, dtype=np.float64)
 

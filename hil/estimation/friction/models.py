@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from hil.regression.least_squares import fitted
 from hil.regression.uncertainty import classical, correlation_of
@@ -175,6 +174,8 @@ def _non_linear(kind: Law, x: Array, y: Array, bounds: tuple[float, float]) -> A
 
     def jacobian(a: Array) -> Array:
         return _jacobian(kind, a, x)
+
+    from scipy.optimize import least_squares  # noqa: PLC0415 - takes long to load
 
     refined = least_squares(residual, inside, jacobian, bounds=(low, high), x_scale="jac")
     found: Array = refined.x

@@ -1,64 +1,74 @@
-"""The plots of axes that move back and forth; draw them within `style.plotting`."""
+"""The plots of axes that move back and forth."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 
-from hil.report.plots.style import MEASURED, MODEL, panels_in_rows
+from hil.report.charts.chart import Chart, Line, Panel, Points
+from hil.report.charts.colours import MODEL, in_turn
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.figure import Figure
+    from collections.abc import Iterator, Sequence
 
     from hil.estimation.back_and_forth.half_sums import HalfSums
     from hil.estimation.back_and_forth.result import FrictionCurve
     from hil.model.robot import Robot
+    from hil.report.charts.chart import Item
 
 SHOWN = 6
 """Recordings of an axis."""
 
 
-def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Figure:
+def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
     """Torque of the rigid bodies over the position, measured and modelled, axis by axis."""
     axes = sorted({each.axis for each in half_sums})
-    figure, panels = panels_in_rows(len(axes), height=2.8)
-    for axis, (panel,) in zip(axes, panels, strict=True):
-        own = [each for each in half_sums if each.axis == axis]
-        longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:SHOWN]
-        colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.85, len(longest)))
-        for each, colour in zip(longest, colours, strict=True):
-            error = np.nan_to_num(each.standard_error)
-            panel.errorbar(each.q, each.measured, error, fmt=".", markersize=3, color=colour)
-            panel.plot(each.q, each.model, color=colour)
-        panel.set_title(f"axis {axis + 1}")
-        panel.set_xlabel(f"position [{robot.position_unit(axis)}]")
-        panel.set_ylabel(_torque(robot, axis))
-    return figure
+    return Chart(
+        tuple(
+            Panel(
+                tuple(_half_sums([each for each in half_sums if each.axis == axis])),
+                title=f"axis {axis + 1}",
+                x_label=f"position [{robot.position_unit(axis)}]",
+                y_label=_torque(robot, axis),
+            )
+            for axis in axes
+        )
+    )
 
 
-def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Figure:
+def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
+    longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:SHOWN]
+    for each, colour in zip(longest, in_turn(len(longest)), strict=True):
+        error = np.nan_to_num(each.standard_error)
+        yield Points(each.q, each.measured, "o", colour, error=error, size=1.6)
+        yield Line(each.q, each.model, colour)
+
+
+def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Chart:
     """Friction over the speed, axis by axis."""
-    figure, panels = panels_in_rows(len(curves), height=2.4)
-    for curve, (panel,) in zip(curves, panels, strict=True):
-        axis = curve.axis - 1
-        speed = np.array([point.speed for point in curve.points])
-        friction = np.array([point.friction for point in curve.points])
-        half = np.array([point.half_width or 0.0 for point in curve.points])
-        panel.errorbar(speed, friction, half, fmt="o", markersize=3, color=MEASURED, capsize=2)
-        if curve.plain:
-            coulomb, viscous = (curve.plain[name].value for name in ("Coulomb", "viscous"))
-            ends = np.array([0.0, speed.max()])
-            panel.plot(ends, coulomb + viscous * ends, "--", color=MODEL)
-        panel.set_xlim(left=0.0)
-        panel.set_ylim(bottom=min(0.0, float(np.min(friction - half))))
-        panel.set_title(f"axis {curve.axis}")
-        panel.set_xlabel(f"speed [{robot.position_unit(axis)}/s]")
-        panel.set_ylabel(_torque(robot, axis))
-    return figure
+    return Chart(tuple(_curve(curve, robot) for curve in curves))
+
+
+def _curve(curve: FrictionCurve, robot: Robot) -> Panel:
+    axis = curve.axis - 1
+    speed = np.array([point.speed for point in curve.points])
+    friction = np.array([point.friction for point in curve.points])
+    half = np.array([point.half_width or 0.0 for point in curve.points])
+    items: list[Item] = [Points(speed, friction, "o", error=half, size=2.2)]
+    if curve.plain:
+        coulomb, viscous = (curve.plain[name].value for name in ("Coulomb", "viscous"))
+        ends = np.array([0.0, speed.max()])
+        items.append(Line(ends, coulomb + viscous * ends, MODEL, dash="5 3"))
+    low, high = min(0.0, float(np.min(friction - half))), float(np.max(friction + half))
+    return Panel(
+        tuple(items),
+        title=f"axis {curve.axis}",
+        x_label=f"speed [{robot.position_unit(axis)}/s]",
+        y_label=_torque(robot, axis),
+        x_range=(0.0, 1.05 * float(speed.max())),
+        y_range=(low, high + 0.08 * (high - low)),
+    )
 
 
 def _torque(robot: Robot, axis: int) -> str:

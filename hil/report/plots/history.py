@@ -7,30 +7,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.plots.style import MEASURED, MODEL, MUTED, legend, panels_in_rows
+from hil.report.charts.chart import Chart, Panel, Points
+from hil.report.charts.colours import MEASURED, MODEL, MUTED
 from hil.results.history_file import half_width
 from hil.results.tables.cells import unit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from collections.abc import Iterator, Sequence
 
     from hil.results.history import History
 
 DAY = 86400.0
 
 
-def over_time(found: History, places: Sequence[int]) -> Figure:
+def over_time(found: History, places: Sequence[int]) -> Chart:
     """Draw the quantities at `places`, a panel each."""
-    figure, panels = panels_in_rows(len(places), 1.9)
     at, label = _instants(found)
-    for place, (panel,) in zip(places, panels, strict=True):
-        _draw(panel, found, place, at)
-        panel.set_xlabel(label)
-    legend(figure, panels[0][0])
-    return figure
+    return Chart(
+        tuple(
+            Panel(
+                tuple(_readings(found, place, at)),
+                title=found.quantities[place].name,
+                x_label=label,
+                y_label=unit(found.quantities[place].unit),
+                height=105.0,
+            )
+            for place in places
+        )
+    )
 
 
 def _instants(found: History) -> tuple[np.ndarray, str]:
@@ -42,7 +46,7 @@ def _instants(found: History) -> tuple[np.ndarray, str]:
     return (seconds - seconds[0]) / DAY, "days since the first run"
 
 
-def _draw(panel: Axes, found: History, place: int, at: np.ndarray) -> None:
+def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:
     quantity = found.quantities[place]
     readings = [run.readings[place] for run in found.runs]
     marked = {each.run for each in found.marked if each.quantity == quantity}
@@ -54,7 +58,6 @@ def _draw(panel: Axes, found: History, place: int, at: np.ndarray) -> None:
             if read is not None and (run.label in marked) == changed
         ]
         t, value, half, allowance = np.array(shown).reshape(-1, 4).T
-        panel.errorbar(t, value, half, fmt="o", ms=3, lw=1, color=colour, label=name)
-        panel.errorbar(t, value, half + allowance, fmt="none", lw=0.5, color=MUTED)
-    panel.set_title(quantity.name)
-    panel.set_ylabel(unit(quantity.unit))
+        if shown:
+            yield Points(t, value, "o", MUTED, error=half + allowance, size=0.5)
+            yield Points(t, value, "o", colour, name, error=half, size=2.4)

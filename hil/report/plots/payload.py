@@ -1,23 +1,18 @@
-"""The plot of elements without and with a load: the paper's Figs. 5 and 6.
-
-Call and save it within `hil.report.plots.style.plotting`.
-"""
+"""The plot of elements without and with a load: the paper's Figs. 5 and 6."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from matplotlib.ticker import MaxNLocator
-
-from hil.report.plots.style import MEASURED, MODEL, MUTED, legend, panels_in_rows
+from hil.report.charts.chart import Chart, Line, Panel, Points
+from hil.report.charts.colours import MEASURED, MODEL, MUTED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.figure import Figure
+    from collections.abc import Iterator, Sequence
 
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
+    from hil.report.charts.chart import Item
     from hil.results.payload_file import ElementRecord
 
 
@@ -26,34 +21,44 @@ def with_and_without_load(
     loaded: Sequence[ElementRecord],
     kind: ElementKind,
     robot: Robot,
-) -> Figure:
+) -> Chart:
     """The paper's Figs. 5 and 6: elements of both runs over configuration number.
 
     Parameters
     ----------
     without, loaded : sequence of ElementRecord
+        The latter of the run that is reported.
     kind : ElementKind
         Of the elements that are drawn.
     robot : Robot
     """
     runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
     axes = sorted({each.axis for run in runs for each in run})
-    figure, panels = panels_in_rows(len(axes), height=2.3)
-    for axis, (panel,) in zip(axes, panels, strict=True):
-        for run, colour, mark, line, state in zip(
-            runs, (MUTED, MEASURED), ("o", "x"), ("-", "--"), ("without", "with"), strict=True
-        ):
-            x = [k for k, each in enumerate(run, start=1) if each.axis == axis]
-            own = [each for each in run if each.axis == axis]
-            panel.plot(x, [each.model for each in own], line, color=MODEL, linewidth=0.9,
-                       label=f"model {state} load")  # fmt: skip
-            panel.plot(x, [each.value for each in own], mark, color=colour, markersize=4,
-                       markerfacecolor="none", label=f"measured {state} load")  # fmt: skip
-        panel.set_title(f"${kind.element(axis - 1, axis - 1)}$", fontsize=11)
-        panel.set_xlabel("configuration number")
-        panel.set_ylabel(f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]")
-        panel.margins(y=0.12)
-        panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    if panels:
-        legend(figure, panels[0][0])
-    return figure
+    return Chart(
+        tuple(
+            Panel(
+                (*_elements(runs[0], axis, loaded=False), *_elements(runs[1], axis, loaded=True)),
+                title=f"${kind.element(axis - 1, axis - 1)}$",
+                x_label="configuration number",
+                y_label=f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]",
+                whole=True,
+            )
+            for axis in axes
+        )
+    )
+
+
+def _elements(run: Sequence[ElementRecord], axis: int, *, loaded: bool) -> Iterator[Item]:
+    state = "with load" if loaded else "without load"
+    own = [(k, each) for k, each in enumerate(run, start=1) if each.axis == axis]
+    x = [k for k, _ in own]
+    dash = "5 3" if loaded else ""
+    yield Line(x, [each.model for _, each in own], MODEL, f"model {state}", dash, width=1.0)
+    yield Points(
+        x,
+        [each.value for _, each in own],
+        "x" if loaded else "ring",
+        MEASURED if loaded else MUTED,
+        f"measured {state}",
+        ids=[each.id for _, each in own] if loaded else (),
+    )

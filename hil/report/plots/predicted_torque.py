@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.report.plots.style import MEASURED, MODEL, MUTED
+from hil.report.charts.colours import MEASURED, MODEL, MUTED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

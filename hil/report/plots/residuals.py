@@ -1,23 +1,19 @@
-"""The plots of what a model leaves of the measurements: over all of them, and over joint angles.
-
-Call and save them within `hil.report.plots.style.plotting`.
-"""
+"""The plots of what a model leaves of the measurements: over all of them, and over joint angles."""
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from scipy import special
 
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.plots.columns import Column, draw_columns, label_columns
-from hil.report.plots.style import MEASURED, MUTED, WIDTH, align_label, fixed_grid, legend
+from hil.report.charts.chart import Chart, Line, Panel, Points, Rule
+from hil.report.charts.colours import MODEL, MUTED
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -28,13 +24,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_ROW = 1.35
-"""Height of a row of panels [inch]."""
+NARROW = 4.0
+"""Range of a joint's positions up to which nothing shows over it [deg or mm]."""
 
 
-def residuals(
-    estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]
-) -> Figure:
+def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]) -> Chart:
     """Draw what the model leaves of every measurement, as torque; and how normal that is.
 
     Parameters
@@ -42,30 +36,41 @@ def residuals(
     planned : mapping
         Measurements by their id.
     """
-    figure, grid = fixed_grid(WIDTH, 3.4, 1, 2, ratios=(2.2, 1.0))
-    left, right = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
     number = {value.id: k for k, value in enumerate(estimate.local, start=1)}
+    left, right = [], []
     for name, kind in ELEMENT_KINDS.items():
         values = [value for value in estimate.local if value.kind == name]
         relative = np.array([_relative(value, robot, planned[value.id]) for value in values])
-        left.plot([number[value.id] for value in values], 100 * relative, kind.marker,
-                  color=kind.colour, markersize=3.6, label=name)  # fmt: skip
-        normal, ordered = _quantiles(relative, [value.axis for value in values])
-        right.plot(normal, ordered, kind.marker, color=kind.colour, markersize=3.2)
-    left.axhline(0.0, color=MUTED, linewidth=0.8)
-    left.set_xlabel("measurement, in the plan's order")
-    left.set_ylabel("measured − modelled [% of torque limit]")
-    left.set_title("residuals of all measurements")
-    right.axline((0.0, 0.0), slope=1.0, color=MUTED, linewidth=0.8)
-    right.set_xlabel("quantile of the normal distribution")
-    right.set_ylabel("residual, centred and scaled by axis")
-    right.set_title("normal probability plot")
-    legend(figure, left)
-    return figure
+        places, ids = [number[value.id] for value in values], [value.id for value in values]
+        left.append(
+            Points(places, 100 * relative, kind.marker, kind.colour, name, ids=ids, size=2.6)
+        )
+        normal, scaled = _quantiles(relative, [value.axis for value in values])
+        right.append(Points(normal, scaled, kind.marker, kind.colour, ids=ids, size=2.3))
+    return Chart(
+        (
+            Panel(
+                (Rule(0.0), *left),
+                title="residuals of all measurements",
+                x_label="measurement, in the plan's order",
+                y_label="measured − modelled [% of torque limit]",
+                whole=True,
+                width=700.0,
+                height=220.0,
+            ),
+            Panel(
+                (Line((-3.0, 3.0), (-3.0, 3.0), MUTED, width=1.0), *right),
+                title="normal probability plot",
+                x_label="quantile of the normal distribution",
+                y_label="residual, centred and scaled by axis",
+                height=220.0,
+            ),
+        )
+    )
 
 
-def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Figure:
-    """Measured less modelled elements of every axis against every joint's position.
+def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Chart:
+    """Measured less modelled elements of every axis against the position of each joint that varied.
 
     What is the same at all configurations of an axis is taken off: it is friction that differs by
     direction, or that step 1 takes for part of the element, and hides what depends on angles.
@@ -79,34 +84,50 @@ def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: Elem
         Theirs.
     """
     axes = sorted({value.axis for value in values})
-    rows = max(len(axes), 1)
-    height = 0.95 + _ROW * rows
-    figure = Figure(figsize=(WIDTH, height))
-    margins = {"left": 0.075, "right": 0.99, "bottom": 0.5 / height, "top": 1 - 0.5 / height}
-    panels = figure.subplots(rows, squeeze=False, gridspec_kw={**margins, "hspace": 0.32})[:, 0]
-    n_joints = robot.n_joints
-    columns = [
-        Column.of(k, [v.q[k] for v in values], turns=bool(robot.revolute[k]))
-        for k in range(n_joints)
-    ]
-    for axis, panel in zip(axes, panels, strict=False):
-        own = [value for value in values if value.axis == axis]
-        left = np.array([value.value - value.model for value in own])
-        mean = float(left.mean())
-        error = 2.0 * np.nan_to_num([value.standard_error for value in own])
-        angles = np.concatenate([c.place([v.q[c.joint] for v in own]) for c in columns])
-        panel.errorbar(angles, np.tile(left - mean, n_joints), np.tile(error, n_joints), fmt="x",
-                       color=MEASURED, markersize=3.5, elinewidth=0.7,
-                       label="measured − modelled, ± 2 standard errors")  # fmt: skip
-        draw_columns(panel, columns)
-        unit = kind.unit_of(robot, axis, axis)
-        panel.set_ylabel(f"Δ${kind.element(axis, axis)}$ [{unit}]")
-        panel.set_title(f"mean {signed(f'{mean:.2g}')} {unit} taken off",
-                        fontweight="normal", fontsize=8, color=MUTED)  # fmt: skip
-        align_label(figure, panel, 0.66)
-    label_columns(panels[-1], columns)
-    legend(figure, panels[0])
-    return figure
+    each = ([value for value in values if value.axis == axis] for axis in axes)
+    return Chart(tuple(panel for own in each for panel in _over_angles(own, robot, kind)))
+
+
+def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
+    """Panels of one axis, all with the same vertical axis."""
+    axis = own[0].axis
+    left = np.array([value.value - value.model for value in own])
+    mean = float(left.mean())
+    error = 2.0 * np.nan_to_num([value.standard_error for value in own])
+    most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
+    unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
+    for joint, turns in enumerate(robot.revolute):
+        shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
+        if np.ptp(shown) > NARROW:
+            yield Panel(
+                (
+                    Rule(0.0, colour=MODEL),
+                    Points(shown, left - mean, error=error, ids=[value.id for value in own],
+                           label="measured − modelled, ± 2 standard errors", size=2.5),
+                ),
+                title=f"${element}$, mean {signed(f'{mean:.2g}')} {unit} taken off",
+                x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
+                y_label=f"Δ${element}$ [{unit}]",
+                y_range=(-most, most),
+                ticks=_right_angles(shown) if turns else None,
+                width=260.0,
+                height=95.0,
+            )  # fmt: skip
+
+
+def _right_angles(shown: Array) -> dict[float, str] | None:
+    """Marks at right angles, where a joint turns as far."""
+    if np.ptp(shown) < 150:
+        return None
+    step = 180 if np.ptp(shown) > 340 else 90
+    first, last = int(np.floor(shown.min() / step)), int(np.ceil(shown.max() / step))
+    room = 0.05 * np.ptp(shown)
+    within = (step * k for k in range(first, last + 1))
+    return {
+        float(each): signed(f"{each}")
+        for each in within
+        if shown.min() - room <= each <= shown.max() + room
+    }
 
 
 def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> float:
@@ -116,11 +137,12 @@ def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> f
 
 
 def _quantiles(residual: Array, axes: Sequence[int]) -> tuple[Array, Array]:
-    """Residuals of a kind, each axis's standardised, in order, and where normal ones would be."""
-    left, axis = residual.copy(), np.array(axes)
+    """Where residuals of a kind would be were they normal, and they, standardised by axis."""
+    scaled, axis = residual.copy(), np.array(axes)
     for a in set(axis.tolist()):
-        own = left[axis == a]
+        own = scaled[axis == a]
         scatter = own.std(ddof=1) if len(own) > 1 else 0.0
-        left[axis == a] = (own - own.mean()) / (scatter or 1.0)
-    normal = special.ndtri((np.arange(len(left)) + 0.5) / max(len(left), 1))
-    return np.asarray(normal, dtype=np.float64), np.sort(left)
+        scaled[axis == a] = (own - own.mean()) / (scatter or 1.0)
+    place = np.empty(len(scaled))
+    place[np.argsort(scaled, kind="stable")] = (np.arange(len(scaled)) + 0.5) / max(len(scaled), 1)
+    return np.array([NormalDist().inv_cdf(each) for each in place]), scaled

@@ -1,4 +1,4 @@
-"""How plots look and where their panels stand; what they show is in `hil.report.plots.campaign`.
+"""How plots that commands write as PNG files look and where their panels stand.
 
 Figures are made with matplotlib's objects alone. There is no global state to set up or to leave
 behind but the style, which holds within `plotting`. Margins are fixed in inches, since engines that
@@ -15,14 +15,14 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from hil.report.charts.colours import GRID, INK, MUTED
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.gridspec import GridSpec
 
-INK, MUTED, GRID = "#1f2933", "#7b8794", "#e4e7eb"
-MEASURED, MODEL = "#1f5fa8", "#d9730d"
 WIDTH = 10.0
 """Of a figure [inch]; reports scale it to the page."""
 DPI = 160
@@ -87,12 +87,6 @@ def fixed_grid(
         wspace=0.85 / inner[0], hspace=0.75 / inner[1],
     )  # fmt: skip
     return figure, grid
-
-
-def align_label(figure: Figure, panel: Axes, away: float = 0.5) -> None:
-    """Put the label of the vertical axis `away` from it [inch], in line with those of others."""
-    width = panel.get_position().width * figure.get_figwidth()
-    panel.yaxis.set_label_coords(-away / width, 0.5)
 
 
 def legend(figure: Figure, panel: Axes) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.plots.style import MEASURED, MODEL, MUTED, image, legend, panels_in_rows, plotting
+from hil.report.charts.colours import MEASURED, MODEL, MUTED
+from hil.report.plots.style import image, legend, panels_in_rows, plotting
 from hil.results.tracking import PASSES, following_error, trajectories
 from hil.runs.atomic_file import write_file
 

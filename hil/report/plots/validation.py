@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.report.plots import VALIDATION
 from hil.report.plots.predicted_torque import draw_prediction
 from hil.report.plots.style import image, legend, panels_in_rows, plotting
 from hil.results.validation import TWICE
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from hil.results.predicted_torques import PredictedTorque
     from hil.results.validation import Validation
 
-NAME = "validation.png"
 SHOWN = 20.0
 """Of each axis's recordings, from where it moves first [s]."""
 
@@ -56,7 +56,7 @@ def write_validation_plot(
     folder: Path, found: Validation, first: dict[int, PredictedTorque]
 ) -> Path:
     """Draw a validation into a run's folder; return the file's path."""
-    path = folder / NAME
+    path = folder / VALIDATION
     with plotting():
         write_file(path, image(validation(found, first), "png"))
     return path

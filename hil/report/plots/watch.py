@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.plots.style import MEASURED, MODEL, MUTED, image, legend, panels_in_rows, plotting
+from hil.report.charts.colours import MEASURED, MODEL, MUTED
+from hil.report.plots.style import image, legend, panels_in_rows, plotting
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from hil.report.section import Section
 
 OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
-    parameters.section,
     validation.section,
+    parameters.section,
     advice.section,
     measured_and_modelled.section,
     payload.section,
@@ -58,16 +58,16 @@ OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
 )
 """Of a run about friction alone."""
 OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
-    free_motions.section,
     validation.section,
+    free_motions.section,
     bodies.section,
     payload.section,
     sessions.section,
 )
 """Of a run that was imported."""
 OF_STROKES: tuple[Callable[[StrokesRun], Section | None], ...] = (
-    back_and_forth.section,
     validation.section,
+    back_and_forth.section,
     sessions.section,
 )
 """Of a run of axes that move back and forth by themselves, which was imported."""

@@ -14,21 +14,31 @@ if TYPE_CHECKING:
 COLUMNS = (
     Column("where"),
     Column("finding", folds=True),
-    Column("remedy", folds=True),
 )
 
 
 def section(run: IdentifiedRun) -> Section:
     """Urgent advice as a table, all other as a list."""
-    urgent = [item for item in run.advice if item.urgent]
-    notes = [item for item in run.advice if not item.urgent]
+    urgent = [item for item in run.found.advice if item.urgent]
+    notes = [item for item in run.found.advice if not item.urgent]
     return Section(
-        "What needs attention, and what to measure",
+        "Findings and remedies",
         "advice.html",
         {"urgent": _table(urgent), "notes": notes},
     )
 
 
 def _table(items: list[Advice]) -> Table:
-    rows = tuple((item.subject, item.what, item.remedy) for item in items)
-    return Table("", COLUMNS, (Part(rows),))
+    """Findings under their remedies, each of which is stated once."""
+    remedies = dict.fromkeys(item.remedy for item in items)
+    return Table(
+        "",
+        COLUMNS,
+        tuple(
+            Part(
+                tuple((item.subject, item.what) for item in items if item.remedy == remedy),
+                f"Remedy: {remedy}",
+            )
+            for remedy in remedies
+        ),
+    )

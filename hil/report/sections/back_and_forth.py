@@ -50,4 +50,5 @@ def section(run: StrokesRun) -> Section | None:
             "lengths": run.robot.file.lengths,
         },
         plots,
+        leads=True,
     )

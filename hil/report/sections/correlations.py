@@ -1,4 +1,4 @@
-"""How the errors of the parameters hang together."""
+"""Correlations of the errors of the parameters."""
 
 from __future__ import annotations
 
@@ -21,4 +21,4 @@ def section(run: IdentifiedRun) -> Section:
         "Correlations of the parameters' errors. Strongly correlated parameters are more certain"
         " together than apart; the whole covariance is in model.yaml.",
     )
-    return Section("How the parameters hang together", "correlations.html", plots=(plot,))
+    return Section("Correlations of the parameters", "correlations.html", plots=(plot,))

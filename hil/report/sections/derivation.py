@@ -16,4 +16,4 @@ def section(run: IdentifiedRun) -> Section:
     """Text alone, with the constants that the estimation uses."""
     del run
     values = {"signals": signals, "window": window, "terms": terms}
-    return Section("How the numbers were found", "derivation.html", values)
+    return Section("Method of identification", "derivation.html", values)

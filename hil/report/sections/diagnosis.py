@@ -31,7 +31,7 @@ def section(run: IdentifiedRun) -> Section | None:
         return None
     values = {"found": found, "note": note, "tables": tables}
     plots = _plots(found, run.robot) if found else ()
-    return Section("What the robot file leaves out", "diagnosis.html", values, plots)
+    return Section("Parameters absent from the robot file", "diagnosis.html", values, plots)
 
 
 def _plots(found: DiagnosisFile, robot: Robot) -> tuple[Plot, ...]:

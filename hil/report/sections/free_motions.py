@@ -35,4 +35,5 @@ def section(run: FreeRun) -> Section:
             "lengths": run.robot.file.lengths,
         },
         (plot,),
+        leads=True,
     )

@@ -27,7 +27,7 @@ def section(run: ReportedRun) -> Section | None:
         "symmetry": tables.symmetry(result.symmetry),
         "drift": tables.drift(result.drifts),
     }
-    return Section("Friction", "friction.html", values, tuple(_plots(result)))
+    return Section("Friction", "friction.html", values, tuple(_plots(result)), leads=True)
 
 
 def _plots(result: FrictionResult) -> Iterator[Plot]:

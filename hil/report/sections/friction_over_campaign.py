@@ -1,15 +1,13 @@
-"""Friction over a campaign, as step 1 finds it by the way: level, drift and symmetry."""
+"""Friction over a campaign, as step 1 yields it with each element: level, drift and symmetry."""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hil.estimation.friction.history import history
 from hil.estimation.friction.symmetry import of_local_values
 from hil.report.plots.friction import levels
 from hil.report.section import Plot, Section
-from hil.results.friction import campaign_drifts
 from hil.results.tables import friction as tables
 
 if TYPE_CHECKING:
@@ -21,12 +19,11 @@ if TYPE_CHECKING:
 def section(run: IdentifiedRun) -> Section:
     """Levels by measurement, with time constants and symmetry where they are identifiable."""
     local = run.estimate.local
-    drifts = campaign_drifts(run.robot, local, history(run.robot, run.recordings))
     return Section(
         "Friction over the campaign",
         "friction_over_campaign.html",
         {
-            "drift": tables.drift(drifts),
+            "drift": tables.drift(run.found.drifts),
             "symmetry": tables.symmetry(of_local_values(local)),
         },
         (_plot(run.estimate, run.robot),),
@@ -39,10 +36,10 @@ def _plot(estimate: Estimate, robot: Robot) -> Plot:
         partial(levels, estimate.local, robot),
         "Friction level of every axis over robot time, one panel an axis, markers by kind of"
         " measurement.",
-        "Friction level of each axis as step 1 finds it by the way. Levels of different kinds come"
-        " from different fits and may differ by a step; the course of one kind is drift by"
-        f" temperature and lubricant. {friction_change(estimate)} None of it enters the parameters:"
-        " friction is fitted anew in every measurement.",
+        "Friction level of each axis as step 1 yields it with each element. Levels of different"
+        " kinds come from different fits and may differ by a step; the course of one kind is drift"
+        f" by temperature and lubricant. {friction_change(estimate)} None of it enters the"
+        " parameters: friction is fitted anew in every measurement.",
     )
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def section(run: IdentifiedRun) -> Section:
     """Parameters by both methods."""
     values = {
-        "methods": methods(run.model, run.check),
+        "methods": methods(run.model, run.found.check),
         "disagreement": DISAGREEMENT,
     }
-    return Section("Both methods side by side", "methods.html", values)
+    return Section("Improved and published method", "methods.html", values)

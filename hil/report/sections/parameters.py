@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError
-from hil.report.section import Section
+from hil.report.plots.intervals import intervals
+from hil.report.section import Plot, Section
 from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.tables.parameters import parameters
@@ -16,15 +18,26 @@ if TYPE_CHECKING:
 
 
 def section(run: IdentifiedRun) -> Section:
-    """Base parameters by group."""
+    """Base parameters by group, and what their intervals mean in torques."""
+    plot = Plot(
+        "intervals",
+        partial(intervals, run.model, run.found.check, run.found.prediction),
+        "Intervals of 95 % of all base parameters and of the torque of every axis, as shares of"
+        " the torque of a free motion.",
+        "How far the result is certain. Left: the interval of each parameter by the torque that it"
+        " makes on a free motion, relative to the torque of the axis where that is largest. Right:"
+        " what all parameters together leave uncertain of each axis's torque.",
+    )
     return Section(
         "Base parameters",
         "parameters.html",
         {
-            "parameters": parameters(run.model, run.prediction),
+            "parameters": parameters(run.model, run.found.prediction),
             "lengths": run.robot.file.lengths,
             "model_note": _model_note(run.source),
         },
+        (plot,),
+        leads=True,
     )
 
 

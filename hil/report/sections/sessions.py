@@ -17,7 +17,7 @@ def section(run: ReportedRun) -> Section:
     """Sessions with their axes, and digests of robot file and plan."""
     sessions = [(each, _axes(each, run.robot)) for each in run.source.journal.sessions]
     values = {"sessions": sessions, "robot": run.robot, "plan": run.source.plan}
-    return Section("Where it was measured", "sessions.html", values)
+    return Section("Sessions and drives", "sessions.html", values)
 
 
 def _axes(session: Session, robot: Robot) -> Table:

@@ -25,7 +25,7 @@ def section(run: IdentifiedRun) -> Section:
         "torques.html",
         {
             "residuals": tables.residuals(run.model),
-            "predicted": tables.predicted(run.prediction, run.robot),
+            "predicted": tables.predicted(run.found.prediction, run.robot),
         },
         (_all(run), *over_angles),
     )

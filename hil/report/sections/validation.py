@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.report.kept_result import kept_model
-from hil.report.plots.validation import NAME as PLOT_NAME
-from hil.report.section import Section, picture_uri
+from hil.report.plots import VALIDATION
+from hil.report.section import Picture, Section, picture_uri
 from hil.results.tables.validation import verdicts
 
 if TYPE_CHECKING:
@@ -18,12 +18,20 @@ def section(run: IdentifiedRun | FreeRun | StrokesRun) -> Section | None:
     kept = kept_model(run)
     if kept is None or not kept.validations:
         return None
-    pictures = (run.source.path / each.run / PLOT_NAME for each in reversed(kept.validations))
+    places = (run.source.path / each.run / VALIDATION for each in reversed(kept.validations))
+    uri = next(filter(None, map(picture_uri, places)), None)
+    picture = Picture(
+        "validation",
+        uri or "",
+        "Torque of every axis over time on the recording that was validated last: measured,"
+        " predicted with its interval, and what is left.",
+        "Torques of the recording that was validated last, from where each axis moves first; below"
+        " each axis what the prediction leaves, and its 95 % interval.",
+    )
     return Section(
         "Validation",
         "validation.html",
-        {
-            "verdicts": verdicts(kept.validations),
-            "picture": next(filter(None, map(picture_uri, pictures)), None),
-        },
+        {"verdicts": verdicts(kept.validations)},
+        (picture,) if uri else (),
+        leads=True,
     )

@@ -10,9 +10,9 @@ from hil.results.tables.cells import probability, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator, Sequence
 
-    from hil.estimation.friction.drift import Drift, TimeConstant
+    from hil.estimation.friction.drift import Drift
     from hil.estimation.friction.model_choice import AxisFriction
     from hil.estimation.friction.models import FrictionModel
     from hil.estimation.friction.symmetry import Symmetry
@@ -106,36 +106,56 @@ def _symmetry(test: Symmetry) -> Row:
 
 
 def drift(drifts: Iterable[Drift]) -> Table:
-    """Time constants of friction, axis by axis, with their effects on its level."""
+    """Time constants of friction, axis by axis, with their effects on its level.
+
+    Those that are not identifiable are named below, by the reason, which is mostly the same.
+    """
+    found = list(drifts)
+    rows = (Part(tuple(_drift(each))) for each in found)
     return Table(
         title="Friction's variance in time",
         columns=(
             AXIS,
             Column("time constant"),
             *figures("value, s", "std. error", "effect"),
-            Column("", folds=True),
         ),
-        parts=tuple(Part(tuple(_drift(each))) for each in drifts),
+        parts=tuple(part for part in rows if part.rows),
         explanation=(
             "Time constants, estimated from the friction level over time: of warming up (effect:"
             " the change of the level by warming up as far as the axis did), of the lubricant's"
             " settling at rest (from stirred to settled), and of its stirring up again in motion at"
-            " half the speed limit. A time constant without a value is not identifiable from the"
-            " run."
+            " half the speed limit."
         ),
+        notes=tuple(_unidentifiable(found)),
     )
 
 
-def _drift(found: Drift) -> list[Row]:
+def _drift(found: Drift) -> Iterator[Row]:
     effects = (found.warm_effect, found.rest_effect, None)
-    return [
-        ("" if number else str(found.axis + 1), constant.name, *_constant(constant, effect))
-        for number, (constant, effect) in enumerate(zip(found.constants, effects, strict=True))
-    ]
+    axis = str(found.axis + 1)
+    for constant, effect in zip(found.constants, effects, strict=True):
+        if not constant.word:
+            share = "" if effect is None else signed(f"{100 * effect:.1f}") + " %"
+            yield (
+                axis,
+                constant.name,
+                *uncertain(constant.value, constant.standard_error),
+                share,
+            )
+            axis = ""
 
 
-def _constant(constant: TimeConstant, effect: float | None) -> Row:
-    if constant.word:
-        return "", "", "", constant.word
-    share = "" if effect is None else signed(f"{100 * effect:.1f}") + " %"
-    return (*uncertain(constant.value, constant.standard_error), share, "")
+def _unidentifiable(drifts: Sequence[Drift]) -> Iterator[str]:
+    """Name time constants that are not identifiable, a sentence a reason."""
+    reasons = dict.fromkeys(each.word for found in drifts for each in found.constants if each.word)
+    for reason in reasons:
+        which: dict[tuple[str, ...], list[int]] = {}
+        for found in drifts:
+            names = tuple(each.name for each in found.constants if each.word == reason)
+            which.setdefault(names, []).append(found.axis + 1)
+        each = "; ".join(
+            f"{', '.join(names)} of axis {', '.join(map(str, axes))}"
+            for names, axes in which.items()
+            if names
+        )
+        yield f"Time constants that are not identifiable: {each}: {reason}."

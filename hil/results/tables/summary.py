@@ -32,9 +32,9 @@ class Summary:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """What rich prints."""
-        del console, options
+        del console
         for table in self.tables:
-            yield rich_table(table)
+            yield rich_table(table, options.max_width)
         for remark in self.remarks:
             yield Text(remark, style="yellow")
 

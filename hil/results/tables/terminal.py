@@ -1,10 +1,11 @@
-"""Tables on a terminal, rich_table by rich."""
+"""Tables on a terminal, drawn by rich."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from rich import box
+from rich.cells import cell_len
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -16,16 +17,36 @@ if TYPE_CHECKING:
     from hil.results.tables.table import Table
 
 
-def rich_table(table: Table) -> RichTable:
-    """Return what rich prints of a table; names of parts stand in its last column."""
+LEAST = 12
+"""Characters that a column which folds keeps, if its cells have so many."""
+BETWEEN = 3
+"""Characters between two columns."""
+
+
+def rich_table(table: Table, width: int) -> RichTable:
+    """Return what rich prints of a table; names of parts stand in its last column.
+
+    Parameters
+    ----------
+    width : int
+        Characters that there is room for; where they are few, heads take several lines.
+    """
     title = Text(table.title, style="table.title") if table.title else None
-    made = RichTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
     # figures are never to be cropped: where no column folds by itself, the first one does
     folding = [column.folds for column in table.columns]
     folding[:1] = [folding[0] or not any(folding)]
-    for column, folds in zip(table.columns, folding, strict=True):
-        made.add_column(Text(column.head), justify=column.align, no_wrap=not folds,
-                        overflow="fold")  # fmt: skip
+    narrow = sum(_widths(table, folding, broken=False)) > width
+    widths = _widths(table, folding, narrow)
+    made = RichTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=narrow)
+    for column, folds, least in zip(table.columns, folding, widths, strict=True):
+        head = Text(_broken(column.head) if narrow else column.head)
+        made.add_column(
+            head,
+            justify=column.align,
+            no_wrap=not folds,
+            overflow="fold",
+            min_width=least - BETWEEN,
+        )
     for part in table.parts:
         if part.name:
             made.add_row(*[""] * (len(table.columns) - 1), Text(part.name, style="bold"))
@@ -38,7 +59,11 @@ def rich_table(table: Table) -> RichTable:
 def show(table: Table, console: Console) -> None:
     """Print a table, if it has rows, with its notes below."""
     if table:
-        console.print(rich_table(table), highlight=False)
+        made = rich_table(table, console.width)
+        # what has no room even so goes on in the terminal's next line, and nothing is lost
+        needed = console.measure(made, options=console.options.update(max_width=10_000)).minimum
+        made.width = needed if needed > console.width else None
+        console.print(made, highlight=False, crop=False)
     for note in table.notes:
         show_remark(note, console)
 
@@ -52,6 +77,21 @@ def show_sentence(text: str, console: Console) -> None:
 def show_remark(text: str, console: Console) -> None:
     """Print a line that restricts what stands above."""
     console.print(Text(text, style="yellow"), highlight=False, soft_wrap=True)
+
+
+def _widths(table: Table, folding: list[bool], broken: bool) -> list[int]:
+    """Characters that each column needs at least, with what is between columns."""
+    found = []
+    for k, (column, folds) in enumerate(zip(table.columns, folding, strict=True)):
+        head = _broken(column.head) if broken else column.head
+        cells = [*head.split("\n"), *(row[k] for row in table.rows)]
+        longest = max(map(cell_len, cells))
+        found.append(BETWEEN + (min(longest, LEAST) if folds else longest))
+    return found
+
+
+def _broken(head: str) -> str:
+    return head.replace(" ", "\n")
 
 
 def _style(cell: str) -> str:

@@ -154,6 +154,15 @@ def test_a_stop_of_a_listener_is_one_of_the_operator(
     assert 1 <= len(recorded(tmp_path / "run")) < 30
 
 
+def test_a_stop_that_comes_when_all_is_over_is_none(
+    small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    run(small_plan, manutec, tmp_path / "run", "late")
+    folder = RunFolder.open(tmp_path / "run")
+    assert [session.reason for session in folder.journal.sessions] == ["finished"]
+    assert folder.missing == ()
+
+
 def test_a_listener_that_ends_is_missed_once_and_the_run_goes_on(
     small_plan: Plan, manutec: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -104,7 +104,7 @@ def test_joint_states_are_what_was_measured(shown: tuple[FoxgloveClient, RunFold
     }
     compared = 0
     for stamp, state in client.of("/joint_states"):
-        if times[stamp] in recordings:
+        if times.get(stamp) in recordings:  # a client that is behind misses messages
             q, tau = recordings[times[stamp]]
             np.testing.assert_allclose(state.position, q, atol=1e-6)
             np.testing.assert_allclose(state.effort, tau, atol=1e-4)

@@ -50,9 +50,10 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
     return path
 
 
-def start(plan_file: Path, folder: Path, *options: str) -> Run:
+def start(plan_file: Path, folder: Path, *options: str, before: tuple[str, ...] = ()) -> Run:
+    command = (sys.executable, "-m", "hil", "run", plan_file, "-o", folder, "--live", "0")
     run = subprocess.Popen(  # noqa: S603 - our own program
-        [sys.executable, "-m", "hil", "run", plan_file, "-o", folder, "--live", "0", *options],
+        [*before, *command, *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -96,6 +97,19 @@ def test_a_stop_from_the_page_is_that_of_the_operator_and_the_run_is_resumed(
     _, err = again.process.communicate(timeout=120)
     assert (again.process.returncode, err) == (0, "")
     assert RunFolder.open(folder).missing == ()
+
+
+def test_a_stop_from_the_page_works_where_ctrl_c_is_ignored(
+    plan_file: Path, tmp_path: Path
+) -> None:
+    """As in a job that a script has started in the background."""
+    ignoring = ("sh", "-c", "trap '' INT; exec \"$@\"", "sh")
+    run = start(plan_file, tmp_path / "run", before=ignoring)
+    wait_for_recordings(tmp_path / "run", 1, run)
+    assert run.page.ask("POST", "/stop", STOP)[0] == 202
+    _, err = run.process.communicate(timeout=60)
+    assert run.process.returncode == 130
+    assert "stopped, the axes are off" in err
 
 
 def test_fifty_pages_one_that_never_reads_and_a_killed_server_disturb_nothing(

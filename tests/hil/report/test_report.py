@@ -2,10 +2,12 @@
 
 import base64
 import csv
+import hashlib
 import json
 import re
 import shutil
 from dataclasses import replace
+from html import unescape
 
 import matplotlib as mpl
 import numpy as np
@@ -23,20 +25,22 @@ from hil.report.page import report
 from hil.results.advice import advice
 from hil.results.error_budget import error_budget
 from hil.results.identification import identify
+from hil.results.kept_findings import kept
 from hil.results.prediction import predict
 from hil.results.rounding import decimals, percent, rounded, significant
 from hil.results.tables.html import symbols
 from hil.runs.finding import Finding
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
+from hil.view.packed import inflated
 
-PNG = b"\x89PNG"
 PLOTS = {
     *ELEMENT_KINDS,
     *(f"{name}-angles" for name, kind in ELEMENT_KINDS.items() if not kind.pair),
     "friction",
     "residuals",
     "correlation",
+    "intervals",
 }
 """Of a campaign without friction measurements, load or diagnosis."""
 
@@ -77,15 +81,17 @@ def copy(folder, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def as_it_was(copy, found, monkeypatch):
-    """A copy whose recordings stay as they are, and so what is estimated from them."""
-    monkeypatch.setattr("hil.report.reported_run.estimates", lambda *_: found)
+def as_it_was(copy, folder, page, monkeypatch):
+    """A copy whose recordings stay as they are, and so what is found in them."""
+    del page  # with which it was kept
+    found = kept(folder)
+    monkeypatch.setattr("hil.report.reported_run.kept", lambda _: found)
     return copy
 
 
 def text_of(markup):
     """What a reader reads: inline markup closed up, everything else a space."""
-    markup = re.sub(r"(?s)<style>.*?</style>", "", str(markup))
+    markup = re.sub(r"(?s)<(style|script|svg)\b.*?</\1>", "", str(markup))
     markup = re.sub(r"</?(i|b|sub|sup)>", "", markup)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup))
 
@@ -93,14 +99,34 @@ def text_of(markup):
 class TestPage:
     def test_it_is_one_file_that_needs_no_network(self, page):
         assert not re.search(r'(src|href)\s*=\s*"(?!data:|#)', page)
-        assert not re.search(r"url\(|@import|<script|<link|<iframe", page)
+        assert not re.search(r"url\(|@import|<link|<iframe|<img", page)
 
-    def test_every_picture_is_embedded_and_described(self, page):
-        pictures = re.findall(r'<img src="data:image/svg\+xml;base64,([^"]+)" alt="([^"]+)"', page)
-        assert len(pictures) == len(PLOTS) == page.count("<img")
-        for content, description in pictures:
-            assert b"<svg" in base64.b64decode(content)
+    def test_its_policy_allows_no_other_script_than_its_own(self, page):
+        (policy,) = re.findall(r'Content-Security-Policy" content="([^"]+)"', page)
+        (script,) = re.findall(r"(?s)<script>(.*?)</script>", page)
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        assert unescape(policy).startswith(f"default-src 'none'; script-src 'sha256-{digest}';")
+        assert " onclick" not in page
+
+    def test_every_plot_is_drawn_and_described(self, page):
+        plots = re.findall(r'(?s)<figure id="plot-([\w-]+)">(.*?)</figure>', page)
+        assert {name for name, _ in plots} == PLOTS
+        for _, content in plots:
+            (description,) = re.findall(r'role="img" aria-label="([^"]+)"', content)
             assert len(description) > 40
+            assert "<svg viewBox" in content
+
+    def test_the_plot_that_shows_the_result_stands_above_the_contents(self, page):
+        first = re.search(r'<figure id="plot-([\w-]+)">', page)
+        assert first[1] == "intervals"
+        assert first.start() < page.index("<nav")
+
+    def test_points_lead_to_the_recordings_behind_them(self, page, folder):
+        (packed,) = re.findall(r'id="recordings">([^<]+)<', page)
+        carried = inflated(packed)
+        assert set(re.findall(r'data-m="([^"]+)"', page)) == set(carried)
+        assert set(carried) == {each.measurement.id for each in folder}
+        assert carried["i01"]["words"] == f"inertia, {folder['i01'].measurement.axes_in_words}"
 
     def test_every_parameter_is_there_with_value_error_and_interval(self, page, found, manutec):
         text, best = text_of(page), found["improved"]
@@ -133,8 +159,9 @@ class TestPage:
 
     def test_both_methods_stand_side_by_side(self, page, found):
         text = text_of(page)
-        sections = text[text.index("What needs attention") :]
-        compared = sections[sections.rindex("Both methods") : sections.rindex("How the numbers")]
+        sections = text[text.index("Findings and remedies") :]
+        begin, end = map(sections.rindex, ("Improved and published", "Method of identification"))
+        compared = sections[begin:end]
         for k in range(14):
             for estimate in found.values():
                 assert rounded(estimate.p[k], estimate.standard_error[k]) in compared
@@ -152,7 +179,7 @@ class TestPage:
 
     def test_the_plots_are_files_on_request(self, page, figures):
         assert {path.stem for path in figures.iterdir()} == PLOTS
-        assert all(path.read_bytes().startswith(PNG) for path in figures.iterdir())
+        assert all(path.read_bytes().startswith(b"<svg") for path in figures.iterdir())
 
     @pytest.mark.usefixtures("page")
     def test_it_leaves_no_style_behind(self, style):
@@ -196,7 +223,7 @@ class TestOtherRuns:
     def test_an_incomplete_run_says_what_is_missing(self, copy):
         (copy / "recordings" / "i05.h5").unlink()
         text = text_of(report(Run.open(copy)).read_text())
-        assert "i05 1 of 39 planned measurements are missing finish the run" in text
+        assert "Remedy: finish the run with hil run … --resume i05 1 of 39 planned" in text
 
     def test_a_run_that_holds_too_little_is_refused(self, copy):
         for path in (copy / "recordings").glob("i*.h5"):

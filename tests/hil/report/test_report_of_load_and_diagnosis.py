@@ -31,7 +31,7 @@ OFFSET = 0.06
 
 
 def text_of(markup):
-    markup = re.sub(r"(?s)<style>.*?</style>", "", markup)
+    markup = re.sub(r"(?s)<(style|script|svg)\b.*?</\1>", "", markup)
     markup = re.sub(r"</?(i|b|sub|sup)>", "", markup)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup))
 
@@ -191,7 +191,7 @@ class TestDiagnosis:
         names = {path.name for path in (copies / "offset" / "diagnosis").iterdir()}
         assert names == {"gravity.svg", "inertia.svg", "phase.svg"}
         text = text_of(page_of(copies / "offset"))
-        _, _, section = text.split("What the robot file leaves out", 2)  # after the contents
+        _, _, section = text.split("Parameters absent from the robot file", 2)  # after the contents
         assert f"is {kept.found[0]}: add it to the robot file" in section
         assert "ranked by evidence" in section
 
@@ -203,7 +203,7 @@ class TestDiagnosis:
         assert "diagnosis.yaml is stale and not shown: the parameters of the same" in text
 
     def test_a_run_that_was_not_diagnosed_has_no_such_section(self, bare_page):
-        assert "What the robot file leaves out" not in bare_page
+        assert "Parameters absent from" not in bare_page
 
 
 def test_the_report_states_each_axiss_drive_train(bare_page):

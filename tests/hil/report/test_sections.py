@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from matplotlib.figure import Figure
 from small_run import empty_plots, write_run
 
 from hil.planning.design.friction import sweep
 from hil.report import page, sections
+from hil.report.charts.chart import Chart
 from hil.report.section import Plot, Section
 from hil.results.tables.table import Column, Part, Table
 from hil.runs.run import Run
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 HERE = Path(sections.__file__).parent
 MODULES = sorted(path.stem for path in HERE.glob("*.py") if path.stem != "__init__")
-VOID = {"meta", "img", "br"}
+VOID = {"meta", "img", "br", "path"}
 ADDED = """{% from "plot.html" import figure %}
 {{ robot }}{{ table | table }}{{ figure(plots.added) }}
 """
@@ -112,7 +112,7 @@ def test_a_further_section_is_shown_with_its_table_and_its_plot_once_it_is_liste
     mixed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = Table("Joints", (Column("axis"),), (Part((("of all",),)),))
-    plot = Plot("added", Figure, "An empty plot.", "Nothing at all.")
+    plot = Plot("added", Chart, "An empty plot.", "Nothing at all.")
 
     def added(run: ReportedRun) -> Section:
         values = {"table": table, "robot": run.robot.name}
@@ -121,11 +121,10 @@ def test_a_further_section_is_shown_with_its_table_and_its_plot_once_it_is_liste
     (tmp_path / "added.html").write_text(ADDED)
     monkeypatch.setattr(page, "TEMPLATES", (*page.TEMPLATES, tmp_path))
     monkeypatch.setattr(page, "OF_CAMPAIGN", (added,))
-    monkeypatch.setattr("hil.report.section.image", lambda _figure, kind: kind.encode())
     written = page.report(Run.open(mixed), tmp_path / "figures").read_text()
     (shown,) = Outline(written).sections
     assert shown == "An added sectionmanutec-r15Jointsaxisof allNothing at all."
-    assert (tmp_path / "figures" / "added.png").read_bytes() == b"png"
+    assert (tmp_path / "figures" / "added.svg").read_bytes().startswith(b"<svg")
 
 
 def test_a_mixed_run_is_read_once(read: tuple[list[str], str], mixed: Path) -> None:
@@ -148,7 +147,7 @@ def test_every_tag_is_closed_every_plot_has_an_id_of_its_own_and_no_section_is_e
     found = Outline(read[1])
     assert not found.open
     assert len(set(found.ids)) == len(found.ids)
-    assert len([each for each in found.ids if each.startswith("plot-")]) == read[1].count("<img")
+    assert read[1].count("<figure") == len([i for i in found.ids if i.startswith("plot-")])
     assert (
         len(found.sections) == len(sections.OF_CAMPAIGN) - 4
     )  # no load, diagnosis, validation, bodies

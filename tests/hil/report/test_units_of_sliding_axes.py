@@ -16,7 +16,6 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.plots.diagnosis import shifted_sinusoid
 from hil.report.plots.payload import with_and_without_load
-from hil.report.plots.style import plotting
 from hil.results.payload_file import ElementRecord
 from hil.runs.recording import Recording
 from hil.runs.recording_file import Measured, read_measured, write_measured
@@ -73,8 +72,7 @@ def test_plots_of_a_load_and_of_a_phase(scara: Robot) -> None:
     phase = Phase(
         axis, 0, np.zeros(scara.n_joints), wave, wave, np.zeros(1), np.zeros(1), np.zeros(1)
     )
-    with plotting():
-        load = with_and_without_load([record], [record], ELEMENT_KINDS["gravity"], scara)
-        shift = shifted_sinusoid(phase, "sz1", scara)
-    assert load.axes[0].get_ylabel() == f"{ELEMENT_KINDS['gravity'].quantity} [N]"
-    assert shift.axes[0].get_ylabel().endswith("[N]")
+    (load,) = with_and_without_load([record], [record], ELEMENT_KINDS["gravity"], scara).panels
+    (shift,) = shifted_sinusoid(phase, "sz1", scara).panels
+    assert load.y_label == f"{ELEMENT_KINDS['gravity'].quantity} [N]"
+    assert shift.y_label.endswith("[N]")

@@ -102,3 +102,22 @@ def test_a_narrow_terminal_crops_no_figure() -> None:
         (Part((("friction of axis 1 at 0.44 rad/s and more", "12.345678", "0.000123"),)),),
     )
     assert {"12.345678", "0.000123"} <= set(printed(made, width=40).split())
+
+
+WIDE = Table(
+    "Torques",
+    (Column("axis"), *figures("torque", "mean, %", "inside, %", "own friction, %")),
+    (Part((("12", "132 N m", "100.5", "99.1", "4.8"),)),),
+)
+
+
+@pytest.mark.parametrize("width", [10, 30, 36, 40, 80])
+def test_no_terminal_is_too_narrow_for_a_row_and_its_name(width: int) -> None:
+    assert {"12", "132", "100.5", "99.1", "4.8", "axis"} <= set(printed(WIDE, width).split())
+
+
+def test_heads_take_several_lines_before_anything_folds() -> None:
+    assert "own friction, %" in printed(WIDE, 80)
+    narrow = printed(WIDE, 44).splitlines()
+    assert max(map(len, narrow)) <= 44
+    assert any(line.split()[-1:] == ["friction,"] for line in narrow)

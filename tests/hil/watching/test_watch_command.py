@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import yaml
+from terminal import Terminal
 from typer.testing import CliRunner
 
 from drivers.drive_bus import Sample
@@ -20,9 +26,11 @@ from hil.results.model import Model
 from hil.results.watch import load_watched
 from hil.runs import SIMULATED
 from hil.runs.run import Run
+from hil.runs.run_folder import RunFolder
 from hil.watching.watcher import Watcher
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from click.testing import Result
@@ -143,8 +151,9 @@ def test_a_gap_is_no_push(pushed: tuple[Path, Result], model: Path) -> None:
 
 def test_a_push_may_stop_all_axes(model: Path, plan: Path, faults: Path, tmp_path: Path) -> None:
     words = ("watch", plan, "--model", model, "-o", tmp_path / "x", "--learn", LEARNED)
-    done = called(*words, "--bus-option", f"faults={faults}", "--stop")
+    done = called(*words, "--bus-option", f"faults={faults}", "--stop", "--live", "0")
     assert done.exit_code == 1
+    assert "live page: http://127.0.0.1:" in done.output
     assert [alarm.axis for alarm in load_watched(tmp_path / "x").alarms] == [2]
     assert "all axes stop" in done.output
     assert "emergency stop" not in done.output  # all have shown that they are off
@@ -187,3 +196,49 @@ def test_a_model_of_another_robot_moves_nothing(model: Path, tmp_path: Path) -> 
     done = called("watch", plan, "--model", model, "-o", tmp_path / "x")
     assert "give the model of this robot with --model" in str(done.exception)
     assert not (tmp_path / "x").exists()
+
+
+def wait_until(done: Callable[[], bool], watch: subprocess.Popen[bytes]) -> None:
+    """Wait while the program runs."""
+    end = time.monotonic() + 120
+    while not done():
+        assert watch.poll() is None
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_on_a_terminal_torques_are_shown_and_ctrl_c_keeps_what_was_seen(
+    model: Path,
+    plan: Path,
+    tmp_path: Path,
+) -> None:
+    folder, terminal = tmp_path / "watched", Terminal()
+    words = ("watch", plan, "--model", model, "-o", folder, "--learn", 5, "--repeat", 500)
+    watch = subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, "-m", "hil", *map(str, words)],
+        stdin=terminal.theirs,
+        stdout=terminal.theirs,
+        stderr=terminal.theirs,
+        start_new_session=True,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "110", "LINES": "40"},
+    )
+    terminal.begin()
+    try:
+        wait_until(lambda: "watching, 0 alarms" in terminal.shown, watch)
+        wait_until(lambda: bool(list(folder.glob("run/recordings/*.h5"))), watch)
+        os.kill(watch.pid, signal.SIGINT)
+        status = watch.wait(timeout=60)
+    finally:
+        watch.kill()
+        terminal.close()
+    assert status == 130, terminal.shown[-2000:]
+    assert "learning thresholds, no alarms yet" in terminal.shown
+    assert "from outside" in terminal.shown
+    assert "stopped, the axes are off" in terminal.shown
+    assert "Traceback" not in terminal.shown
+    found = load_watched(folder)
+    assert found.alarms == ()
+    assert found.watched > 0
+    assert RunFolder.open(folder / "run").journal.sessions[0].reason == (
+        "interrupted by the operator"
+    )

@@ -43,7 +43,7 @@ def test_direction_is_doubtful_after_a_reversal_alone() -> None:
 
 
 def test_friction_that_falls_by_a_tenth_in_minutes_is_followed() -> None:
-    level, block = FrictionLevel(np.array([0.01])), 62
+    level, block = FrictionLevel(np.array([0.01]), np.array([0.05])), 62
     direction = np.tile([1.0, -1.0], block // 2)[:, np.newaxis]
     columns = columns_of(direction, np.full_like(direction, 0.2), np.full_like(direction, 0.3))
     used = np.ones((block, 1), dtype=bool)
@@ -55,9 +55,33 @@ def test_friction_that_falls_by_a_tenth_in_minutes_is_followed() -> None:
     assert error.max() < 0.01
 
 
+def test_friction_of_another_shape_than_the_law_is_followed_at_every_speed() -> None:
+    level = FrictionLevel(np.array([0.01]), np.array([0.05]))
+    speed = np.linspace(0.005, 0.8, 1240)[:, np.newaxis]
+    columns = columns_of(np.ones_like(speed), np.full_like(speed, 0.2), speed)
+    missing = 0.01 * np.sin(4 * np.log(speed))
+    used = np.ones((62, 1), dtype=bool)
+    for number in range(240):  # three passes of the speeds, in a minute
+        rows = slice(62 * (number % 20), 62 * (number % 20) + 62)
+        level.follow(columns[rows], (missing - level.at(columns)[0])[rows], used, 0.25)
+    left = missing - level.at(columns)[0]
+    assert np.sqrt(np.mean(left**2)) < 0.3 * np.sqrt(np.mean(missing**2))
+
+
+def test_friction_slower_than_the_law_was_found_from_is_doubtful_until_it_is_seen() -> None:
+    level = FrictionLevel(np.array([0.01]), np.array([0.3]))
+    one = np.ones((62, 1))
+    slow, fast = (columns_of(one, 0.2 * one, speed * one) for speed in (0.02, 0.5))
+    before = level.at(slow)[1].max()
+    assert before > 2 * level.at(fast)[1].max()
+    for _ in range(40):
+        level.follow(slow, 0.0 * one, one > 0, 0.25)
+    assert level.at(slow)[1].max() < 0.25 * before
+
+
 def test_what_nobody_used_teaches_nothing() -> None:
-    level, scatter = FrictionLevel(np.array([0.01])), Scatter(2, 1, 0.004)
-    columns = np.ones((62, 1, 4))
+    level, scatter = FrictionLevel(np.array([0.01]), np.array([0.05])), Scatter(2, 1, 0.004)
+    columns = columns_of(*np.ones((3, 62, 1)))
     none = np.zeros((62, 1), dtype=bool)
     level.follow(columns, np.ones((62, 1)), none, 0.25)
     scatter.take(np.ones((62, 2, 1)), none)

@@ -1,0 +1,118 @@
+"""What commands write, looked at while the command line is read: nothing is computed in vain.
+
+Each option that names something to write has one of the callbacks of this module; a test finds the
+options of all commands and holds them to it. A file needs the folder that it is to stand in: a
+mistyped one would not be found again. A folder is made together with those about it. What a command
+writes into the folder of a run is looked at by `refuse_unwritable`.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def new_file(ctx: typer.Context, path: Path | None) -> Path | None:
+    """Take a file to be made: it is not there, its folder is."""
+    if path is not None and not ctx.resilient_parsing:
+        refuse_no_folder(path)
+        refuse_existing(path)
+    return path
+
+
+def file_to_write(ctx: typer.Context, path: Path | None) -> Path | None:
+    """Take a file that may be there, and is written anew then."""
+    if path is not None and not ctx.resilient_parsing:
+        refuse_no_folder(path)
+        refuse_unwritable(path)
+    return path
+
+
+def folder_to_write(ctx: typer.Context, path: Path | None) -> Path | None:
+    """Take a folder that is there or can be made, with those about it."""
+    if path is not None and not ctx.resilient_parsing:
+        _refuse_no_way(path, path)
+    return path
+
+
+def place_to_write(ctx: typer.Context, path: Path | None) -> Path | None:
+    """Take a folder, or a file: another option states which."""
+    if path is not None and not ctx.resilient_parsing:
+        _refuse_no_way(path, path.absolute().parent)
+    return path
+
+
+def new_folder(ctx: typer.Context, path: Path | None) -> Path | None:
+    """Take a folder to be made, with those about it."""
+    if path is not None and not ctx.resilient_parsing:
+        refuse_existing(path)
+    return folder_to_write(ctx, path)
+
+
+NewPlan = Annotated[Path, typer.Option("-o", "--output", callback=new_file, help="Plan to write.")]
+
+
+def refuse_existing(output: Path) -> None:
+    """Refuse to write over a file.
+
+    Raises
+    ------
+    FileError
+        It is there.
+    """
+    from checked_files.yaml_file import FileError
+
+    if os.path.lexists(output):
+        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+
+
+def refuse_no_folder(output: Path) -> None:
+    """Refuse a file whose folder is not there, or takes no files.
+
+    Raises
+    ------
+    typer.BadParameter
+    """
+    if not output.parent.is_dir():
+        raise typer.BadParameter(f"{output}: there is no folder {output.parent}; make it first")
+    _refuse_closed(output.parent)
+
+
+def refuse_unwritable(output: Path) -> None:
+    """Refuse a result that could not be kept, before it is computed.
+
+    Nothing is said of a folder that is not there: what is read from it has an error of its own.
+
+    Raises
+    ------
+    FileError
+        A folder has its name, or its own folder takes no files.
+    """
+    from checked_files.yaml_file import FileError
+
+    if output.is_dir() and not output.is_symlink():
+        raise FileError(f"{output}: is a folder, and a file is to be written there; move it away")
+    if output.parent.is_dir() and not os.access(output.parent, os.W_OK):
+        raise FileError(
+            f"{output}: cannot be written: {output.parent} takes no files from this user; copy the"
+            " folder to where it may be written"
+        )
+
+
+def _refuse_no_way(path: Path, folder: Path) -> None:
+    """Refuse a place below something else than a folder, or below one that takes no files."""
+    there = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
+    if not there.is_dir():
+        raise typer.BadParameter(f"{path}: {there} is no folder; choose another name")
+    _refuse_closed(there)
+
+
+def _refuse_closed(folder: Path) -> None:
+    if not os.access(folder, os.W_OK):
+        raise typer.BadParameter(
+            f"{folder} takes no files from this user; choose another place, or have its rights"
+            " changed"
+        )

@@ -1,0 +1,153 @@
+"""A chart as data: panels, and what stands in them. `hil.report.charts.svg` draws it.
+
+Lengths are those of the panel's SVG; 96 of them make an inch of paper. Names of quantities may be
+written ``$g_{1}$``, with their index.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from hil.report.charts.colours import MEASURED, MODEL, MUTED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+Mark = Literal["x", "o", "s", "^", "ring"]
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Marks at (`x`, `y`).
+
+    Attributes
+    ----------
+    error : array_like, shape (n,), optional
+        Half-lengths of bars through the marks, upright or `along` the horizontal axis.
+    ids : sequence of str
+        Of the measurement behind each point, where there is one; a reader may open its recording.
+    label : str
+        In the legend; a label stands there once.
+    """
+
+    x: ArrayLike
+    y: ArrayLike
+    mark: Mark = "x"
+    colour: str = MEASURED
+    label: str = ""
+    error: ArrayLike | None = None
+    ids: Sequence[str] = ()
+    along: bool = False
+    size: float = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """A line through (`x`, `y`), interrupted where one of them is not a number."""
+
+    x: ArrayLike
+    y: ArrayLike
+    colour: str = MODEL
+    label: str = ""
+    dash: str = ""
+    width: float = 1.3
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rule:
+    """A straight line across the panel, level or upright."""
+
+    at: float
+    upright: bool = False
+    colour: str = MUTED
+    label: str = ""
+    dash: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matrix:
+    """Shares from -1 to 1 as coloured cells, rows and columns by name."""
+
+    values: Array
+    names: Sequence[str]
+
+
+Item = Points | Line | Rule | Matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """What is shown over one horizontal axis.
+
+    Attributes
+    ----------
+    items : sequence of Item
+        From the back to the front.
+    x_range, y_range : pair of float, optional
+        What the axes show at least; by default what the items take.
+    ticks : mapping, optional
+        Places with a mark along the horizontal axis and what stands there.
+    rows : mapping, optional
+        The same along the vertical axis.
+    decades : bool
+        Whether the horizontal axis is logarithmic.
+    whole : bool
+        Whether only whole numbers are marked along it.
+    below : Panel, optional
+        A strip over the same horizontal axis.
+    width, height : float
+        Of the whole panel, and of the field inside its axes.
+    left : float
+        Room for what is written at the vertical axis.
+    """
+
+    items: Sequence[Item]
+    title: str = ""
+    x_label: str = ""
+    y_label: str = ""
+    x_range: Range | None = None
+    y_range: Range | None = None
+    ticks: Mapping[float, str] | None = None
+    rows: Mapping[float, str] | None = None
+    decades: bool = False
+    whole: bool = False
+    below: Panel | None = None
+    width: float = 350.0
+    height: float = 150.0
+    left: float = 60.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chart:
+    """Panels side by side, as many in a row as there is room for."""
+
+    panels: Sequence[Panel] = field(default_factory=tuple)
+
+    @property
+    def legend(self) -> dict[str, Item]:
+        """What is labelled, each label once."""
+        labelled: dict[str, Item] = {}
+        for item in self.items():
+            if not isinstance(item, Matrix) and item.label:
+                labelled.setdefault(item.label, item)
+        return labelled
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Measurements behind its points."""
+        return frozenset(each for i in self.items() if isinstance(i, Points) for each in i.ids)
+
+    def items(self) -> Iterator[Item]:
+        """All that stands in its panels."""
+        for panel in self.panels:
+            yield from panel.items
+            if panel.below is not None:
+                yield from panel.below.items

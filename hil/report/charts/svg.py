@@ -1,0 +1,97 @@
+"""Charts as SVG: panels for a page, each a picture that takes the width it is given.
+
+Text stays text, and colours are classes that the page's style sheet gives for light and dark paper.
+Points of measurements carry the measurement's id (``data-m``), which `report.js` shows and follows.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+
+from hil.report.charts.axis import Axis, shown, text_of
+from hil.report.charts.chart import Matrix
+from hil.report.charts.elements import item_on, key, number, text
+from hil.report.charts.matrix import SCALE, matrix_in
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.report.charts.chart import Chart, Panel
+
+RIGHT, TOP, BOTTOM = 16.0, 22.0, 36.0
+"""Margins around the field of a panel, beside its own on the left."""
+BETWEEN = 9.0
+"""A panel and the strip below it."""
+APART = 55.0
+"""Marks along a horizontal axis, about."""
+ABOVE = 26.0
+"""Marks along a vertical axis, about."""
+
+
+def panels(chart: Chart) -> list[Markup]:
+    """Each panel of a chart as an ``svg`` element."""
+    return [_svg(*size_of(each), "".join(drawn(each))) for each in chart.panels]
+
+
+def legend(chart: Chart) -> list[tuple[Markup, str]]:
+    """What explains a chart's marks: a small picture and its label."""
+    return [(_svg(26, 12, "".join(key(item))), label) for label, item in chart.legend.items()]
+
+
+def size_of(panel: Panel) -> tuple[float, float]:
+    """Width and height of a panel's picture."""
+    if any(isinstance(item, Matrix) for item in panel.items):
+        return panel.width, TOP + panel.height + SCALE
+    strip = 0.0 if panel.below is None else panel.below.height + BETWEEN
+    return panel.width, TOP + panel.height + strip + BOTTOM
+
+
+def drawn(panel: Panel) -> Iterator[str]:
+    """All elements of a panel."""
+    for item in panel.items:
+        if isinstance(item, Matrix):
+            yield from matrix_in(item, panel.left, TOP, panel.height, panel.x_label)
+            return
+    both = [*panel.items, *(panel.below.items if panel.below else ())]
+    reach = shown(both, panel.x_range, along=True, decades=panel.decades)
+    x = Axis(*reach, panel.left, panel.width - RIGHT, panel.decades)
+    marks = x.marks(int((x.end - x.begin) / APART), whole=panel.whole)
+    along = text_of(marks if panel.ticks is None else panel.ticks, x)
+    top = bottom = TOP
+    if panel.title:
+        yield text(panel.left, 13, panel.title, "title")
+    for field in (panel, panel.below):
+        if field is not None:
+            bottom = top + field.height
+            yield from _field(field, x, top, [at for at, _ in along])
+            top = bottom + BETWEEN
+    for at, words in along:
+        yield text(at, bottom + 13, words, "middle")
+    yield text((x.begin + x.end) / 2, bottom + 29, panel.x_label, "middle")
+
+
+def _field(panel: Panel, x: Axis, top: float, along: list[float]) -> Iterator[str]:
+    """Draw the field inside a pair of axes, with the marks of the vertical one."""
+    bottom = top + panel.height
+    y = Axis(*shown(panel.items, panel.y_range, along=False, decades=False), bottom, top)
+    marks = y.marks(max(2, int(panel.height / ABOVE)))
+    up = text_of(marks if panel.rows is None else panel.rows, y)
+    across = f"{number(x.begin)} {{}}H{number(x.end)}"
+    grid = [f"M{number(at)} {number(top)}V{number(bottom)}" for at in along]
+    grid += [f"M{across.format(number(at))}" for at, _ in up]
+    yield f'<path class="grid" d="{"".join(grid)}"/>'
+    for item in panel.items:
+        yield from item_on(item, x, y)
+    frame = f"M{number(x.begin)} {number(top)}V{number(bottom)}H{number(x.end)}"
+    yield f'<path class="frame" d="{frame}"/>'
+    for at, words in up:
+        yield text(x.begin - 5, at + 3.5, words, "end")
+    if panel.y_label:
+        yield text(11, (top + bottom) / 2, panel.y_label, "middle", turned=True)
+
+
+def _svg(width: float, height: float, content: str) -> Markup:
+    box = f"0 0 {number(width)} {number(height)}"
+    return Markup(f'<svg viewBox="{box}">{content}</svg>')  # noqa: S704 - text is escaped

@@ -1,0 +1,82 @@
+"""Recordings behind the points of plots, as a page carries them: torque and position over time.
+
+They are thinned to what a screen shows: of each stretch of time the least and the greatest torque,
+so that no peak is lost, and one position.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.view.packed import deflated, packed
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
+    from hil.runs.recording_file import Measured
+
+    Array = NDArray[np.float64]
+
+STRETCHES = 200
+"""Of a recording, at most."""
+FINE = 1e-4
+"""What values are rounded to, as share of the greatest."""
+
+
+def carried(campaign: Iterable[Measured], robot: Robot, ids: Collection[str]) -> str:
+    """Recordings of the measurements `ids`, compressed; empty where there is none."""
+    found = {
+        each.measurement.id: _recording(each.measurement, each.recording, robot)
+        for each in campaign
+        if each.measurement.id in ids
+    }
+    return deflated(found) if found else ""
+
+
+def _recording(motion: RecordedMotion, recording: Recording, robot: Robot) -> dict[str, object]:
+    every = max(1, -(-recording.n_samples // STRETCHES))
+    return {
+        "words": f"{motion.kind}, {motion.axes_in_words}",
+        "duration": round(float(recording.time[-1] - recording.time[0]), 4),
+        "axes": [_axis(recording, robot, axis, every) for axis in _shown(motion)],
+    }
+
+
+def _shown(motion: RecordedMotion) -> list[int]:
+    """Axes that moved, and that whose torque was read."""
+    return sorted({*motion.moved, *motion.read})
+
+
+def _axis(recording: Recording, robot: Robot, axis: int, every: int) -> dict[str, object]:
+    torque, position = recording.tau[:, axis], recording.q[:, axis]
+    turns = bool(robot.revolute[axis])
+    shown = np.degrees(position) if turns else 1e3 * position
+    return {
+        "name": f"axis {axis + 1}",
+        "units": [robot.torque_unit(axis), "deg" if turns else "mm"],
+        "torque": _packed(_extremes(torque, every)),
+        "position": _packed(shown[::every]),
+    }
+
+
+def _extremes(values: Array, every: int) -> Array:
+    """Least and greatest of each `every` successive values, in turn."""
+    starts = np.arange(0, len(values), every)
+    both = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    return np.ravel(np.column_stack(both))
+
+
+def _packed(values: Array) -> dict[str, object]:
+    """Whole multiples of a fine step; what is missing is as before."""
+    there = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(there, np.arange(len(values)), 0))
+    filled = np.nan_to_num(values[last])
+    reach = float(np.abs(filled).max(initial=0.0))
+    return packed(filled, FINE * reach if reach > 0 else 1.0)

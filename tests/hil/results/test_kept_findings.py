@@ -1,0 +1,131 @@
+"""What was found in a run is kept for as long as the same would be found again, and no longer."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from small_run import write_run
+
+from checked_files.yaml_file import FileModel
+from hil.report.page import report
+from hil.results import kept_findings
+from hil.results.findings import findings
+from hil.results.kept_findings import NAME, keep, kept
+from hil.runs.pooling import recorded
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+    from hil.results.findings import Findings
+
+
+@pytest.fixture(scope="module")
+def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return write_run(tmp_path_factory.mktemp("kept") / "run", manutec)
+
+
+@pytest.fixture(scope="module")
+def found(run: Run) -> Findings:
+    campaign = tuple(run)
+    made = findings(run, campaign, tuple(recorded(campaign)))
+    keep(run, made)
+    return made
+
+
+@pytest.fixture
+def copy(run: Run, found: Findings, tmp_path: Path) -> Path:
+    del found
+    shutil.copytree(run.path, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def differences(one: Any, other: Any, place: str = "") -> list[str]:
+    """Where two records differ, field by field; the robot comes from its own file."""
+    if isinstance(one, np.ndarray | float):
+        same = np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind == "f")
+        return [] if same else [place]
+    if type(one) is not type(other):
+        return [f"{place}: {type(one).__name__} and {type(other).__name__}"]
+    if isinstance(one, FileModel | str | int | None):
+        return [] if one == other else [place]
+    if is_dataclass(one):
+        parts = {each.name: getattr(one, each.name) for each in fields(one)}
+        theirs = {name: getattr(other, name) for name in parts}
+    else:
+        both = (x if isinstance(x, dict) else dict(enumerate(x)) for x in (one, other))
+        parts, theirs = both
+    assert parts.keys() == theirs.keys(), place
+    return [
+        each
+        for name, part in parts.items()
+        if name != "robot"
+        for each in differences(part, theirs[name], f"{place}.{name}")
+    ]
+
+
+def test_what_is_read_is_what_was_kept_to_the_last_digit(run: Run, found: Findings) -> None:
+    again = kept(Run.open(run.path))
+    assert again is not None
+    assert differences(found, again) == []
+    assert again.model.robot.digest == found.model.robot.digest
+
+
+def test_a_run_without_it_has_nothing_kept(copy: Path) -> None:
+    (copy / NAME).unlink()
+    assert kept(Run.open(copy)) is None
+
+
+def test_another_recording_ends_it(copy: Path) -> None:
+    (copy / "recordings" / "i05.h5").unlink()
+    assert kept(Run.open(copy)) is None
+
+
+def test_so_does_a_measurement_left_out(copy: Path) -> None:
+    assert kept(Run.open(copy)) is not None
+    assert kept(Run.open(copy).without(["i05"])) is None
+
+
+def test_and_another_program(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_findings, "_program", lambda: "another one")
+    assert kept(Run.open(copy)) is None
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[:-100],
+        lambda text: text.replace("improved", "improvised", 1),
+        lambda _: "[]",
+        lambda _: json.dumps({"state": "", "digest": "", "content": 1}),
+        lambda _: "[" * 100_000,
+    ],
+)
+def test_a_damaged_file_is_as_none(copy: Path, damage: Any) -> None:
+    path = copy / NAME
+    path.write_text(damage(path.read_text()))
+    assert kept(Run.open(copy)) is None
+
+
+def test_a_report_with_it_is_the_report_without(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.report.page.now", lambda: "2026-01-02T03:04:05+00:00")
+    quick = report(Run.open(copy)).read_text()
+    (copy / NAME).unlink()
+    assert report(Run.open(copy)).read_text() == quick
+    assert kept(Run.open(copy)) is not None
+
+
+def test_with_it_nothing_is_estimated(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("estimated although it is kept")
+
+    monkeypatch.setattr("hil.report.reported_run.findings", refuse)
+    assert report(Run.open(copy)).exists()

@@ -1,0 +1,19 @@
+"""All commands of the program, found by asking it."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from hil.cli import COMMANDS, imported
+
+
+def every_command() -> dict[str, Any]:
+    """Name, as it is typed, and command of all commands and groups of commands."""
+    return {
+        name: command for first in COMMANDS for name, command in _with_inner(first, imported(first))
+    }
+
+
+def _with_inner(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+    yield name, command
+    for inner, member in getattr(command, "commands", {}).items():
+        yield from _with_inner(f"{name} {inner}", member)

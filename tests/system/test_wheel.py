@@ -1,0 +1,74 @@
+"""The wheel that users install: all files that the program reads, nothing else, and it starts."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("checked_files", "hil", "drivers", "sim_plant")
+PROGRAM = """
+import sys
+from importlib.metadata import entry_points
+from hil.cli import main
+channels = {each.name for each in entry_points(group="can.interface")}
+assert {"sim_plant", "replay", "local"} <= channels, channels
+main(sys.argv[1:])
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built as pip does from the files that git knows."""
+    place = tmp_path_factory.mktemp("wheel")
+    for name in ("pyproject.toml", "README.md", "LICENSE", *tracked()):
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, place / name)
+    build = [sys.executable, "-m", "pip", "--quiet", "wheel", "--no-deps", "-w", "dist", "."]
+    subprocess.run(build, cwd=place, check=True, capture_output=True)  # noqa: S603 - our own
+    return next((place / "dist").glob("*.whl"))
+
+
+def tracked() -> set[str]:
+    """Files of the packages, as git knows them."""
+    listed = subprocess.run(  # noqa: S603 - git on our own folders
+        ["git", "ls-files", *PACKAGES],  # noqa: S607 - wherever git is
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return {name for name in listed.stdout.splitlines() if (ROOT / name).exists()}
+
+
+def test_it_holds_all_files_of_the_packages_and_no_others(wheel: Path) -> None:
+    """Templates, robots, plants, data sheets and the scripts of the page among them."""
+    held = {name for name in ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    assert held == tracked()
+    assert {"hil/robots/manutec-r15.yaml", "hil/view/assets/view.js"} <= held
+
+
+def test_it_weighs_little(wheel: Path) -> None:
+    assert wheel.stat().st_size < 2_000_000
+
+
+def test_the_program_starts_from_it_alone(wheel: Path, tmp_path: Path) -> None:
+    """Its files in a folder, dependencies from where they are, and nothing of the checkout."""
+    with ZipFile(wheel) as files:
+        files.extractall(tmp_path / "installed")
+    for arguments, printed in (
+        (["--version"], f"hil {wheel.name.split('-')[1]}"),
+        (["robot", "manutec-r15"], "14 base parameters"),
+    ):
+        done = subprocess.run(  # noqa: S603 - our own program
+            [sys.executable, "-c", PROGRAM, *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path / "installed")},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert printed in done.stdout
