@@ -53,6 +53,6 @@ def _over_angles(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
         f"{name}-angles",
         partial(residuals_over_angles, run.local_values(name), run.robot, kind),
         f"Residuals of the {kind.elements} over each joint angle, one row an axis.",
-        f"Residuals of the {kind.elements} against every joint angle"
+        f"Residuals of the {kind.elements} against the position of every joint that varied"
         + (of_gravity if kind.symbol == "g" else "."),
     )
