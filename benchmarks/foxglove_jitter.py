@@ -1,7 +1,7 @@
 """SYNC of `hil run` on the wall clock without a stream to Foxglove, with one, and with a client.
 
-Plant and pacing are those of `live_jitter`; the client subscribes to all that is streamed. The
-cases take turns. Options go to `hil run`, as --realtime::
+Plant, drives and pacing are those of `live_jitter`; the client subscribes to all that is streamed.
+The cases take turns. Options go to `hil run`, as --realtime::
 
     python benchmarks/foxglove_jitter.py [TURNS] [OPTION ...]
 """
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from live_jitter import make_plan, measured
+from live_jitter import make_plan, measured, patient_drives
 from websockets.sync.client import connect
 
 from hil.planning.plan import dump_plan
@@ -74,6 +74,7 @@ def main(turns: int = 4, *options: str) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         plan = Path(scratch) / "plan.yaml"
         plan.write_text(dump_plan(make_plan()))
+        options = ("--drives", str(patient_drives(Path(scratch) / "drives.yaml")), *options)
         for turn in range(turns):
             for name, clients in CASES.items():
                 folder = Path(scratch) / f"{turn}-{name}"
