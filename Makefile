@@ -2,13 +2,14 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage vcan docs lint bench view-bundle clean
+.PHONY: help demo test pythons coverage vcan docs lint bench view-bundle clean
 
 VENV := .venv
 BIN := $(VENV)/bin
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	"$$p" -c '$(USABLE)' >/dev/null 2>&1 && echo "$$p" && break; done)
+PYTHONS ?= python3.11 python3.12 python3.13
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 MADE := $(VENV)/made
 RUNTIME := $(VENV)/installed
@@ -17,6 +18,7 @@ DEV := $(VENV)/installed-dev
 help:
 	@echo 'make demo     measure, identify and report on the virtual manutec-r15, into runs/'
 	@echo 'make test     every check and every test'
+	@echo 'make pythons  the same under every Python that is here, of $(PYTHONS)'
 	@echo 'make coverage the tests, and how many lines they reach'
 	@echo 'make vcan     the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
 	@echo 'make docs     the documentation as a site, into build/docs'
@@ -31,6 +33,16 @@ demo: $(RUNTIME)
 # the tests of a file share a worker, and so what is made once for all of them
 test: lint
 	$(BIN)/pytest -n auto --dist loadfile
+
+# each in an environment of its own, .venv-3.12 and so on; the last line names those that are not here
+pythons:
+	@set -e; missing=; for python in $(PYTHONS); do \
+		if ! "$$python" -c '$(USABLE)' >/dev/null 2>&1; then missing="$$missing $$python"; continue; fi; \
+		number=$$("$$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
+		echo "== Python $$number"; \
+		$(MAKE) --no-print-directory VENV=".venv-$$number" PYTHON="$$python" test; \
+	done; \
+	if [ -n "$$missing" ]; then echo "not tested, since they are not here:$$missing"; fi
 
 # by itself, because it doubles the time of the tests
 coverage: $(DEV)
@@ -60,7 +72,7 @@ view-bundle:
 	@cd web && npm ci --silent && npm run --silent build
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv .venv-* build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 	rm -rf .hypothesis .coverage .coverage.*
 	find hil drivers sim_plant tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parent / "site"))
+from notebooks import write_pages
 
 project = "Robot identification over CANopen"
 version = release = installed_version("canopen-robot-identification")
@@ -39,6 +40,7 @@ autodoc_typehints = "none"
 add_module_names = False
 
 REFERENCE = Path(__file__).parent / "reference"
+NOTEBOOKS = Path(__file__).parent / "tutorials" / "notebooks"
 
 
 def write_commands(_: Sphinx) -> None:
@@ -57,3 +59,4 @@ def _described(name: str) -> str:
 def setup(app: Sphinx) -> None:
     """Have the generated pages written before any is read."""
     app.connect("builder-inited", write_commands)
+    app.connect("builder-inited", lambda _: write_pages(NOTEBOOKS))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from hil.report.header import when
 from hil.report.page import TEMPLATES
+from hil.results.rounding import signed
+from hil.results.tables.cells import unit
 from hil.results.tables.html import environment
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.runs.atomic_file import write_file
@@ -61,10 +63,12 @@ def checked(checks: Sequence[Check]) -> Table:
 
 def _row(check: Check) -> Row:
     values = (check.value, check.least, check.most)
-    cells = (
-        "" if each is None else each if isinstance(each, str) else f"{each:.6g}" for each in values
-    )
-    return (check.name, *cells, check.unit, "PASS" if check.passed else Marked("FAIL"))
+    cells = ("" if each is None else _figure(each) for each in values)
+    return (check.name, *cells, unit(check.unit), "PASS" if check.passed else Marked("FAIL"))
+
+
+def _figure(value: float | str) -> str:
+    return value if isinstance(value, str) else signed(f"{value:.6g}")
 
 
 def _drives(run: Run) -> Table | None:

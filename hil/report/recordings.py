@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-STRETCHES = 200
+STRETCHES = 500
 """Of a recording, at most."""
 FINE = 1e-4
 """What values are rounded to, as share of the greatest."""

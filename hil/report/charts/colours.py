@@ -10,11 +10,11 @@ NAMES = {
     PURPLE: "purple",
 }  # fmt: skip
 """Classes of the style sheets; other colours are drawn as they are."""
-_STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (190, 200, 40))
+_STOPS = ((124, 104, 214), (62, 130, 204), (32, 150, 140), (92, 160, 72), (192, 146, 40))
 
 
 def in_turn(n: int) -> list[str]:
-    """Colours of `n` things that have an order, from violet to green."""
+    """Colours of `n` things that have an order, from violet to amber, on light and dark paper."""
     return [_between(k * (len(_STOPS) - 1) / max(n - 1, 1)) for k in range(n)]
 
 

@@ -47,7 +47,7 @@ def intervals(model: Model, check: Model, prediction: Prediction) -> Chart:
                 x_label="effect on the torque of the axis where it is largest [%]",
                 y_range=(0.3, len(order) + 0.7),
                 rows={float(row): base.names[k] for row, k in zip(rows, order, strict=True)},
-                width=640.0,
+                width=530.0,
                 height=max(ROW * len(order), 120.0),
             ),
             Panel(

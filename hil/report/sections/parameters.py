@@ -24,9 +24,9 @@ def section(run: IdentifiedRun) -> Section:
         partial(intervals, run.model, run.found.check, run.found.prediction),
         "Intervals of 95 % of all base parameters and of the torque of every axis, as shares of"
         " the torque of a free motion.",
-        "How far the result is certain. Left: the interval of each parameter by the torque that it"
-        " makes on a free motion, relative to the torque of the axis where that is largest. Right:"
-        " what all parameters together leave uncertain of each axis's torque.",
+        "How far the result is certain. Of each base parameter the interval by the torque that it"
+        " makes on a free motion, relative to the torque of the axis where that is largest; of each"
+        " axis what all parameters together leave uncertain of its torque.",
     )
     return Section(
         "Base parameters",

@@ -52,7 +52,7 @@ def _over_angles(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
     return Plot(
         f"{name}-angles",
         partial(residuals_over_angles, run.local_values(name), run.robot, kind),
-        f"Residuals of the {kind.elements} over each joint angle, one row an axis.",
-        f"Residuals of the {kind.elements} against every joint angle"
+        f"Residuals of the {kind.elements} over the position of each joint that varied.",
+        f"Residuals of the {kind.elements} against the position of every joint that varied"
         + (of_gravity if kind.symbol == "g" else "."),
     )

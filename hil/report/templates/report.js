@@ -37,7 +37,7 @@
   dialog.addEventListener('click', (event) => event.target === dialog && dialog.close());
 
   // A curve over time: least and greatest, or one value, of each stretch of it.
-  const SIZE = { width: 640, height: 150, left: 62, bottom: 34, top: 8, right: 10 };
+  const SIZE = { height: 150, left: 62, bottom: 34, top: 8, right: 10 };
   const written = (value, step) =>
     value.toFixed(Math.max(0, -Math.floor(Math.log10(step)))).replace('-', '−');
   const marks = (low, high, most) => {
@@ -53,14 +53,15 @@
   const curve = ({ step, differences }, duration, label) => {
     let sum = 0;
     const values = differences.map((each) => (sum += each) * step);
-    const { width, height, left, right, top, bottom } = SIZE;
+    const width = Math.max(300, Math.min(640, innerWidth - 80));
+    const { height, left, right, top, bottom } = SIZE;
     const margin = 0.05 * (Math.max(...values) - Math.min(...values)) || 1;
     const low = Math.min(...values) - margin;
     const high = Math.max(...values) + margin;
     const x = (t) => left + (t / duration) * (width - left - right);
     const y = (value) => height - bottom - ((value - low) / (high - low)) * (height - top - bottom);
     const picture = drawn('svg', { viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': label });
-    const across = marks(0, duration, 8);
+    const across = marks(0, duration, width / 80);
     const up = marks(low, high, 4);
     const grid = [...across.map(([t]) => `M${x(t)} ${top}V${height - bottom}`),
       ...up.map(([value]) => `M${left} ${y(value)}H${width - right}`)].join('');

@@ -1,0 +1,150 @@
+"""The report in a real browser: what its points lead to, and whether everybody can use it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from browser import colour_scheme, opened_browser, require_browser, resize
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import WebDriverWait
+from small_run import write_run
+
+from hil.report.page import report
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from selenium.webdriver import Chrome
+    from selenium.webdriver.remote.webelement import WebElement
+
+    from hil.model.robot import Robot
+    from hil.runs.run import Run
+
+AXE = (Path(__file__).parents[2] / "support" / "axe.min.js").read_text(encoding="utf-8")
+FAULTS = """
+const done = arguments[arguments.length - 1];
+const grave = ({ impact }) => ['serious', 'critical'].includes(impact);
+const found = ({ id, nodes }) => [id, nodes.slice(0, 3).map(({ html }) => html.slice(0, 300))];
+axe.run().then(({ violations }) => done(violations.filter(grave).map(found)));
+"""
+POINT = '#plot-inertia [data-m="i05"]'
+LARGEST = 1_000_000
+"""Of a page of 39 recordings [bytes]."""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    require_browser()
+    with opened_browser(tmp_path_factory.mktemp("profile")) as opened:
+        opened.set_script_timeout(120)
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return write_run(tmp_path_factory.mktemp("browsed") / "run", manutec)
+
+
+@pytest.fixture(scope="module")
+def page(run: Run) -> Path:
+    return report(run)
+
+
+def show(browser: Chrome, page: Path, width: int = 1440, scheme: str = "light") -> None:
+    resize(browser, width, 900)
+    colour_scheme(browser, scheme)
+    browser.get(page.as_uri())
+
+
+def faults(browser: Chrome) -> Any:
+    browser.execute_script(AXE)
+    return browser.execute_async_script(FAULTS)
+
+
+def opened(browser: Chrome) -> WebElement:
+    dialog = browser.find_element(By.TAG_NAME, "dialog")
+    WebDriverWait(browser, 20).until(lambda _: dialog.is_displayed())
+    return dialog
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1440, 420])
+def test_axe_finds_no_serious_fault_with_or_without_a_recording(
+    browser: Chrome, page: Path, width: int, scheme: str
+) -> None:
+    show(browser, page, width, scheme)
+    assert faults(browser) == []
+    browser.execute_script(
+        "document.querySelector(arguments[0]).dispatchEvent("
+        "new KeyboardEvent('keydown', { key: 'Enter', bubbles: true }))",
+        POINT,
+    )
+    opened(browser)
+    assert faults(browser) == []
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+def test_nothing_makes_the_page_wider_than_the_screen(
+    browser: Chrome, page: Path, width: int
+) -> None:
+    show(browser, page, width)
+    wide = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert browser.execute_script(wide) == 0
+
+
+def test_a_click_on_a_point_opens_the_recording_behind_it(
+    browser: Chrome, page: Path, run: Run
+) -> None:
+    show(browser, page)
+    point = browser.find_element(By.CSS_SELECTOR, POINT)
+    browser.execute_script("arguments[0].scrollIntoView({ block: 'center' })", point)
+    ActionChains(browser).move_to_element(point).perform()
+    tip = browser.find_element(By.ID, "tip")
+    assert (tip.is_displayed(), tip.text) == (True, "i05")
+    ActionChains(browser).click().perform()
+    dialog = opened(browser)
+    measurement = run["i05"].measurement
+    assert dialog.find_element(By.TAG_NAME, "h2").text == f"i05: inertia, axis {measurement.axis}"
+    curves = dialog.find_elements(By.TAG_NAME, "svg")
+    assert [each.get_attribute("aria-label") for each in curves] == [
+        "torque [N m]",
+        "position [deg]",
+    ]
+    drawn = dialog.find_elements(By.CSS_SELECTOR, "path.measured")
+    assert all((each.get_attribute("d") or "").count("L") > 50 for each in drawn)
+    dialog.find_element(By.TAG_NAME, "button").click()
+    assert not dialog.is_displayed()
+    assert [each for each in browser.get_log("browser") if each["level"] == "SEVERE"] == []
+
+
+def test_the_arrow_keys_go_from_point_to_point_and_enter_opens(browser: Chrome, page: Path) -> None:
+    show(browser, page)
+    tip = browser.find_element(By.ID, "tip")
+    first = browser.find_element(By.CSS_SELECTOR, '#plot-inertia svg [tabindex="0"]')
+    browser.execute_script("arguments[0].focus()", first)
+    began = tip.text
+    browser.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
+    assert tip.text not in ("", began)
+    now = tip.text
+    browser.switch_to.active_element.send_keys(Keys.ENTER)
+    assert opened(browser).find_element(By.TAG_NAME, "h2").text.startswith(f"{now}: ")
+
+
+def test_without_scripts_the_page_shows_its_figures_and_offers_no_points(
+    browser: Chrome, page: Path
+) -> None:
+    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        show(browser, page)
+        assert browser.find_element(By.CSS_SELECTOR, "#plot-intervals svg").is_displayed()
+        assert not browser.find_element(By.CLASS_NAME, "hint").is_displayed()
+    finally:
+        browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
+
+
+def test_the_page_is_of_a_modest_size(page: Path) -> None:
+    assert page.stat().st_size < LARGEST
