@@ -176,7 +176,7 @@ def test_names_are_looked_at_before_anything_is_estimated(
     hil: Hil, tmp_path: Path, manutec: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = write_run(tmp_path / "run", manutec).path
-    monkeypatch.setattr("hil.results.identification.identify", None)
+    monkeypatch.setattr("hil.results.identification.identified", None)
     for wrong, message in (
         (("--method", "improvd"), "did you mean improved"),
         (("--without", "g999"), "no measurement of the plan has this id"),

@@ -48,7 +48,7 @@ LONG = [
     ("run PLAN -o NEW", "planning.dry_run.dry_run", LIMITS),
     ("run PLAN --symmetric RUN -o NEW", "results.friction_gate.refuse_asymmetric",
      "testing the friction of"),
-    ("identify RUN", "results.identification.identify", ESTIMATING),
+    ("identify RUN", "results.identification.identified", ESTIMATING),
     ("report RUN", "report.page.report", "estimating manutec-r15 anew and drawing the report"),
     ("diagnose RUN", "results.diagnosis.diagnose",
      "testing what the robot file of manutec-r15 leaves out"),
