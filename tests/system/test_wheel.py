@@ -31,6 +31,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, place / name)
     build = [sys.executable, "-m", "pip", "--quiet", "wheel", "--no-deps", "-w", "dist", "."]
+    # with the setuptools of the development extra: no package index is asked
+    build.insert(-1, "--no-build-isolation")
     subprocess.run(build, cwd=place, check=True, capture_output=True)  # noqa: S603 - our own
     return next((place / "dist").glob("*.whl"))
 
