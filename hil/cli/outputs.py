@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from hil.errors import FileError
 
 
 def new_file(ctx: typer.Context, path: Path | None) -> Path | None:
@@ -63,10 +66,8 @@ def refuse_existing(output: Path) -> None:
     FileError
         It is there.
     """
-    from checked_files.yaml_file import FileError
-
     if os.path.lexists(output):
-        raise FileError(f"{output}: is there already; remove it or choose another name with -o")
+        raise _refused(f"{output}: is there already; remove it or choose another name with -o")
 
 
 def refuse_no_folder(output: Path) -> None:
@@ -74,10 +75,10 @@ def refuse_no_folder(output: Path) -> None:
 
     Raises
     ------
-    typer.BadParameter
+    FileError
     """
     if not output.parent.is_dir():
-        raise typer.BadParameter(f"{output}: there is no folder {output.parent}; make it first")
+        raise _refused(f"{output}: there is no folder {output.parent}; make it first")
     _refuse_closed(output.parent)
 
 
@@ -91,12 +92,10 @@ def refuse_unwritable(output: Path) -> None:
     FileError
         A folder has its name, or its own folder takes no files.
     """
-    from checked_files.yaml_file import FileError
-
     if output.is_dir() and not output.is_symlink():
-        raise FileError(f"{output}: is a folder, and a file is to be written there; move it away")
+        raise _refused(f"{output}: is a folder, and a file is to be written there; move it away")
     if output.parent.is_dir() and not os.access(output.parent, os.W_OK):
-        raise FileError(
+        raise _refused(
             f"{output}: cannot be written: {output.parent} takes no files from this user; copy the"
             " folder to where it may be written"
         )
@@ -106,13 +105,20 @@ def _refuse_no_way(path: Path, folder: Path) -> None:
     """Refuse a place below something else than a folder, or below one that takes no files."""
     there = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
     if not there.is_dir():
-        raise typer.BadParameter(f"{path}: {there} is no folder; choose another name")
+        raise _refused(f"{path}: {there} is no folder; choose another name")
     _refuse_closed(there)
 
 
 def _refuse_closed(folder: Path) -> None:
     if not os.access(folder, os.W_OK):
-        raise typer.BadParameter(
+        raise _refused(
             f"{folder} takes no files from this user; choose another place, or have its rights"
             " changed"
         )
+
+
+def _refused(text: str) -> FileError:
+    """Return the error of one line, whose paths can be copied, as a usage error's cannot."""
+    from hil.errors import FileError
+
+    return FileError(text)
