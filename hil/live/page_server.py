@@ -8,6 +8,7 @@ run's lines it adds ``alive``, now and then; ``stopping``, where a page has aske
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import json
 import os
@@ -108,13 +109,19 @@ def main(address: str, port: str) -> None:
     except OSError as error:
         voice.say(
             "failed",
-            f"the live page cannot be served on port {port} of {address}: {error.strerror}; choose"
-            " another with --live PORT, or 0 for a free one",
+            f"the live page cannot be served on port {port} of {address}: {error.strerror};"
+            f" {_remedy(error)}",
         )
         return
     Thread(target=server.serve_forever, name="server", daemon=True).start()
     voice.say("ready", _where(address, server.server_port, secret))
     _pass_on(streams)
+
+
+def _remedy(error: OSError) -> str:
+    if error.errno == errno.EADDRNOTAVAIL:
+        return "give an address of this computer with --live-address, or 0.0.0.0 for all"
+    return "choose another with --live PORT, or 0 for a free one"
 
 
 def _pass_on(streams: Streams) -> None:

@@ -14,7 +14,7 @@ from live_page import SERVER, STOP, Served, events, served, watching
 
 from drivers.drive_bus import Sample
 from hil.live import streams
-from hil.live.listener import ListenerFailed
+from hil.live.listener import Listener, ListenerFailed
 from hil.live.page_requests import FILES
 from hil.live.page_server import CONNECTIONS_MAX
 from hil.live.streams import CLIENTS_MAX, Streams
@@ -128,6 +128,12 @@ def test_a_port_that_is_taken_is_refused_with_the_remedy(page: Served) -> None:
     refusal = f"port {page.port} .* --live PORT, or 0"
     with pytest.raises(ListenerFailed, match=refusal), served(port=page.port):
         pass
+
+
+def test_an_address_of_another_computer_is_refused_with_the_remedy() -> None:
+    elsewhere = Listener("the live page", SERVER, "203.0.113.9", "0")
+    with pytest.raises(ListenerFailed, match="give an address of this computer with --live-addr"):
+        elsewhere.start(lambda: None)
 
 
 def test_a_late_page_is_told_what_has_passed(
