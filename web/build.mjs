@@ -1,16 +1,15 @@
-// Bundle web/src into the assets of hil/view and hil/live: `make view-bundle`. What it was made from is kept by its
-// hash, so that a test finds a bundle that is out of date without any of this.
+// Bundle web/src into the assets of hil/view, for its page and the live one: `make view-bundle`. What it was made from
+// is kept by its hash, so that a test finds a bundle that is out of date without any of this.
 import { createHash } from 'node:crypto';
 import { copyFileSync, readFileSync, readdirSync, writeFileSync } from 'node:fs';
 import { build } from 'esbuild';
 
 const assets = '../hil/view/assets';
-const common = {
+await build({
+  entryPoints: ['src/main.js'], outfile: `${assets}/view.js`, globalName: 'hilView',
   bundle: true, minify: true, format: 'iife', target: 'es2022', legalComments: 'none', charset: 'utf8',
   banner: { js: '/*! Contains three.js, Copyright 2010-2026 three.js authors, MIT licence: see three.LICENSE */' },
-};
-await build({ ...common, entryPoints: ['src/main.js'], outfile: `${assets}/view.js`, globalName: 'hilView' });
-await build({ ...common, entryPoints: ['src/live.js'], outfile: '../hil/live/assets/live.js' });
+});
 copyFileSync('node_modules/three/LICENSE', `${assets}/three.LICENSE`);
 // what the tests look for faults of accessibility with
 copyFileSync('node_modules/axe-core/axe.min.js', '../tests/support/axe.min.js');

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.live.streams import Streams
 
 ASSETS = Path(__file__).parent / "assets"
-STYLE_OF_VIEW = Path(__file__).parents[1] / "view" / "assets" / "view.css"
+VIEW = Path(__file__).parents[1] / "view" / "assets"
 STOP_HEADER = "X-Hil-Stop"
 BODY_MAX = 1024
 """Of a request [bytes]."""
@@ -42,8 +42,9 @@ SECURITY = {
 }
 FILES = {
     "": ("text/html; charset=utf-8", (ASSETS / "page.html",)),
+    "view.js": ("text/javascript; charset=utf-8", (VIEW / "view.js",)),
     "live.js": ("text/javascript; charset=utf-8", (ASSETS / "live.js",)),
-    "live.css": ("text/css; charset=utf-8", (STYLE_OF_VIEW, ASSETS / "live.css")),
+    "live.css": ("text/css; charset=utf-8", (VIEW / "view.css", ASSETS / "live.css")),
 }
 """Media type of each path, and the files that it consists of."""
 

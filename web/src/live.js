@@ -3,9 +3,14 @@ import { LivePage } from './live_page.js';
 
 const AGAIN = 5000; // until a page that was refused tries anew [ms]
 
-const page = new LivePage();
+/** Show the run that serves this page; `window.live` then answers what tests ask. */
+export function follow() {
+  const page = new LivePage();
+  window.live = page;
+  listen(page);
+}
 
-function listen() {
+function listen(page) {
   const source = new EventSource('events');
   source.onmessage = ({ data }) => {
     page.take(JSON.parse(data));
@@ -13,9 +18,6 @@ function listen() {
   };
   source.onerror = () => {
     page.disconnected();
-    if (source.readyState === EventSource.CLOSED) setTimeout(listen, AGAIN);
+    if (source.readyState === EventSource.CLOSED) setTimeout(() => listen(page), AGAIN);
   };
 }
-
-listen();
-window.live = page;
