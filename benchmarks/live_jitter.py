@@ -22,31 +22,39 @@ import sys
 import tempfile
 import time
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
 import numpy as np
+from plant_process import plant
 
-from drivers.realtime import PRIORITY
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 INTERFACE, CHANNEL = "local", f"live-jitter-{os.getpid()}"
 PAGES = 50
 PERIOD = 0.004
-CASES = {"no page": None, "one page": 1, f"{PAGES} pages": PAGES}
-"""Of each case the number of pages that watch; None where none is served."""
 HEARTBEAT = "heartbeat_timeout: 0.5"
 MOTION = 2.0
 """Time of motion before a stop [s]."""
+
+
+class Case(NamedTuple):
+    """How a run is shown: its options, and what looks on at the address that it states."""
+
+    options: tuple[str, ...] = ()
+    follow: Callable[[str], None] | None = None
 
 
 def make_plan() -> Plan:
@@ -71,30 +79,17 @@ def patient_drives(path: Path) -> Path:
 
 
 @contextmanager
-def plant() -> Iterator[None]:
-    """Serve the plant from another process."""
-    place = ("--interface", INTERFACE, "--channel", CHANNEL)
-    command = (sys.executable, "-m", "sim_plant", *place, "--clock", "wall")
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline(), "the plant did not start"
-            os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
-            yield
-        except PermissionError as error:
-            sys.exit(f"the plant must have real time: {error}")
-        finally:
-            process.kill()
-
-
-@contextmanager
 def run(plan: Path, folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Begin a run on a fresh plant; yields its process, and the address of a page if it has one."""
+    """Begin a run on a fresh plant; yields its process, and the address where it is shown."""
     place = ("--interface", INTERFACE, "--channel", CHANNEL)
     command = (sys.executable, "-m", "hil", "run", plan, "-o", folder, *place, *options)
     pipe = subprocess.PIPE
-    with plant(), subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
-        yield process, said(process, r"http://\S+") if "--live" in options else ""
+    shown = {"--live", "--foxglove"} & {*options}
+    with (
+        plant(INTERFACE, CHANNEL),
+        subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process,
+    ):
+        yield process, said(process, r"\w+://\S+") if shown else ""
 
 
 def said(process: subprocess.Popen[str], what: str) -> str:
@@ -121,28 +116,58 @@ def watch(url: str, pages: int) -> None:
                 readers.remove(reader)
 
 
-def measured(
-    plan: Path, folder: Path, pages: int | None, options: Sequence[str]
-) -> NDArray[np.float64]:
+LIVE = ("--live", "0")
+CASES = {
+    "no page": Case(),
+    "one page": Case(LIVE, partial(watch, pages=1)),
+    f"{PAGES} pages": Case(LIVE, partial(watch, pages=PAGES)),
+}
+
+
+def measured(plan: Path, folder: Path, case: Case, options: Sequence[str]) -> Array:
     """How far the time between two SYNCs was off, or NaN for each that was left out [s]."""
-    live = () if pages is None else ("--live", "0")
-    with run(plan, folder, *live, *options) as (process, url):
-        watcher = multiprocessing.get_context("spawn").Process(target=watch, args=(url, pages))
-        if pages:
-            watcher.start()
+    with run(plan, folder, *case.options, *options) as (process, url):
+        follower = None
+        if case.follow is not None:
+            spawn = multiprocessing.get_context("spawn")
+            follower = spawn.Process(target=case.follow, args=(url,))
+            follower.start()
         _, errors = process.communicate()
         assert process.returncode == 0, errors
-        if pages:
-            watcher.join()
+        if follower is not None:
+            follower.join()
+            assert follower.exitcode == 0, "who looked on has failed"
     steps = np.concatenate([np.diff(each.recording.time) for each in RunFolder.open(folder)])
     passed = np.maximum(1, np.rint(steps / PERIOD))
     left_out = np.full(int(passed.sum()) - len(steps), np.nan)
     return np.concatenate([np.abs(steps - passed * PERIOD), left_out])
 
 
+@contextmanager
+def prepared(*options: str) -> Iterator[tuple[Path, Path, tuple[str, ...]]]:
+    """Make a plan; yields a folder, the plan's file, and the options of every run."""
+    with tempfile.TemporaryDirectory() as name:
+        scratch = Path(name)
+        os.environ["XDG_STATE_HOME"] = name  # where runs keep what drives held
+        plan = scratch / "plan.yaml"
+        plan.write_text(dump_plan(make_plan()))
+        yield scratch, plan, ("--drives", str(patient_drives(scratch / "drives.yaml")), *options)
+
+
+def show(jitter: Mapping[str, Sequence[Array]]) -> None:
+    """Print the medians of all turns of each case."""
+    turns = len(next(iter(jitter.values())))
+    print(f"SYNC off its period, median of {turns} turns [ms]")
+    print(f"{'':<20}{'rms':>8}{'99 %':>8}{'99.9 %':>8}{'worst':>8}{'left out':>10}{'of SYNCs':>10}")
+    for name, each in jitter.items():
+        figures = np.median([_figures(off) for off in each], axis=0)
+        cells = "".join(f"{1e3 * figure:>8.2f}" for figure in figures[:4])
+        print(f"{name:<20}{cells}{figures[4]:>10.0f}{figures[5]:>10.0f}")
+
+
 def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) -> float:
     """Time from a stop in the middle of a motion to its report that the axes are off [s]."""
-    with run(plan, folder, "--live", "0", *options) as (process, url):
+    with run(plan, folder, *LIVE, *options) as (process, url):
         parts = urlsplit(url)
         assert process.stderr is not None
         said(process, "measurements to do")
@@ -160,32 +185,22 @@ def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) 
 
 def main(turns: int = 4, *options: str) -> None:
     """Measure in turns, then print."""
-    jitter: dict[str, list[NDArray[np.float64]]] = {name: [] for name in CASES}
+    jitter: dict[str, list[Array]] = {name: [] for name in CASES}
     stops: dict[bool, list[float]] = {True: [], False: []}
-    with tempfile.TemporaryDirectory() as scratch:
-        os.environ["XDG_STATE_HOME"] = scratch  # where runs keep what drives held
-        plan = Path(scratch) / "plan.yaml"
-        plan.write_text(dump_plan(make_plan()))
-        options = ("--drives", str(patient_drives(Path(scratch) / "drives.yaml")), *options)
+    with prepared(*options) as (scratch, plan, given):
         for turn in range(turns):
-            for name, pages in CASES.items():
-                folder = Path(scratch) / f"{turn}-{name}"
-                jitter[name].append(measured(plan, folder, pages, options))
+            for name, case in CASES.items():
+                jitter[name].append(measured(plan, scratch / f"{turn}-{name}", case, given))
             for by_page in (True, False):
-                folder = Path(scratch) / f"{turn}-stop-{by_page}"
-                stops[by_page].append(stopped(plan, folder, options, by_page=by_page))
-    print(f"SYNC off its period, median of {turns} turns [ms]")
-    print(f"{'':<12}{'rms':>8}{'99 %':>8}{'99.9 %':>8}{'worst':>8}{'left out':>10}{'of SYNCs':>10}")
-    for name, each in jitter.items():
-        figures = np.median([_figures(off) for off in each], axis=0)
-        cells = "".join(f"{1e3 * figure:>8.2f}" for figure in figures[:4])
-        print(f"{name:<12}{cells}{figures[4]:>10.0f}{figures[5]:>10.0f}")
+                folder = scratch / f"{turn}-stop-{by_page}"
+                stops[by_page].append(stopped(plan, folder, given, by_page=by_page))
+    show(jitter)
     for by_page, name in ((True, "a stop from the page"), (False, "Ctrl-C")):
         median, longest = np.median(stops[by_page]), max(stops[by_page])
         print(f"axes off after {name}: {median:.2f} s (median of {turns}), {longest:.2f} s at most")
 
 
-def _figures(off: NDArray[np.float64]) -> tuple[float, ...]:
+def _figures(off: Array) -> tuple[float, ...]:
     """Root mean square, two quantiles and maximum [s]; how many were left out, and of how many."""
     kept = off[np.isfinite(off)]
     rms = float(np.sqrt(np.mean(kept**2)))

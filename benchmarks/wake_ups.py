@@ -17,11 +17,12 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 import numpy as np
+from plant_process import plant
 
 from drivers.drive_bus import SampleFlag
 from drivers.drives_file import load_drives
 from drivers.open_drive_bus import open_drive_bus
-from drivers.realtime import PRIORITY, real_time
+from drivers.realtime import real_time
 from hil.model.robot import ROBOTS
 
 if TYPE_CHECKING:
@@ -35,24 +36,6 @@ DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml").model_copy(
     update={"sync_period": PERIOD, "heartbeat_timeout": 2.0, "sdo_timeout": 5.0}
 )
 GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
-
-
-@contextmanager
-def plant() -> Iterator[None]:
-    """Serve the plant from another process, in real time where that is granted."""
-    place = ("--interface", INTERFACE, "--channel", CHANNEL)
-    command = (sys.executable, "-m", "sim_plant", *place, "--clock", "wall")
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            assert process.stdout.readline(), "the plant did not start"
-            measured(WARM_UP, realtime=False)
-            os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
-            yield
-        except PermissionError as error:
-            sys.exit(f"the plant must have real time: {error}")
-        finally:
-            process.kill()
 
 
 @contextmanager
@@ -90,7 +73,7 @@ def main(samples: int = 5000) -> None:
     """Print a line for each case."""
     with real_time() as measures:
         print(*measures, sep="\n")
-    with plant():
+    with plant(INTERFACE, CHANNEL, lambda: measured(WARM_UP, realtime=False)):
         for name, burden in (("idle", nullcontext), ("all cores busy", load)):
             for realtime in (False, True):
                 with burden():

@@ -1,0 +1,34 @@
+"""The virtual plant as a process of its own, on the wall clock, in real time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from drivers.realtime import PRIORITY
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+@contextmanager
+def plant(
+    interface: str, channel: str, warm_up: Callable[[], object] = lambda: None
+) -> Iterator[None]:
+    """Serve the plant; what `warm_up` does comes before it gets the real-time class."""
+    place = ("--interface", interface, "--channel", channel)
+    command = (sys.executable, "-m", "sim_plant", *place, "--clock", "wall")
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline(), "the plant did not start"
+            warm_up()
+            os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
+            yield
+        except PermissionError as error:
+            sys.exit(f"the plant must have real time: {error}")
+        finally:
+            process.kill()
