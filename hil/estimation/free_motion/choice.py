@@ -1,10 +1,11 @@
 """What the data choose: the law of friction of each axis, and the dead zone at low speed.
 
-Alternatives are compared by the error of prediction on blocks that were held out, in turn, and so
-block by block: the difference of two alternatives' squared errors has a mean and a standard error
-over blocks. An alternative is worse than the best if that mean is positive by more than `CHANCE`
-standard errors. Chosen is the simplest that is not worse, unless one that is simpler still predicts
-as well: a richer law is never chosen that predicts held-out blocks worse than a simpler one.
+Alternatives are compared by the error of prediction on blocks that were held out, in turn. Chosen
+is the simplest that is not worse than the best, judged by the residual of the axis concerned. Up to
+`NEGLIGIBLE` it is not worse; beyond `MATERIAL` it is, however much blocks differ, for one bad block
+would excuse anything. In between chance decides: the difference of squared errors has a mean and a
+standard error over blocks, and is no chance where Student's t says so with `CHANCE` for all
+alternatives together (Bonferroni). If one that is simpler still predicts as well, it is chosen.
 
 Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
 spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
@@ -18,8 +19,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import special
 
-from hil.estimation.free_motion.friction_terms import LAWS
+from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.system import (
     embedded,
     kept_unknowns,
@@ -41,8 +43,14 @@ if TYPE_CHECKING:
 
 FOLDS = 12
 """Parts of the pieces that are held out in turn."""
-CHANCE = 2.0
-"""Standard errors up to which a difference is taken for chance."""
+CHANCE = 0.05
+"""Probability of a difference, by chance and among all alternatives, below which it is none."""
+NEGLIGIBLE = 0.01
+"""Growth of the held-out residual (rms) that tells nothing: up to .008 come of the filters' corners
+where friction is Coulomb's and viscous exactly (two axes, white noise; `tests/support`)."""
+MATERIAL = 0.05
+"""Growth of the held-out residual (rms) that no simplification is worth: what the default may leave
+more than weighted least squares does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,24 +80,36 @@ class Choice:
 
 
 def choose(products: Products) -> Choice:
-    """Choose dead zone, then laws axis by axis."""
-    kept = _kept(products, ["all"] * products.n_joints)
-    pieces, counts = summed(products.pieces), products.counts.sum(axis=2)
+    """Choose dead zone, then laws axis by axis, those of the others being the classical one first.
+
+    A dead zone that leaves more of all samples than the classical law without one is none.
+    """
+    plain = without_choice(products, weighted=True)
+    whole = normal(summed(products.pieces), products.n_shared, plain.weights)
+    least = HeldOut(whole, whole).error(plain.kept(products.n_shared)).sum()
+    for slowest in sorted({_dead_zone(products, plain), 0}, reverse=True):
+        pieces = summed(products.pieces, slowest)
+        counts = products.counts[:, :, slowest:].sum(axis=2)
+        kept = plain.kept(products.n_shared)
+        weights = residual_weights(pieces, counts, products.n_shared, kept)
+        system = normal(pieces.sum(axis=0, keepdims=True), products.n_shared, weights)
+        held_out = HeldOut(normal(pieces, products.n_shared, weights), whole)
+        laws, errors = list(plain.laws), []
+        for axis in range(products.n_joints):
+            others = [
+                (law, _kept(products, (*laws[:axis], law, *laws[axis + 1 :]))) for law in LAWS
+            ]
+            found = {
+                law: held_out.error(kept)
+                for law, kept in others
+                if _locks_nowhere(products, system.only(kept).solution(), kept, axis)
+            }
+            laws[axis] = simplest(found, products.n_joints)
+            errors.append(_relative(found, laws[axis]))
+        kept = _kept(products, laws)
+        if held_out.error(kept).sum() <= least:
+            break
     weights = residual_weights(pieces, counts, products.n_shared, kept)
-    slowest = _dead_zone(products, weights)
-    pieces, counts = summed(products.pieces, slowest), products.counts[:, :, slowest:].sum(axis=2)
-    weights = residual_weights(pieces, counts, products.n_shared, kept)
-    system = normal(pieces, products.n_shared, weights)
-    whole = normal(summed(products.pieces), products.n_shared, weights)
-    held_out = HeldOut(system, whole)
-    laws, errors = ["all"] * products.n_joints, []
-    for axis in range(products.n_joints):
-        found = {
-            law: held_out.error(_kept(products, (*laws[:axis], law, *laws[axis + 1 :])))
-            for law in LAWS
-        }
-        laws[axis] = simplest(found)
-        errors.append(_relative(found, laws[axis]))
     return Choice(slowest, tuple(laws), tuple(errors), weights)
 
 
@@ -104,16 +124,31 @@ def without_choice(products: Products, *, weighted: bool) -> Choice:
     return Choice(0, (law,) * n, ({},) * n, weights)
 
 
-def simplest(errors: Mapping[str, Array]) -> str:
+def _locks_nowhere(products: Products, x: Array, kept: NDArray[np.intp], axis: int) -> bool:
+    """Whether friction takes a share from 0 to 1 of the load, where a solution has such a term.
+
+    A gear that took more would not move, and one that took less would push: such a solution makes
+    up for something else.
+    """
+    load = products.n_shared + axis * len(COLUMNS) + COLUMNS.index("load")
+    share = x[kept == load]
+    return bool(np.all((share >= 0.0) & (share < 1.0)))
+
+
+def simplest(errors: Mapping[str, Array], n_axes: int = 1) -> str:
     """Name of the first alternative that is not worse than the best.
 
     Parameters
     ----------
     errors : mapping of name to ndarray, shape (n_blocks,)
         Squared errors on held-out blocks, the simplest alternative first.
+    n_axes : int
+        Axes that the errors are of, weighted alike, where the alternatives are of one of them: its
+        own residual is an n-th of theirs.
     """
-    best = min(errors, key=lambda name: float(errors[name].sum()))
-    found = next(name for name in errors if not _worse(errors[name] - errors[best]))
+    best = errors[min(errors, key=lambda name: float(errors[name].sum()))]
+    others = max(len(errors) - 1, 1)
+    found = next(name for name in errors if not _worse(errors[name], best, n_axes, others))
     return next(name for name in errors if errors[name].sum() <= errors[found].sum())
 
 
@@ -151,13 +186,13 @@ def folds(n: int) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
-def _dead_zone(products: Products, weights: Array) -> int:
+def _dead_zone(products: Products, plain: Choice) -> int:
     fast = products.pieces.shape[2] - 1
     kept = _kept(products, ["all"] * products.n_joints)
-    scored = normal(summed(products.pieces, fast), products.n_shared, weights)
+    scored = normal(summed(products.pieces, fast), products.n_shared, plain.weights)
     errors = {
         str(slowest): HeldOut(
-            normal(summed(products.pieces, slowest), products.n_shared, weights), scored
+            normal(summed(products.pieces, slowest), products.n_shared, plain.weights), scored
         ).error(kept)
         for slowest in range(fast)
     }
@@ -168,11 +203,16 @@ def _kept(products: Products, laws: Sequence[str]) -> NDArray[np.intp]:
     return kept_unknowns(products.n_shared, [LAWS[law] for law in laws])
 
 
-def _worse(difference: Array) -> bool:
-    n = len(difference)
+def _worse(errors: Array, best: Array, n_axes: int, alternatives: int) -> bool:
+    difference, n = errors - best, len(best)
+    own = max(float(best.sum()), np.finfo(float).tiny) / n_axes
+    grown = np.sqrt(1.0 + float(difference.sum()) / own) - 1.0
+    if not NEGLIGIBLE < grown <= MATERIAL:
+        return bool(grown > MATERIAL)
     if n < 2:
         return False
-    return bool(difference.mean() > CHANCE * difference.std(ddof=1) / np.sqrt(n))
+    sure = special.stdtrit(n - 1, 1.0 - CHANCE / alternatives)
+    return bool(difference.mean() > sure * difference.std(ddof=1) / np.sqrt(n))
 
 
 def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:

@@ -8,14 +8,12 @@ import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL, COLUMNS, LAWS
-from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import (
     AxisFriction,
     CoupledFriction,
     LagValue,
     TermValue,
 )
-from hil.estimation.free_motion.solution import FARTHEST
 from hil.estimation.free_motion.system import mean_squares, summed
 from hil.model.base_parameters import base_parameters
 
@@ -134,18 +132,12 @@ def remarks(
     if found.still:
         axes = ", ".join(str(axis + 1) for axis in found.still)
         said.append(f"axis {axes} stands still in all recordings: its friction is not identified")
-    if solution.offsets:
-        axes = ", ".join(str(axis + 1) for axis in solution.offsets)
+    if not solution.possible:
         said.append(
-            f"axis {axes}: weight and an offset of friction hardly differ in the torque; the offset"
-            f" was taken for 0 with a standard deviation of {100 * ASYMMETRY:g} % of friction; add"
-            " recordings with greater acceleration"
-        )
-    if solution.moved >= FARTHEST:
-        said.append(
-            "no parameters with a positive definite mass matrix are near what the torques show"
-            f" ({solution.moved:.2g} standard errors): check signs, units, gear ratios and torque"
-            " constants of the map and the robot file"
+            "the mass matrix is not positive definite, and no parameters that make it so explain"
+            " the torques as well: leave them out of simulations; check signs, units, gear ratios"
+            " and torque constants of the map and the robot file, and add recordings with greater"
+            " acceleration"
         )
     elif solution.moved:
         said.append(

@@ -142,7 +142,7 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
     search, spans = _Search(system, kept, friction), [0] * n
     for axis in range(n if len(possible) > 1 else 0):
         tried = {str(k): search.error((*spans[:axis], k, *spans[axis + 1 :])) for k in possible}
-        spans[axis] = int(simplest(tried))
+        spans[axis] = int(simplest(tried, n))
     return Drift(tuple(spans), friction)
 
 

@@ -145,7 +145,7 @@ class _Search:
                 "none": self._error(np.where(np.isin(np.arange(self._n), fewer), lag, 0.0), fewer),
                 "lag": self._error(np.where(np.isin(np.arange(self._n), chosen), lag, 0.0), chosen),
             }
-            chosen = fewer if simplest(tried) == "none" else chosen
+            chosen = fewer if simplest(tried, self._n) == "none" else chosen
         lag, error = self._refined(chosen, most)
         sure = [axis for axis in chosen if abs(lag[axis]) > SURE * error[axis]]
         return (lag, error) if sure == chosen else self._refined(sure, most)

@@ -5,7 +5,7 @@ nothing of that: parameters that hardly move the torque may come out impossible.
 of velocities at a configuration q the kinetic energy u'M(q)u is linear in the parameters, so each
 (q, u) with a negative one is a half-space to be entered. These are added one after the other, the
 worst at each configuration (cutting planes), and the solution is moved by as little as possible in
-terms of its own covariance V,
+a metric V,
 
     min (x - x_0)'V^-1 (x - x_0)  with  C x >= d,
 
@@ -49,7 +49,7 @@ def least_inertia(robot: Robot, p: Array, q: Array) -> float:
     return float(np.linalg.eigvalsh(scaled)[:, 0].min())
 
 
-def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> tuple[Array, float]:
+def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
     """Move a solution so that its mass matrix is positive definite.
 
     Parameters
@@ -57,14 +57,13 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> tuple[Array,
     x : ndarray, shape (n,)
         Base parameters, then other unknowns.
     V : ndarray, shape (n, n)
-        Covariance.
+        Inverse of the metric; of the normal equations, for the least that torques lose by it.
     q : ndarray, shape (n_configurations, n_joints)
 
     Returns
     -------
-    x : ndarray, shape (n,)
-    moved : float
-        Largest change over its standard error; 0 where nothing was to be moved.
+    ndarray, shape (n,)
+        `x` itself where nothing was to be moved.
     """
     n_base = len(base_parameters(robot))
     found, rows, bounds = x, [], []
@@ -81,8 +80,7 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> tuple[Array,
             bounds.append(2 * LEAST - float(u @ motor_inertia(robot, q[k]) @ u))
         C = np.pad(np.array(rows), [(0, 0), (0, len(x) - n_base)])
         found = x + V @ C.T @ _multipliers(C @ V @ C.T, np.array(bounds) - C @ x)
-    error = np.sqrt(np.maximum(np.diag(V), 1e-300))
-    return found, float(np.abs((found - x) / error).max(initial=0.0))
+    return found
 
 
 def _scaled(robot: Robot, p: Array, q: Array) -> tuple[Array, Array]:

@@ -3,10 +3,9 @@
 least squares
     as it stands;
 positive
-    the same, with usual offsets of friction where these pass for weight
-    (`hil.estimation.free_motion.offsets`), and if that makes the mass matrix negative anywhere on
-    the motion, the nearest solution that does not (`hil.estimation.free_motion.positive`); its
-    covariance counts what other laws of friction would have found
+    the same, and if that makes the mass matrix negative anywhere on the motion, the nearest
+    solution that does not (`hil.estimation.free_motion.positive`), unless the torques contradict
+    it; its covariance counts what other laws of friction would have found
     (`hil.estimation.free_motion.alternatives`);
 robust
     pieces of time that fit worse than most count less (Huber's weights, found by iteration);
@@ -26,13 +25,13 @@ import numpy as np
 
 from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.alternatives import covariance_of_choices
+from hil.estimation.free_motion.choice import MATERIAL
 from hil.estimation.free_motion.friction_terms import COLUMNS
-from hil.estimation.free_motion.offsets import with_usual_offsets
 from hil.estimation.free_motion.positive import nearest_positive
-from hil.estimation.free_motion.system import embedded, normal, summed
+from hil.estimation.free_motion.system import embedded, mean_squares, normal, summed
 from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import total_least_squares, undetermined
+from hil.regression.least_squares import inverse, total_least_squares, undetermined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,8 +46,6 @@ if TYPE_CHECKING:
 Solver = Literal["least squares", "positive", "robust", "total", "instrumental"]
 HUBER = 1.345
 """Times the usual misfit from which on a piece counts less."""
-FARTHEST = 5.0
-"""Standard errors by which parameters are moved at most to make the mass matrix positive."""
 ROUNDS = 30
 """Of Huber's weights."""
 
@@ -67,11 +64,9 @@ class Solution:
     condition : float
         Of the weighted observation matrix, columns at unit length.
     moved : float
-        Change of the parameters that makes the mass matrix positive, over their standard errors;
-        from `FARTHEST` on they were left as they were.
-    offsets : tuple of int
-        Axes, from 0, whose offset of friction passes for weight
-        (`hil.estimation.free_motion.offsets`).
+        Change of the unknowns that makes the mass matrix positive, over their standard errors.
+    possible : bool
+        Whether they were moved; else the torques contradict it.
     """
 
     x: Array
@@ -79,7 +74,7 @@ class Solution:
     degrees_of_freedom: Array
     condition: float
     moved: float = 0.0
-    offsets: tuple[int, ...] = ()
+    possible: bool = True
 
 
 def solve(
@@ -116,7 +111,10 @@ def solve(
     )
     if solver != "positive":
         return solution
-    return _possible(robot, products, choice, solution, configurations)
+    covariance = solution.covariance + covariance_of_choices(products, choice)
+    return _possible(
+        robot, products, choice, replace(solution, covariance=covariance), configurations
+    )
 
 
 def _by_solver(
@@ -136,14 +134,25 @@ def _by_solver(
 def _possible(
     robot: Robot, products: Products, choice: Choice, found: Solution, configurations: Array
 ) -> Solution:
-    """Add what other choices would have found, usual offsets and positive mass matrices."""
-    covariance = found.covariance + covariance_of_choices(products, choice)
-    n_base = len(base_parameters(robot))
-    x, covariance, offsets = with_usual_offsets(found.x, covariance, n_base, products.n_shared)
-    nearest, moved = nearest_positive(robot, x, covariance, configurations)
-    # the data contradict a move that is larger: then something else is wrong
-    x = nearest if moved < FARTHEST else x
-    return replace(found, x=x, covariance=covariance, moved=moved, offsets=tuple(offsets))
+    """Make the mass matrix positive, unless the torques contradict that.
+
+    The move costs the least in what it leaves of the torques: its metric is that of the normal
+    equations. A residual that grows by more than `MATERIAL` on any axis shows that something else
+    is wrong; then parameters stay as they are.
+    """
+    kept, n_shared = choice.kept(products.n_shared), products.n_shared
+    pieces = summed(products.pieces, choice.slowest)
+    metric = np.zeros_like(found.covariance)
+    metric[np.ix_(kept, kept)] = inverse(
+        normal(pieces, n_shared, choice.weights).only(kept).N.sum(axis=0)
+    )
+    nearest = nearest_positive(robot, found.x, metric, configurations)
+    error = np.sqrt(np.maximum(np.diag(found.covariance), np.finfo(float).tiny))
+    moved = float(np.abs((nearest - found.x) / error)[kept].max(initial=0.0))
+    counts = products.counts[:, :, choice.slowest :].sum(axis=2)
+    before, after = (mean_squares(pieces, counts, n_shared, x) for x in (found.x, nearest))
+    possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
+    return replace(found, x=nearest if possible else found.x, moved=moved, possible=possible)
 
 
 def require_determined(robot: Robot, pieces: Normal) -> None:
