@@ -47,6 +47,11 @@ WHOLE = frozenset(
 """Mistakes that leave nothing of the parameters; others are of any size."""
 LEFT = 0.7
 """Share of the residual that remains without a mistake, below which this spoils the parameters."""
+NAIVE = 0.5**0.5
+"""Residual over that of the mean torque from which on under half of the variance is explained."""
+FEW_BLOCKS = 8
+"""Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
+it is uncertain by a quarter, 1 / sqrt(2 * 7)."""
 UNEXCITED = 0.1
 """Standard error over torque from which on an axis is not excited."""
 NOTHING = 0.7
@@ -83,7 +88,7 @@ class Outcome(FileModel):
 def outcome(model: Model, mistake: Mistake | None = None) -> Outcome:
     """Judge a model by itself: the worst of what speaks against it, the likeliest mistake first."""
     found = [
-        *_mistaken(mistake), *_unexcited(model), *data_reservations(model),
+        *_mistaken(mistake), *_unexplained(model), *_unexcited(model), *data_reservations(model),
         *_causes(model.error_budget),
     ]  # fmt: skip
     # of equally bad ones the first, which Python's sort keeps in front
@@ -106,13 +111,14 @@ def _mistaken(mistake: Mistake | None) -> Iterator[Outcome]:
 
 
 def _few(model: Model) -> Iterator[Outcome]:
-    """Too little data for errors to be known; free motions say so by a test that cannot be made."""
+    """Too little data for errors to be known."""
     n, needed = model.provenance.measurements, FEWEST * len(model.values)
     if model.friction is not None:
-        if model.friction.bias_test is None:
+        if model.friction.blocks is not None and model.friction.blocks < FEW_BLOCKS:
             yield Outcome(
                 word="doubtful",
-                reason="too little was recorded to know how wrong the parameters may be",
+                reason=f"too little was recorded to know how wrong the parameters may be:"
+                f" {model.friction.blocks} independent pieces of time, {FEW_BLOCKS} are needed",
                 remedy="add recordings of other motions",
             )
     elif n < needed:
@@ -121,6 +127,42 @@ def _few(model: Model) -> Iterator[Outcome]:
             reason=f"{n} measurements of {len(model.values)} parameters are too few to know how"
             f" wrong these may be; {needed} are needed at least",
             remedy="measure more (hil plan)",
+        )
+
+
+def _unexplained(model: Model) -> Iterator[Outcome]:
+    """Torques that the model of free motions does not explain, or by a friction that is none."""
+    fit = model.friction
+    if fit is None:
+        return
+    pairs = zip(fit.relative_residual, fit.naive_residual, strict=False)
+    shares = {
+        axis: left / max(naive, np.finfo(float).tiny)
+        for axis, (left, naive) in enumerate(pairs, start=1)
+        if left is not None and naive is not None and axis not in fit.still
+    }
+    worst = max(shares, key=lambda axis: shares[axis], default=0)
+    if worst and shares[worst] > NAIVE:
+        yield Outcome(
+            word="failed",
+            reason=f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the"
+            f" torque unexplained, the mean torque alone {fit.naive_residual[worst - 1]:.0%}",
+            remedy="check the columns, signs and units of the map, and the direction of gravity",
+        )
+    if fit.bias_test is not None and fit.bias_test.biased:
+        yield Outcome(
+            word="doubtful",
+            reason="noise of the positions shifts the parameters by up to"
+            f" {fit.bias_test.shift:.2g} standard errors",
+            remedy="state a lower cut_off in the map, or take --method 'instrumental variables'",
+        )
+    if fit.driving:
+        yield Outcome(
+            word="doubtful",
+            reason=f"axis {', '.join(map(str, fit.driving))}: the friction found gives power to the"
+            " motion, which no friction does",
+            remedy="check the sign of its torque, and whether a spring, a lag or an inertia is"
+            " missing",
         )
 
 
@@ -174,14 +216,13 @@ def _precision(model: Model) -> str:
 def uncertainty(model: Model) -> Array | None:
     """Standard error of each axis's torque on a free motion over that torque, (n_joints,).
 
-    None for a robot whose limits are unknown, which has no such motion; 0 for an axis without
-    torque.
+    Where limits are unknown it is as fast as the recordings were, and as its period has it
+    accelerate. None where nothing is known of speeds; 0 for an axis without torque.
     """
-    robot = model.robot
-    limits = (robot.q_min, robot.q_max, robot.velocity_limit, robot.acceleration_limit)
-    if not all(np.isfinite(limit).all() for limit in limits):
+    speed = None if model.friction is None else [law.speed for law in model.friction.axes]
+    if speed is None and not np.isfinite(model.robot.velocity_limit).all():
         return None
-    free = FreeTorques(robot)
+    free = FreeTorques(model.robot, speed)
     torque, error = free.rms(model.values), free.standard_error(model.covariance)
     found: Array = np.where(torque > 0, error / np.where(torque > 0, torque, 1.0), 0.0)
     return found

@@ -16,7 +16,7 @@ from hil.model.dynamics import regressor
 from hil.results.validation_motion import free_motion
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 
 
 class FreeTorques:
-    """Rigid-body torques on a free motion by what they are linear in, as root mean squares."""
+    """Rigid-body torques on a free motion by what they are linear in, as root mean squares.
 
-    def __init__(self, robot: Robot) -> None:
-        motion = free_motion(robot)
+    `speed` counts where the robot's limits are unknown (`free_motion`).
+    """
+
+    def __init__(self, robot: Robot, speed: ArrayLike | None = None) -> None:
+        motion = free_motion(robot, speed=speed)
         self._A = regressor(robot, motion.q, motion.qd, motion.qdd)
 
     def rms(self, p: Array) -> Array:

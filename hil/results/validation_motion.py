@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from hil.model.robot import Robot
 
@@ -36,10 +36,18 @@ class ValidationMotion:
     qdd: Array
 
 
-def free_motion(robot: Robot, seed: int = 0) -> ValidationMotion:
+def free_motion(robot: Robot, seed: int = 0, speed: ArrayLike | None = None) -> ValidationMotion:
     """One period of a random motion within the limits of `robot`; the same seed, the same motion.
 
     Joints are scaled one by one, so each of them is as fast as the tightest of its limits allows.
+
+    Parameters
+    ----------
+    robot : Robot
+        Limits that are unknown (NaN) do not limit.
+    seed : int
+    speed : array_like, shape (n_joints,), optional
+        That counts where the limit of the velocity is unknown [rad/s or m/s].
     """
     rng = np.random.default_rng(seed)
     order = 2 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
@@ -51,12 +59,14 @@ def free_motion(robot: Robot, seed: int = 0) -> ValidationMotion:
         qdd=(-np.sin(phase) * order**2) @ a + (np.cos(phase) * order**2) @ b,
     )
     middle, reach = (robot.q_max + robot.q_min) / 2, (robot.q_max - robot.q_min) / 2
-    scale = SHARE / np.max(
-        [
-            np.abs(waves.q).max(axis=0) / reach,
-            np.abs(waves.qd).max(axis=0) / robot.velocity_limit,
-            np.abs(waves.qdd).max(axis=0) / robot.acceleration_limit,
-        ],
-        axis=0,
-    )
+    velocity = robot.velocity_limit
+    if speed is not None:
+        velocity = np.where(np.isfinite(velocity), velocity, speed)
+    shares = [
+        np.abs(waves.q).max(axis=0) / reach,
+        np.abs(waves.qd).max(axis=0) / velocity,
+        np.abs(waves.qdd).max(axis=0) / robot.acceleration_limit,
+    ]
+    scale = SHARE / np.fmax.reduce(shares)
+    middle = np.nan_to_num(middle)
     return ValidationMotion(middle + scale * waves.q, scale * waves.qd, scale * waves.qdd)

@@ -205,11 +205,10 @@ def _kept(products: Products, laws: Sequence[str]) -> NDArray[np.intp]:
 
 def _worse(errors: Array, best: Array, n_axes: int, alternatives: int) -> bool:
     difference, n = errors - best, len(best)
-    own = max(float(best.sum()), np.finfo(float).tiny) / n_axes
-    grown = np.sqrt(1.0 + float(difference.sum()) / own) - 1.0
-    if not NEGLIGIBLE < grown <= MATERIAL:
-        return bool(grown > MATERIAL)
-    if n < 2:
+    more, own = float(difference.sum()), float(best.sum()) / n_axes
+    if more > ((1.0 + MATERIAL) ** 2 - 1.0) * own:
+        return True
+    if more <= ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * own or n < 2:
         return False
     sure = special.stdtrit(n - 1, 1.0 - CHANCE / alternatives)
     return bool(difference.mean() > sure * difference.std(ddof=1) / np.sqrt(n))

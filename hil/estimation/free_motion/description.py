@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
-from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL, COLUMNS, LAWS
+from hil.estimation.free_motion.bristles import Direction
+from hil.estimation.free_motion.friction_terms import (
+    BENT,
+    CLASSICAL,
+    COLUMNS,
+    LAWS,
+    friction_columns,
+)
 from hil.estimation.free_motion.result import (
     AxisFriction,
     CoupledFriction,
@@ -37,6 +44,8 @@ SHORT = 30.0
 """Duration of all recordings below which a remark is made [s]."""
 FEW = 10
 """Pieces of time below which a remark is made."""
+SURE = 2.0
+"""Standard errors by which friction drives an axis before that counts."""
 LOOSE = 0.01
 """Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 
@@ -93,21 +102,36 @@ def coupled_friction(robot: Robot, solution: Solution) -> tuple[CoupledFriction,
     )
 
 
-def residuals(products: Products, solution: Solution) -> tuple[Array, Array, float]:
-    """Of all samples, at every speed: root mean squares, relative ones, and that of all axes.
+class Residuals(NamedTuple):
+    """Of all samples, at every speed.
 
-    Returns
-    -------
-    rms, relative : ndarray, shape (n_joints,)
-        [N m or N], and over the root mean square of the torque; NaN for an axis without any.
+    Attributes
+    ----------
+    rms : ndarray, shape (n_joints,)
+        Root mean square [N m or N].
+    relative, naive : ndarray, shape (n_joints,)
+        Over that of the torque; what the mean torque leaves, likewise. NaN for an axis without any.
     overall : float
+        Relative, of all axes.
     """
-    counts = products.counts.sum(axis=2)
-    squares = mean_squares(summed(products.pieces), counts, products.n_shared, solution.x)
+
+    rms: Array
+    relative: Array
+    naive: Array
+    overall: float
+
+
+def residuals(products: Products, solution: Solution) -> Residuals:
+    """What a solution leaves of the torques, and what their means leave."""
+    counts, pieces = products.counts.sum(axis=2), summed(products.pieces)
+    squares = mean_squares(pieces, counts, products.n_shared, solution.x)
     torque = products.squares / np.maximum(counts.sum(axis=0), 1.0)
-    relative = np.sqrt(squares / np.where(torque > 0, torque, np.nan))
+    some = np.where(torque > 0, torque, np.nan)
     total = float(np.sqrt(squares.sum() / max(float(torque.sum()), np.finfo(float).tiny)))
-    return np.sqrt(squares), relative, total
+    # by the column of the offset, which is 1 throughout
+    mean = pieces[:, :, 0, 1 + products.n_shared].sum(axis=0) / np.maximum(counts.sum(axis=0), 1.0)
+    naive = np.sqrt(np.maximum(torque - mean**2, 0.0) / some)
+    return Residuals(np.sqrt(squares), np.sqrt(squares / some), naive, total)
 
 
 def remarks(
@@ -145,6 +169,22 @@ def remarks(
             f" moved by at most {solution.moved:.2g} standard errors to mend that"
         )
     return (*said, *_loose(robot, products, solution))
+
+
+def driving_axes(solution: Solution, n_shared: int, n_joints: int) -> tuple[int, ...]:
+    """Axes, from 1, whose law of friction gives power at some speed, by more than chance."""
+    forth, found = np.array([0.25, 0.5, 0.75, 1.0]), []
+    u, still = np.append(forth, -forth), np.zeros(2 * len(forth))
+    columns = friction_columns(u, Direction(np.sign(u), still), still, still, still)
+    # what offsets and asymmetry add in one direction they take in the other
+    braking = (columns[: len(forth)] - columns[len(forth) :]) / 2
+    for axis in range(n_joints):
+        own = n_shared + axis * len(COLUMNS) + np.arange(len(COLUMNS))
+        V = solution.covariance[np.ix_(own, own)]
+        error = np.sqrt(np.einsum("nk,kl,nl->n", braking, V, braking).clip(0.0))
+        if (braking @ solution.x[own] < -SURE * error).any():
+            found.append(axis + 1)
+    return tuple(found)
 
 
 def _loose(robot: Robot, products: Products, solution: Solution) -> list[str]:

@@ -13,6 +13,7 @@ from hil.estimation.free_motion.description import (
     axis_friction,
     coupled_friction,
     dead_zone,
+    driving_axes,
     remarks,
     residuals,
     torque_lags,
@@ -84,7 +85,7 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
     plain = solve(
         robot, products, without_choice(products, weighted=True), "least squares", visited
     )
-    rms, relative, overall = residuals(products, solution)
+    left = residuals(products, solution)
     n = len(base_parameters(robot))
     fit = FreeMotionFit(
         cut_off=processing.cut_off,
@@ -95,8 +96,12 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
         velocity_reasons=gathered.reasons.velocities,
         axes=axis_friction(solution, plain, gathered, products),
         coupled=coupled_friction(robot, solution),
-        relative_residual=tuple(None if np.isnan(r) else float(r) for r in relative),
-        overall_residual=overall,
+        relative_residual=_shares(left.relative),
+        overall_residual=left.overall,
+        naive_residual=_shares(left.naive),
+        blocks=len(products.pieces),
+        still=tuple(axis + 1 for axis in found.still),
+        driving=driving_axes(solution, products.n_shared, robot.n_joints),
         bias_test=bias_test(robot, found, processing, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, solution.x[:n], visited),
         remarks=remarks(robot, products, solution, found, plain.condition),
@@ -104,7 +109,11 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
         lag=torque_lags(gathered),
     )
     gains = effect_of_gains(robot, gathered.recorded, scaling, choice, n)
-    return _estimate(name, solution, found, rms, fit, gains, plain.condition)
+    return _estimate(name, solution, found, left.rms, fit, gains, plain.condition)
+
+
+def _shares(x: Array) -> tuple[float | None, ...]:
+    return tuple(None if np.isnan(each) else float(each) for each in x)
 
 
 def _estimate(

@@ -91,7 +91,8 @@ class BiasTest(FileModel):
     Attributes
     ----------
     statistic, p_value : float
-        T^2 of Hotelling as F, and the chance of one at least as great without any bias.
+        Greatest difference of a parameter over its own standard error, and the chance of one as
+        great without any bias.
     shift : float
         Greatest difference of a parameter, over its standard error by least squares.
     """
@@ -136,6 +137,14 @@ class FreeMotionFit(FileModel):
         Root mean square of the residual of all samples over that of the torque, axis by axis.
     overall_residual : float
         The same of all axes together.
+    naive_residual : tuple of float or None
+        What the mean torque leaves, relative as `relative_residual`; empty in models that were
+        written without.
+    blocks : int, optional
+        Pieces of time that the recordings were divided into; None in models written without.
+    still, driving : tuple of int
+        Axes, from 1, that stand still in all recordings, and those whose law of friction gives
+        power to the motion.
     bias_test : BiasTest, optional
         None where there are too few blocks or samples too far apart.
     least_inertia : float
@@ -162,6 +171,10 @@ class FreeMotionFit(FileModel):
     bias_test: BiasTest | None
     least_inertia: float
     remarks: tuple[str, ...]
+    naive_residual: tuple[float | None, ...] = ()
+    blocks: int | None = None
+    still: tuple[int, ...] = ()
+    driving: tuple[int, ...] = ()
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()
     lag: tuple[LagValue, ...] = ()
