@@ -160,7 +160,7 @@ def friction_torque(
     found = np.zeros(q_rows.shape)
     for axis, each in enumerate(law.axes):
         if each is not None:
-            columns = _columns(robot, each, q_rows, qd_rows, loads, axis, directions[axis])
+            columns = law_columns(robot, each, q_rows, qd_rows, loads, axis, directions[axis])
             speed = np.abs(qd_rows[:, axis])
             beyond = directions[axis].sign * each.slope * (speed - each.known(speed))
             bend = each.bend.value * directions[axis].bend
@@ -187,7 +187,7 @@ def friction_variance(
     for axis, each in enumerate(law.axes):
         if each is not None:
             direction = at_once(qd_rows[:, axis], each.speed)
-            columns = _columns(robot, each, q_rows, qd_rows, loads, axis, direction)
+            columns = law_columns(robot, each, q_rows, qd_rows, loads, axis, direction)
             level = columns[:, each.directed] @ each.values[each.directed]
             factor = np.reshape(_factor(each, warmth, axis), (-1, 1))
             columns = np.where(each.directed, factor * columns, columns)
@@ -239,7 +239,7 @@ def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
     return found
 
 
-def _columns(
+def law_columns(
     robot: Robot,
     law: AxisLaw,
     q: Array,

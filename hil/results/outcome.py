@@ -171,6 +171,15 @@ def _unexcited(model: Model) -> Iterator[Outcome]:
     if relative is None or not (relative > UNEXCITED).any():
         return
     worst = int(np.argmax(relative))
+    if model.friction is not None:
+        yield Outcome(
+            word="doubtful",
+            reason=f"axis {worst + 1} not excited by what was recorded: its torque on a motion"
+            f" through its whole range is uncertain by {relative[worst]:.0%}",
+            remedy="add recordings that reach further; near these the model may hold, hil validate"
+            " shows where",
+        )
+        return
     yield Outcome(
         word="failed" if relative[worst] > NOTHING else "doubtful",
         reason=f"axis {worst + 1} not excited: its torque on a free motion is uncertain by"

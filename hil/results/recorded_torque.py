@@ -15,7 +15,7 @@ from scipy import special
 
 from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.free_motion.motion import Processing, filtered_motion
-from hil.estimation.friction_law import friction_torque
+from hil.estimation.friction_law import friction_torque, law_columns
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
@@ -44,7 +44,8 @@ class RecordedTorque:
     measured, predicted : ndarray, shape (n, n_joints)
         After the low-pass [N m or N].
     parameter_error : ndarray, shape (n, n_joints)
-        Standard error of the prediction by the base parameters alone [N m or N].
+        Standard error of the prediction by base parameters and friction, which share their errors
+        [N m or N].
     residual_error : ndarray, shape (n_joints,)
         What the model left of the recordings it was made from [N m or N].
     """
@@ -116,16 +117,29 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     def coarse(x: Array) -> Array:
         return np.asarray(x[:: motion.rates.coarse][: len(motion.used)][motion.used])
 
-    rows = coarse(A)
-    variance = np.einsum("njk,kl,njl->nj", rows, model.covariance, rows, optimize=True)
     return RecordedTorque(
         time=coarse(recording.time[:: motion.rates.fine]),
         qd=coarse(motion.qd),
         measured=motion.tau[motion.used],
         predicted=motion.passed(_torque(model, motion, A @ model.values))[motion.used],
-        parameter_error=np.sqrt(np.maximum(variance, 0.0)),
+        parameter_error=coarse(_parameter_error(model, motion, A)),
         residual_error=np.nan_to_num(model.residual),
     )
+
+
+def _parameter_error(model: Model, motion: Motion, A: Array) -> Array:
+    """Standard error by base parameters and each axis's law of friction, shape (n, n_joints)."""
+    variance: Array = np.einsum("njk,kl,njl->nj", A, model.covariance, A, optimize=True)
+    load, axes = A @ model.values, model.friction_law.axes if model.friction_law else ()
+    for axis, law in enumerate(axes):
+        if law is None or not law.beside:
+            continue
+        columns = law_columns(
+            model.robot, law, motion.q, motion.qd, load, axis, motion.directions[axis]
+        )
+        across = 2.0 * A[:, axis] @ np.array(law.beside).T + columns @ law.uncertainty
+        variance[:, axis] += np.einsum("nk,nk->n", across, columns)
+    return np.sqrt(variance.clip(0.0))
 
 
 def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recording:

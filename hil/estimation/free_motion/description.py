@@ -51,7 +51,7 @@ LOOSE = 0.01
 
 
 def axis_friction(
-    solution: Solution, plain: Solution, gathered: Gathered, products: Products
+    solution: Solution, plain: Solution, gathered: Gathered, products: Products, n_base: int
 ) -> tuple[AxisFriction, ...]:
     """Law and coefficients of each axis; `plain` is the solution with the classical law."""
     choice, processing, n_shared = gathered.choice, gathered.processing, products.n_shared
@@ -61,10 +61,11 @@ def axis_friction(
         first = n_shared + axis * len(COLUMNS)
         return {term: _value(found, first + COLUMNS.index(term)) for term in law}
 
-    def covariance(axis: int, law: Sequence[str]) -> tuple[tuple[float, ...], ...]:
+    def covariances(axis: int, law: Sequence[str]) -> dict[str, list[list[float]]]:
         first = n_shared + axis * len(COLUMNS)
-        places = [first + COLUMNS.index(term) for term in law]
-        return tuple(map(tuple, solution.covariance[np.ix_(places, places)].tolist()))
+        rows = solution.covariance[[first + COLUMNS.index(term) for term in law]]
+        own = rows[:, [first + COLUMNS.index(term) for term in law]]
+        return {"covariance": own.tolist(), "beside": rows[:, :n_base].tolist()}
 
     return tuple(
         AxisFriction(
@@ -75,8 +76,8 @@ def axis_friction(
             terms=values(solution, axis, LAWS[law]),
             plain=values(plain, axis, CLASSICAL),
             held_out=choice.held_out[axis],
-            covariance=covariance(axis, LAWS[law]),
             level=tuple(levels[axis].tolist()),
+            **covariances(axis, LAWS[law]),
         )
         for axis, law in enumerate(choice.laws)
     )

@@ -94,7 +94,7 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
         dead_zone=dead_zone(choice),
         recorded_velocity=tuple(int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)),
         velocity_reasons=gathered.reasons.velocities,
-        axes=axis_friction(solution, plain, gathered, products),
+        axes=axis_friction(solution, plain, gathered, products, n),
         coupled=coupled_friction(robot, solution),
         relative_residual=_shares(left.relative),
         overall_residual=left.overall,

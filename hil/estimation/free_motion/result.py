@@ -31,6 +31,9 @@ class AxisFriction(FileModel):
     covariance : tuple of tuple of float
         Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty in files of earlier
         versions, whose standard errors then count as independent.
+    beside : tuple of tuple of float
+        Covariance of each of `terms` with the base parameters; empty in files of earlier versions,
+        and where friction was found apart from them.
     plain : dict of str to TermValue
         What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
         comparison with other sources. The law that was chosen may share them out otherwise.
@@ -54,6 +57,7 @@ class AxisFriction(FileModel):
     plain: dict[str, TermValue]
     held_out: dict[str, float]
     covariance: tuple[tuple[float, ...], ...] = ()
+    beside: tuple[tuple[float, ...], ...] = ()
     level: tuple[float, ...] = ()
 
 
