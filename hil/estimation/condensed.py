@@ -152,7 +152,7 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
 
     What holds too few usable samples is left out.
     """
-    periods = list(periods_of(measurement, s))
+    periods = list(groups(s))
     found: list[list[Stacked]] = [[] for _ in periods]
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
     for axis in measurement.moved:
@@ -204,9 +204,9 @@ def stack_axis(
         yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index, time)
 
 
-def periods_of(measurement: ParameterMotion, s: Signals) -> Iterator[Mask]:
-    """Which samples belong together: those of each period, or of all strokes."""
-    if measurement.streamed:
-        yield from (s.stroke == number for number in range(measurement.cycles))
-    else:
+def groups(s: Signals) -> Iterator[Mask]:
+    """Samples that share their friction, group by group; all where there are no groups."""
+    if s.group is None:
         yield np.ones(len(s.time), dtype=bool)
+    else:
+        yield from (s.group == number for number in range(int(s.group.max()) + 1))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.condensed import periods_of, stack_axis
+from hil.estimation.condensed import groups, stack_axis
 from hil.estimation.drive_train import directly_driven
 from hil.estimation.drive_train_likelihood import EARLIEST, LATEST, STEP, Likelihood
 from hil.estimation.signals import derivatives, interpolation
@@ -97,7 +97,7 @@ def _stacked(
 ) -> Iterator[Stacked]:
     """Torques at whole shifts and the motor's part, beside all columns: of every axis read."""
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)
-    motors, periods = motor_torque(robot, s.q, s.qd, s.qdd), list(periods_of(m, s))
+    motors, periods = motor_torque(robot, s.q, s.qd, s.qdd), list(groups(s))
     for axis in m.read:
         spoilt = ~(s.valid & moving(robot, s, axis))
         clear = ~widened(spoilt, reach, beyond=True)

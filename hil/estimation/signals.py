@@ -33,6 +33,7 @@ from scipy import fft
 from hil.errors import NotEnoughData
 from hil.regression.differences import FIRST, SECOND
 from hil.regression.window import correlated, half_window, smooth, widened
+from hil.runs.recording import under_way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -68,6 +69,8 @@ class Signals:
         Samples that neither an end of the recording nor a missing sample can have touched.
     twist : ndarray, shape (n, n_joints), optional
         Angle by which each gear gives way [rad]; None where all are rigid.
+    group : ndarray, shape (n,), optional
+        As in the recording.
     """
 
     period: float
@@ -80,6 +83,12 @@ class Signals:
     partner_stroke: NDArray[np.int16]
     valid: Mask
     twist: Array | None = None
+    group: NDArray[np.int16] | None = None
+
+    @property
+    def under_way(self) -> Mask:
+        """Samples of a stroke or a group, shape (n,)."""
+        return under_way(self.stroke, self.group)
 
     @property
     def link(self) -> tuple[Array, Array, Array]:
@@ -164,6 +173,7 @@ def signals(recording: Recording) -> Signals:
         stroke=recording.stroke[nearest],
         partner_stroke=recording.partner_stroke[nearest],
         valid=~spoilt,
+        group=None if recording.group is None else recording.group[nearest],
     )
 
 

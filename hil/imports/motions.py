@@ -31,7 +31,7 @@ SLOWEST = 0.1
 
 
 def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[Numbered]:
-    """Motions of a recording, each with the number of the block or stroke of its samples.
+    """Motions of a recording, each with the numbers of its samples' blocks or strokes.
 
     Raises
     ------
@@ -91,13 +91,13 @@ def measured_motions(
     """Motions with their recordings, one at a time; ids are `stem` and a number."""
     begin = numbered[0][0].grid[0]
     digits = max(2, len(str(len(numbered))))
-    for number, (piece, stroke) in enumerate(numbered, start=1):
-        recording = _recording(samples, piece, stroke, begin)
+    for number, (piece, numbers) in enumerate(numbered, start=1):
+        recording = _recording(the_map, samples, piece, numbers, begin)
         motion = FreeMotion(
             id=f"{stem}-{number:0{digits}}",
             q=tuple(recording.q.mean(axis=0).tolist()),
             duration=piece.duration,
-            cycles=_cycles(stroke, the_map.content.kind),
+            cycles=_cycles(numbers, the_map.content.kind),
             alone=the_map.content.kind,
             cut_off=the_map.content.cut_off,
             unknown_gains=tuple(joint + 1 for joint in the_map.unknown_gains) or None,
@@ -107,23 +107,26 @@ def measured_motions(
 
 
 def _recording(
-    samples: Samples, piece: Piece, stroke: NDArray[np.int16], begin: float
+    the_map: MapFile, samples: Samples, piece: Piece, numbers: NDArray[np.int16], begin: float
 ) -> Recording:
+    strokes = the_map.content.kind is not None
+    idle = np.full_like(numbers, IDLE)
     q, tau, qd = even_samples(samples, piece)
     return Recording(
         time=piece.grid - begin,
         q=np.ascontiguousarray(q),
         tau=np.ascontiguousarray(tau),
         flags=np.zeros(q.shape, dtype=np.uint8),
-        stroke=stroke,
-        partner_stroke=np.full(len(q), IDLE, dtype=np.int16),
+        stroke=numbers if strokes else idle,
+        partner_stroke=idle,
         qd=np.ascontiguousarray(qd) if np.isfinite(qd).any() else None,
+        group=numbers // 2 if strokes else numbers,
     )
 
 
-def _cycles(stroke: NDArray[np.int16], alone: int | None) -> int:
-    numbers = int(stroke.max()) + 1
-    return numbers if alone is None else numbers // 2
+def _cycles(numbers: NDArray[np.int16], alone: int | None) -> int:
+    n = int(numbers.max()) + 1
+    return n if alone is None else n // 2
 
 
 def _source(the_map: MapFile, samples: Samples, piece: Piece) -> str:

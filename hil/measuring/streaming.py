@@ -29,7 +29,7 @@ ASTRAY = 0.05
 def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
     """Carry out all periods of a trajectory from where it starts, and record every sample.
 
-    Samples of period k have the stroke number k.
+    Samples of period k are group k.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
     marks[first + round(trajectory.cycles * trajectory.period / bus.period)] = -1
     for number, sample in enumerate(_followed(bus, trajectory, 1.0)):
         if number in marks:
-            recorder.stroke(marks[number])
+            recorder.group(marks[number])
         recorder.add(sample)
     recording = recorder.finish()
     _, _, acceleration = trajectory.motion(np.linspace(0.0, trajectory.period, 1000))

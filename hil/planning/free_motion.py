@@ -24,12 +24,11 @@ class FreeMotion(FileModel):
     duration : float
         From the first to the last sample [s].
     cycles : int
-        Blocks of about equal length that it is divided into, numbered in the recording's
-        ``stroke``: friction may change from one to the next.
+        Groups of the recording, blocks of about equal length: friction may change from one to the
+        next.
     alone : int, optional
         The axis that moves back and forth while all others stand still, if it is such a motion; the
-        recording's ``stroke`` then numbers its strokes, even forward, odd back, and `cycles` are
-        pairs of these.
+        recording then numbers its strokes, and its groups are pairs of these.
     cut_off : float, optional
         Of the low-pass that its samples are to pass [Hz]; by default it is chosen from them.
     unknown_gains : tuple of int, optional

@@ -101,7 +101,7 @@ class Motion(Protocol):
 def term_columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array, Array]:
     """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...)."""
     rows = regressor(robot, *motion.link, joints=[axis])[:, 0]
-    v = motion.qd[:, axis] / robot.velocity_limit[axis]
+    v = motion.qd[:, axis] / speed_scale(robot, motion, axis)
     angle = robot.gear_ratio[axis] * motion.q[:, axis]
     return rows, _common(angle, v, ripple_orders(robot, axis)), friction_columns(motion, v)
 
@@ -121,16 +121,27 @@ def friction_columns(motion: Motion, v: Array) -> Array:
     return np.column_stack([*shapes, direction * gone])
 
 
+def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:
+    """Speed limit of an axis; where that is unknown, its greatest speed in the motion."""
+    return _limit(robot.velocity_limit[axis], motion.smoothed(motion.qd[:, axis]))
+
+
+def _limit(limit: float, reached: Array) -> float:
+    return float(np.abs(reached).max(initial=0.0) if np.isnan(limit) else limit)
+
+
 def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
     """Samples of an axis away from reversals, shape (n,)."""
-    slow = np.abs(motion.smoothed(motion.qd[:, axis])) < SLOW * robot.velocity_limit[axis]
+    v = np.abs(motion.smoothed(motion.qd[:, axis]))
+    slow = v < SLOW * speed_scale(robot, motion, axis)
     return motion.away_from(slow)
 
 
 def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
     """Samples of an axis in steady motion, away from reversals and corners, shape (n,)."""
-    jerk = np.abs(np.gradient(motion.smoothed(motion.qdd[:, axis]), motion.period))
-    steady: Mask = jerk < JERK * robot.acceleration_limit[axis]
+    acceleration = motion.smoothed(motion.qdd[:, axis])
+    jerk = np.abs(np.gradient(acceleration, motion.period))
+    steady: Mask = jerk < JERK * _limit(robot.acceleration_limit[axis], acceleration)
     return moving(robot, motion, axis) & steady
 
 

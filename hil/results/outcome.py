@@ -99,6 +99,7 @@ def outcome(model: Model, mistake: Mistake | None = None) -> Outcome:
 def data_reservations(model: Model) -> Iterator[Outcome]:
     """What the measurements behind a model say against it, whatever it is used for."""
     yield from _few(model)
+    yield from _one_way(model)
     yield from _ill_conditioned(model)
 
 
@@ -186,6 +187,19 @@ def _unexcited(model: Model) -> Iterator[Outcome]:
         f" {relative[worst]:.0%}",
         remedy="measure motions that show its parameters (hil plan --refine)",
     )
+
+
+def _one_way(model: Model) -> Iterator[Outcome]:
+    """Axes of free motions that move in one direction only."""
+    for number, axis in enumerate(model.friction.axes if model.friction else (), start=1):
+        if axis.one_way is not None:
+            yield Outcome(
+                word="doubtful",
+                reason=f"axis {number} moves in one direction only, so Coulomb friction and an"
+                f" offset cannot be separated: together they are {axis.one_way.together.value:.3g}"
+                f" {model.robot.torque_unit(number - 1)}",
+                remedy="add recordings in both directions",
+            )
 
 
 def _ill_conditioned(model: Model) -> Iterator[Outcome]:

@@ -125,10 +125,14 @@ def _parameter(model: Model, k: int) -> Reading | None:
     if not model.identified[k]:
         return None
     error = float(np.sqrt(max(model.scatter_covariance[k, k], 0.0)))
-    sums = () if model.back_and_forth is None else model.back_and_forth.combinations
-    stands_for = next((each.stands_for for each in sums if each.name == model.names[k]), "")
     value, degrees = float(model.values[k]), float(model.degrees_of_freedom[k])
-    return Reading(value, error, degrees, stands_for=stands_for)
+    return Reading(value, error, degrees, stands_for=stands_for(model, model.names[k]))
+
+
+def stands_for(model: Model, name: str) -> str:
+    """Sum that was identified in place of a parameter; empty where it is the parameter itself."""
+    sums = () if model.back_and_forth is None else model.back_and_forth.combinations
+    return next((each.stands_for for each in sums if each.name == name), "")
 
 
 def _friction(models: Sequence[Model]) -> Iterator[Quantity]:

@@ -139,7 +139,7 @@ def _parameter_error(model: Model, motion: Motion, A: Array) -> Array:
         )
         across = 2.0 * A[:, axis] @ np.array(law.beside).T + columns @ law.uncertainty
         variance[:, axis] += np.einsum("nk,nk->n", across, columns)
-    return np.sqrt(variance.clip(0.0))
+    return np.asarray(np.sqrt(variance.clip(0.0)))
 
 
 def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recording:

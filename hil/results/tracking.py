@@ -135,7 +135,7 @@ def following_error(
     t = (index + 1 - delay - round(REST / period)) * period
     q, qd, _ = trajectory.motion(np.clip(t, 0.0, trajectory.cycles * trajectory.period))
     error = q - recording.q
-    shown = (recording.stroke >= 0) & np.isfinite(error).all(axis=1)
+    shown = recording.under_way & np.isfinite(error).all(axis=1)
     return t[shown], error[shown], qd[shown]
 
 

@@ -90,7 +90,11 @@ def judged(scores: Sequence[AxisScore], n_joints: int, reservations: Sequence[st
 def _findings(scores: Sequence[AxisScore], n_joints: int) -> Iterator[Verdict]:
     """Everything that speaks against the model; of each kind the worst axis."""
     if not scores:
-        yield _refuse("no axis has enough samples that can be used; record a longer motion")
+        yield _refuse(
+            "no axis has enough samples in motion that can be used: away from reversals, faster"
+            " than a few percent of its speed limit and clear of both ends of the recording; record"
+            " a longer or faster motion"
+        )
         return
     for rule in (
         _naive,

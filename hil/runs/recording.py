@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Sample
 
 IDLE = -1
-"""Stroke number of samples where the axis is not under way."""
+"""Number of samples that belong to no stroke or group."""
 UNITS = {
     "time": "s",
     "q": "rad",
@@ -31,6 +31,7 @@ UNITS = {
     "stroke": "number, even forward, odd back, -1 at rest",
     "partner_stroke": "number, even forward, odd back, -1 at rest",
     "qd": "rad/s",
+    "group": "number of the period, block or pair of strokes, -1 at rest",
 }
 """Of each array of a recording."""
 
@@ -48,11 +49,16 @@ class Recording:
     flags : array (n, n_joints), uint8
         `drivers.drive_bus.SampleFlag` bits.
     stroke : array (n,), int16
-        Number of the stroke under way, even forward, odd back; -1 at rest.
+        Number of the stroke under way, even forward, odd back; -1 at rest, and throughout where no
+        axis goes back and forth.
     partner_stroke : array (n,), int16
         The same of a coupling measurement's partner; -1 throughout for the other kinds.
     qd : array (n, n_joints), optional
         Joint velocities [rad/s] as they were recorded, NaN for a joint without; drives report none.
+    group : array (n,), int16, optional
+        Number of the group of samples that share their friction: a period of a trajectory, a block
+        of a free motion, a pair of strokes that somebody else recorded; -1 at rest. None where all
+        samples are one group: measurements of strokes.
     """
 
     time: NDArray[np.float64]
@@ -62,6 +68,17 @@ class Recording:
     stroke: NDArray[np.int16]
     partner_stroke: NDArray[np.int16]
     qd: NDArray[np.float64] | None = None
+    group: NDArray[np.int16] | None = None
+
+    @property
+    def pair(self) -> NDArray[np.int16]:
+        """Number of the pair of strokes, one forward and the one back after it; -1 at rest."""
+        return self.stroke // 2
+
+    @property
+    def under_way(self) -> NDArray[np.bool_]:
+        """Samples of a stroke or a group, shape (n,)."""
+        return under_way(self.stroke, self.group)
 
     @property
     def n_samples(self) -> int:
@@ -117,7 +134,7 @@ class Recording:
 
 
 class Recorder:
-    """Collects samples and the strokes that they belong to.
+    """Collects samples and the strokes and groups that they belong to.
 
     A buffer instead of a list of samples: what Python keeps by the hundred thousand, its garbage
     collector looks through again and again.
@@ -129,6 +146,7 @@ class Recorder:
         self._pack: Callable[..., bytes] = self._pack_first
         self._strokes: list[tuple[int, int]] = []
         self._partner_strokes: list[tuple[int, int]] = []
+        self._groups: list[tuple[int, int]] = []
 
     def add(self, sample: Sample) -> None:
         """Take one sample."""
@@ -143,6 +161,10 @@ class Recorder:
         """Count samples from here on to this stroke of the partner (`IDLE`: to none)."""
         self._partner_strokes.append((self._n_samples, number))
 
+    def group(self, number: int) -> None:
+        """Count samples from here on to this group (`IDLE`: to none)."""
+        self._groups.append((self._n_samples, number))
+
     def finish(self) -> Recording:
         """Turn what was collected into arrays."""
         n_joints = (self._size - 8) // 17
@@ -155,6 +177,7 @@ class Recorder:
             flags=np.array(rows["flags"], order="C"),
             stroke=_numbers(self._strokes, len(rows)),
             partner_stroke=_numbers(self._partner_strokes, len(rows)),
+            group=_numbers(self._groups, len(rows)) if self._groups else None,
         )
 
     @property
@@ -166,6 +189,12 @@ class Recorder:
         layout = struct.Struct(f"<d{2 * n_joints}d{n_joints}B")
         self._pack, self._size = layout.pack, layout.size
         return layout.pack(*values)
+
+
+def under_way(stroke: NDArray[np.int16], group: NDArray[np.int16] | None) -> NDArray[np.bool_]:
+    """Samples of a stroke or a group, shape (n,)."""
+    of_stroke: NDArray[np.bool_] = stroke != IDLE
+    return of_stroke if group is None else of_stroke | (group != IDLE)
 
 
 def _numbers(marks: list[tuple[int, int]], n: int) -> NDArray[np.int16]:

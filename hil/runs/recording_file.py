@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from dataclasses import MISSING, asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import h5py
@@ -18,17 +18,20 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from checked_files.yaml_file import FileError, refuse_endless
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import RecordedMotion
 from hil.runs.atomic_file import write_file
 from hil.runs.finding import Finding
-from hil.runs.recording import UNITS, Recording
+from hil.runs.recording import IDLE, UNITS, Recording
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.model.robot import Robot
 
-FORMAT = 1
+FORMAT = 2
+_FIRST = 1
+"""Format of earlier versions, where ``stroke`` holds groups unless an axis goes back and forth."""
 _RUN = "run"
 PER_JOINT = ("q", "tau", "qd")
 """Arrays with a column for each joint, in its own unit."""
@@ -151,18 +154,31 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
     meta = {
         key: value if isinstance(value := attributes[key], str) else int(str(value)) for key in keys
     }
-    if meta["format"] != FORMAT:
-        raise FileError(f"{path}: format {meta['format']} must be {FORMAT}; use another version")
+    if meta["format"] not in (_FIRST, FORMAT):
+        raise FileError(
+            f"{path}: format {meta['format']} must be {_FIRST} or {FORMAT}; use another version"
+        )
     if attributes["checksum"] != _checksum(arrays, meta):
         raise FileError(f"{path}: content does not fit its checksum; {replace_or_leave_out(path)}")
+    measurement = _measurement.validate_json(str(meta["measurement"]))
+    recording = Recording(**arrays)
     return Measured(
-        measurement=_measurement.validate_json(str(meta["measurement"])),
-        recording=Recording(**arrays),
+        measurement=measurement,
+        recording=_with_groups(measurement, recording) if meta["format"] == _FIRST else recording,
         attempts=int(meta["attempts"]),
         findings=tuple(Finding(**item) for item in json.loads(str(meta["findings"]))),
         session=int(meta["session"]),
         run=str(meta[_RUN]) if _RUN in meta else None,
     )
+
+
+def _with_groups(measurement: RecordedMotion, recording: Recording) -> Recording:
+    """A recording of the first format with strokes and groups apart."""
+    if not measurement.streamed:
+        return recording
+    if isinstance(measurement, FreeMotion) and measurement.alone is not None:
+        return replace(recording, group=recording.pair)
+    return replace(recording, stroke=np.full_like(recording.stroke, IDLE), group=recording.stroke)
 
 
 def _checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:

@@ -98,12 +98,12 @@ def recorded(
         )
         tau = tau + noise * rng.standard_normal(q.shape)
         still = np.full(len(t), -1, np.int16)
-        stroke = (np.arange(len(t)) * 2 // len(t)).astype(np.int16)
+        group = (np.arange(len(t)) * 2 // len(t)).astype(np.int16)
         shaken = q + of_position * rng.standard_normal(q.shape)
         measured = None if velocity is None else qd + velocity * rng.standard_normal(q.shape)
         flags = np.zeros(q.shape, np.uint8)
         motion = FreeMotion(id=f"r{k}", q=(0.0, 0.0), duration=duration, cycles=2, source="made")
-        found.append((motion, Recording(t, shaken, tau, flags, stroke, still, measured)))
+        found.append((motion, Recording(t, shaken, tau, flags, still, still, measured, group)))
     return found
 
 

@@ -91,7 +91,8 @@ def recorded_strokes(
         source="made",
     )
     flags = np.zeros(q.shape, np.uint8)
-    return motion, Recording(t, q, tau, flags, stroke, np.full(len(t), IDLE, np.int16))
+    still = np.full(len(t), IDLE, np.int16)
+    return motion, Recording(t, q, tau, flags, stroke, still, group=stroke // 2)
 
 
 def campaign(

@@ -48,11 +48,12 @@ def recorded(
     rng = np.random.default_rng(1)
     tau = tau + robot.torque_limit * (level + noise * rng.standard_normal(q.shape))
     length = round(trajectory.period / PERIOD)
-    stroke = (np.arange(n) - round(REST / PERIOD)) // length
-    stroke[(stroke < 0) | (stroke >= trajectory.cycles)] = -1
+    group = (np.arange(n) - round(REST / PERIOD)) // length
+    group[(group < 0) | (group >= trajectory.cycles)] = -1
     still = np.full(n, -1, np.int16)
     flags = np.zeros(q.shape, np.uint8)
-    return [(trajectory, Recording(time, q, tau, flags, stroke.astype(np.int16), still))]
+    group = group.astype(np.int16)
+    return [(trajectory, Recording(time, q, tau, flags, still, still, group=group))]
 
 
 def write_trajectory_run(path: Path, robot: Robot) -> RunFolder:

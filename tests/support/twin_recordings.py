@@ -7,7 +7,7 @@ and degressive, wanders during a recording and has another level in each.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -119,7 +119,7 @@ class TwinRecorder:
             tau = self.torque(q, qd, qdd, load) + limit * (friction + e)
             still, flags = np.full(len(t), -1, np.int16), np.zeros(q.shape, np.uint8)
             motion = FreeMotion(id=f"r{k}", q=tuple(q.mean(axis=0)), duration=duration)
-            found.append((motion, Recording(t, q, tau, flags, 0 * still, still)))
+            found.append((motion, Recording(t, q, tau, flags, still, still, group=0 * still)))
         return found
 
     def _motion(self, t: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -147,8 +147,5 @@ def in_units(data: FreeRecorded, gains: dict[int, float]) -> FreeRecorded:
         for axis, gain in gains.items():
             tau[:, axis - 1] /= gain
         stated = motion.model_copy(update={"unknown_gains": tuple(sorted(gains)) or None})
-        found.append((stated, Recording(
-            recording.time, recording.q, tau, recording.flags, recording.stroke,
-            recording.partner_stroke,
-        )))  # fmt: skip
+        found.append((stated, replace(recording, tau=tau)))
     return found

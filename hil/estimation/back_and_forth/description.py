@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+FAINT = 1e-3
+"""Coefficient in a sum, over its largest, below which a parameter is not stated."""
 LOOSE = 0.01
 """Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 
@@ -56,8 +58,13 @@ def combinations(robot: Robot, solution: Solution) -> tuple[Combination, ...]:
     return tuple(
         Combination(name=names[k], stands_for=" ".join([names[k], *map(_term, parts)]))
         for k in map(int, solution.excitation.kept)
-        if (parts := [(names[j], share) for j, share in solution.excitation.parts(k)])
+        if (parts := [(names[j], share) for j, share in _noticeable(solution.excitation.parts(k))])
     )
+
+
+def _noticeable(parts: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
+    largest = max((1.0, *(abs(share) for _, share in parts)))
+    return [(j, share) for j, share in parts if abs(share) > FAINT * largest]
 
 
 def _term(part: tuple[str, float]) -> str:

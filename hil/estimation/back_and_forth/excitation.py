@@ -8,6 +8,10 @@ such a set some parameters are kept, and each stands for itself and a share of t
 
     W_d = W_k B   so   W_k p_k + W_d p_d = W_k (p_k + B p_d).
 
+Kept is, time and again, the parameter whose column is the longest of those that are left: of
+p30 + 1.8e7 p35, p35 is the one that shows. Where p35 itself is not to be kept, p30 is not either,
+since it would stand for p35 all the same: for no more than `LARGEST` of another parameter.
+
 A column that is nearly such a combination is one too, where noise alone would make its parameter's
 torque, over the recorded motion, uncertain by more than the share `SHARE` of the torque: with rows
 of unit residual variance, of which it leaves the share r of its square length, that torque's sum of
@@ -33,6 +37,10 @@ if TYPE_CHECKING:
 
 SHARE = 0.01
 """Of the torque by which a parameter that is kept is uncertain at most."""
+LARGEST = 10.0
+"""Coefficient of another parameter in the sum that a parameter stands for, at most. Those of
+parameters that could be kept themselves are 1 or less, since longer columns come first; UR10e has
+1e5 or nothing else where its axes stand at right angles, and up to 2 elsewhere."""
 _NOTICEABLE = 1e-3
 """Share of a parameter in a combination below which it is none of its parts."""
 
@@ -78,7 +86,7 @@ def excitation(N: Array, n: int, square: float) -> Excitation:
     nuisance = n + independent(N[n:, n:], size[n:])
     within = N[:n, nuisance] @ solved(N[np.ix_(nuisance, nuisance)], N[nuisance, :n])
     left = N[:n, :n] - within
-    kept = independent(left, size[:n], max(IDENTIFIABLE, 1.0 / (SHARE**2 * square)))
+    kept = independent(left, size[:n], max(IDENTIFIABLE, 1.0 / (SHARE**2 * square)), LARGEST)
     lost = np.setdiff1d(np.arange(n), kept)
     combination = np.zeros((n, n))
     combination[kept, kept] = 1.0
@@ -91,7 +99,9 @@ def excitation(N: Array, n: int, square: float) -> Excitation:
     return Excitation(kept, combination)
 
 
-def independent(N: Array, size: Array, least: float = IDENTIFIABLE) -> Indices:
+def independent(
+    N: Array, size: Array, least: float = IDENTIFIABLE, largest: float = np.inf
+) -> Indices:
     """Unknowns whose columns are no combinations of those before, in rising order.
 
     Parameters
@@ -101,14 +111,22 @@ def independent(N: Array, size: Array, least: float = IDENTIFIABLE) -> Indices:
         Squares of the columns' lengths, with which what is left of them is compared.
     least : float
         Share of it that is left at least of an independent one.
+    largest : float
+        Coefficient with which an independent one may stand for another unknown.
     """
     heard = size > SILENT**2 * size.max(initial=0.0)
     scale = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, size, 1.0))
     left, kept = N * np.outer(scale, scale), []
+    length, open_ = np.sqrt(size) * heard, heard.copy()
     for _ in range(len(N)):
-        pivot = int(np.argmax(np.diag(left)))
-        if left[pivot, pivot] <= least:
+        share = np.where(open_, np.diag(left), 0.0)
+        pivot = int(np.argmax(np.where(share > least, share * size, 0.0)))
+        if share[pivot] <= least:
             break
+        open_[pivot] = False
+        coefficients = left[:, pivot] / left[pivot, pivot] * length / length[pivot]
+        if np.abs(coefficients).max() > largest:
+            continue
         kept.append(pivot)
         column = left[:, pivot] / np.sqrt(left[pivot, pivot])
         left = left - np.outer(column, column)

@@ -135,7 +135,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording, speed: Arr
     tau = low_passed(recording.tau, recording.period, processing.cut_off)[0]
     filtered = filtered_motion(replace(recording, tau=tau), processing)
     every = filtered.rates.fine * filtered.rates.coarse
-    stroke = recording.stroke[::every][: len(filtered.tau)]
+    stroke, pair = (x[::every][: len(filtered.tau)] for x in (recording.stroke, recording.pair))
     pairs, useless = pairs_of(filtered, stroke, axis, robot.position_unit(axis))
     if not pairs:
         raise NotEnoughData(_why_none(useless))
@@ -162,7 +162,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording, speed: Arr
         speed=np.abs(differences[:, mine.stop]),
         samples=columns[used].T @ columns[used],
         n_samples=len(used),
-        whole=_whole(columns[:, : 2 + len(base_parameters(robot))], filtered, stroke, pairs, axis),
+        whole=_whole(columns[:, : 2 + len(base_parameters(robot))], filtered, pair, pairs, axis),
         greatest_speed=float(speed[axis]),
         also_moving=tuple(int(j) for j in np.flatnonzero(~still) if j != axis),
         useless=tuple(useless),
@@ -223,14 +223,14 @@ def _ripple(robot: Robot, motion: Motion, axis: int) -> Array:
 
 
 def _whole(
-    columns: Array, motion: Motion, stroke: NDArray[np.int16], pairs: Sequence[Pair], axis: int
+    columns: Array, motion: Motion, pair: NDArray[np.int16], pairs: Sequence[Pair], axis: int
 ) -> Array:
     """Inner products of columns and of classical friction's over all of each pair."""
     qd = motion.qd[:, axis]
     friction = np.column_stack([np.ones_like(qd), motion.direction_after(axis, 0.0), qd])
     every = np.hstack([columns, motion.passed(friction)[: len(columns)]])[motion.used]
-    own = stroke[motion.used] // 2
-    return np.array([every[own == pair.number].T @ every[own == pair.number] for pair in pairs])
+    own = pair[motion.used]
+    return np.array([every[own == each.number].T @ every[own == each.number] for each in pairs])
 
 
 def _rows(robot: Robot, motion: Motion, axis: int) -> Array:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.condensed import groups
 from hil.estimation.conventional.friction_terms import compensated, friction_columns
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
@@ -118,8 +119,8 @@ def products(
             _axis(robot, s, y[:, axis], commanded, axis, terms, slowest)
             for axis in range(robot.n_joints)
         ]
-        for number in range(trajectory.cycles):
-            period = np.flatnonzero(s.valid & (s.stroke == number))[::THINNED]
+        for group in groups(s):
+            period = np.flatnonzero(s.valid & group)[::THINNED]
             shares = [stacked[period[used[period]]] for stacked, used in axes]
             blocks.append([share.T @ share for share in shares])
             counts.append([len(share) for share in shares])
@@ -156,9 +157,9 @@ def _axis(
 
 def _commanded(trajectory: Trajectory, s: Signals) -> tuple[Array, Array, Array]:
     """Motion that was commanded, at the samples' times less the drives' delay."""
-    t = s.time - s.time[int(np.argmax(s.stroke >= 0))]
+    t = s.time - s.time[int(np.argmax(s.under_way))]
     end = trajectory.cycles * trajectory.period
-    moving = np.flatnonzero(s.stroke >= 0)[::THINNED]
+    moving = np.flatnonzero(s.under_way)[::THINNED]
     apart = [
         float(np.sum((trajectory.motion(t[moving] - delay)[0] - s.q[moving]) ** 2))
         for delay in DELAYS

@@ -19,9 +19,10 @@ from hil.estimation.free_motion.result import (
     AxisFriction,
     CoupledFriction,
     LagValue,
+    OneWay,
     TermValue,
 )
-from hil.estimation.free_motion.system import mean_squares, summed
+from hil.estimation.free_motion.system import mean_squares, only_directions, summed
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ FEW = 10
 """Pieces of time below which a remark is made."""
 SURE = 2.0
 """Standard errors by which friction drives an axis before that counts."""
+TWICE = 1.96
+"""Standard errors of an interval of 95 %."""
 LOOSE = 0.01
 """Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 
@@ -67,6 +70,7 @@ def axis_friction(
         own = rows[:, [first + COLUMNS.index(term) for term in law]]
         return {"covariance": own.tolist(), "beside": rows[:, :n_base].tolist()}
 
+    one_way = _one_way(products, solution)
     return tuple(
         AxisFriction(
             law=law,
@@ -77,10 +81,30 @@ def axis_friction(
             plain=values(plain, axis, CLASSICAL),
             held_out=choice.held_out[axis],
             level=tuple(levels[axis].tolist()),
+            one_way=one_way.get(axis),
             **covariances(axis, LAWS[law]),
         )
         for axis, law in enumerate(choice.laws)
     )
+
+
+def _one_way(products: Products, solution: Solution) -> dict[int, OneWay]:
+    """Axes, from 0, that move in one direction only."""
+    found = {}
+    for axis, direction in enumerate(only_directions(products.pieces, products.n_shared)):
+        if direction:
+            first = products.n_shared + axis * len(COLUMNS)
+            places = [first + COLUMNS.index(term) for term in ("offset", "Coulomb")]
+            both = np.array([1.0, direction])
+            variance = float(both @ solution.covariance[np.ix_(places, places)] @ both)
+            found[axis] = OneWay(
+                direction=int(direction),
+                together=TermValue(
+                    value=float(both @ solution.x[places]),
+                    standard_error=float(np.sqrt(max(variance, 0.0))),
+                ),
+            )
+    return found
 
 
 def torque_lags(gathered: Gathered) -> tuple[LagValue, ...]:
@@ -157,6 +181,13 @@ def remarks(
     if found.still:
         axes = ", ".join(str(axis + 1) for axis in found.still)
         said.append(f"axis {axes} stands still in all recordings: its friction is not identified")
+    for axis, one in _one_way(products, solution).items():
+        value, half = one.together.value, TWICE * one.together.standard_error
+        said.append(
+            f"axis {axis + 1} moves in one direction only, so Coulomb friction and an offset cannot"
+            f" be separated: together they are {value:.3g} ± {half:.2g} {robot.torque_unit(axis)};"
+            " add recordings in both directions"
+        )
     if not solution.possible:
         said.append(
             "the mass matrix is not positive definite, and no parameters that make it so explain"

@@ -17,6 +17,21 @@ class TermValue(FileModel):
     standard_error: float
 
 
+class OneWay(FileModel):
+    """An axis that moves in one direction only, where Coulomb friction and offset are one column.
+
+    Attributes
+    ----------
+    direction : int
+        1 or -1.
+    together : TermValue
+        Offset plus Coulomb friction in this direction [N m or N].
+    """
+
+    direction: int
+    together: TermValue
+
+
 class AxisFriction(FileModel):
     """Friction of one axis.
 
@@ -47,6 +62,8 @@ class AxisFriction(FileModel):
     level : tuple of float
         Of friction at instants spread evenly over the time recorded, the first and the last
         included, over its mean, which `terms` state; empty where it keeps its level.
+    one_way : OneWay, optional
+        None for an axis that moves in both directions.
     """
 
     law: str
@@ -59,6 +76,7 @@ class AxisFriction(FileModel):
     covariance: tuple[tuple[float, ...], ...] = ()
     beside: tuple[tuple[float, ...], ...] = ()
     level: tuple[float, ...] = ()
+    one_way: OneWay | None = None
 
 
 class CoupledFriction(FileModel):

@@ -28,7 +28,14 @@ from hil.estimation.free_motion.alternatives import covariance_of_choices
 from hil.estimation.free_motion.choice import MATERIAL
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.positive import nearest_positive
-from hil.estimation.free_motion.system import embedded, mean_squares, normal, summed
+from hil.estimation.free_motion.system import (
+    embedded,
+    mean_squares,
+    normal,
+    only_directions,
+    split_covariance,
+    summed,
+)
 from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import inverse, total_least_squares, undetermined
@@ -103,6 +110,7 @@ def solve(
     n = n_shared + products.n_joints * len(COLUMNS)
     x, covariance = embedded(found, kept, n), np.zeros((n, n))
     covariance[np.ix_(kept, kept)] = error.covariance
+    covariance += split_covariance(only_directions(products.pieces, n_shared), n_shared, x)
     solution = Solution(
         x=x,
         covariance=covariance,

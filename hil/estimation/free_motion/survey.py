@@ -170,7 +170,7 @@ def _middle(recording: Recording, length: float) -> Recording:
     n = round(length / recording.period)
     first = max(0, (recording.n_samples - n) // 2)
     part = slice(first, first + n)
-    qd = recording.qd
+    qd, group = recording.qd, recording.group
     return replace(
         recording,
         time=recording.time[part],
@@ -180,4 +180,5 @@ def _middle(recording: Recording, length: float) -> Recording:
         stroke=recording.stroke[part],
         partner_stroke=recording.partner_stroke[part],
         qd=None if qd is None else qd[part],
+        group=None if group is None else group[part],
     )

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 ROUNDS = 20
 """Times that residual variances and solution are found from each other, at most."""
+ASIDE = 0.01
+"""Share w of the samples under way that go in the other direction, below which an axis moves in one
+direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as
+uncertain as their sum."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +147,34 @@ def residual_weights(products: Array, counts: Array, n_shared: int, kept: Indice
         if np.allclose(before, weights, rtol=1e-6):
             break
     return weights
+
+
+def only_directions(products: Array, n_shared: int) -> Array:
+    """Direction, 1 or -1, in which alone each axis moves, shape (n_joints,); 0 where it moves both.
+
+    The slowest class of speed does not count: friction of an axis at rest is any up to Coulomb's.
+    """
+    offset, Coulomb = (1 + n_shared + COLUMNS.index(term) for term in ("offset", "Coulomb"))
+    total = products[:, :, 1:].sum(axis=(0, 2))
+    excess, moving = total[:, offset, Coulomb], total[:, Coulomb, Coulomb]
+    one: Array = np.where(np.abs(excess) > (1.0 - 2.0 * ASIDE) * moving, np.sign(excess), 0.0)
+    return one
+
+
+def split_covariance(directions: Array, n_shared: int, x: Array) -> Array:
+    """Covariance of how offset and Coulomb friction share their sum, shape (n, n).
+
+    On an axis that moves in one direction only either may be all of the sum, so each is uncertain
+    by half of it.
+    """
+    found = np.zeros((len(x), len(x)))
+    for axis in np.flatnonzero(directions):
+        first = n_shared + int(axis) * len(COLUMNS)
+        places = [first + COLUMNS.index(term) for term in ("offset", "Coulomb")]
+        both = np.array([1.0, directions[axis]])
+        exchanged = both @ x[places] / 2.0 * np.array([1.0, -directions[axis]])
+        found[np.ix_(places, places)] = np.outer(exchanged, exchanged)
+    return found
 
 
 def summed(products: Array, slowest: int = 0) -> Array:

@@ -6,8 +6,8 @@ first and thinned out; the regressor follows from what is left. That it is not q
 regressor is small against any mistake that is looked for.
 
 Friction is eliminated from every part of a measurement by itself, as in
-`hil.estimation.condensed`: a part is what belongs together (`condensed.periods_of`), and of longer
-motions some seconds, so that every campaign has parts that can contradict each other.
+`hil.estimation.condensed`: a part is what belongs together (`condensed.groups`), and of motions
+that are no strokes some seconds, so that every campaign has parts that can contradict each other.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.condensed import periods_of
+from hil.estimation.condensed import groups
 from hil.regression.least_squares import orthonormal
 from hil.regression.terms import friction_columns, usable
 from hil.regression.thinned import smoothed_at
 from hil.regression.window import APART
+from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -40,7 +41,7 @@ MOST = 6000
 FEWEST = 24
 """Samples of a part below which it is left out."""
 LONGEST = 3.0
-"""Of a part of a streamed motion [s]."""
+"""Of a part of a motion that is no strokes [s]."""
 _SAME = 1e-6
 """As `rank` of `orthonormal`: columns of friction that one speed cannot tell apart."""
 
@@ -116,21 +117,21 @@ def channels(
         As `hil.estimation.two_step_methods.prepare` makes them.
     """
     found: dict[int, list[tuple[Signals, Indices]]] = {}
-    for m, s in prepared:
+    for _, s in prepared:
         for axis in range(robot.n_joints):
-            found.setdefault(axis, []).extend((s, index) for index in _parts(robot, m, s, axis))
+            found.setdefault(axis, []).extend((s, index) for index in _parts(robot, s, axis))
     total = sum(len(index) for parts in found.values() for _, index in parts)
     every = max(1, total // MOST)
     each = [_channel(robot, axis, parts, every) for axis, parts in sorted(found.items())]
     return tuple(channel for channel in each if channel is not None)
 
 
-def _parts(robot: Robot, m: ParameterMotion, s: Signals, axis: int) -> Iterator[Indices]:
+def _parts(robot: Robot, s: Signals, axis: int) -> Iterator[Indices]:
     used = s.valid & usable(robot, s, axis)
     apart = max(1, round(APART / s.period))
-    for period in periods_of(m, s):
-        index = np.flatnonzero(used & period)[::apart]
-        if not m.streamed:
+    for group in groups(s):
+        index = np.flatnonzero(used & group)[::apart]
+        if (s.stroke != IDLE).any():
             yield index
         elif index.size:
             first = int(index[0])

@@ -100,7 +100,10 @@ class Campaign:
             rows, motor = reading.columns(channel)
             left = channel.tau - motor - rows @ p
             turned = reading.sign_q[joint] * reading.sign_tau[joint]
-            if turned * (left - left.mean()) @ np.sign(channel.qd[:, channel.axis]) < 0:
+            direction = np.sign(channel.qd[:, channel.axis])
+            if np.ptp(direction) == 0:
+                continue  # the mean, which is taken off, is as much friction as offset
+            if turned * (left - left.mean()) @ direction < 0:
                 found.append(joint)
         return tuple(found)
 

@@ -30,7 +30,7 @@ def saturated(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]])
     """Find the axis whose torque is at its limit most often, if any is."""
     found = {}
     for axis in range(robot.n_joints):
-        own = [np.abs(s.tau[s.stroke >= 0, axis]) for m, s in prepared if axis in m.moved]
+        own = [np.abs(s.tau[s.under_way, axis]) for m, s in prepared if axis in m.moved]
         size = np.concatenate(own) if own else np.zeros(0)
         if size.size and (share := _share_at_top(size)) > LEVEL:
             found[axis] = (share, float(size.max()))

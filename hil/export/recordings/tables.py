@@ -117,6 +117,9 @@ def _columns(robot: Robot, measured: Measured) -> Iterator[Column]:
     for axis, flags in enumerate(recording.flags.T, start=1):
         yield Column(f"flags{axis}", "", f"flags of joint {axis}, a sum of {_FLAGS}", flags)
     yield Column("stroke", "", "number of the stroke, -1 for none", recording.stroke)
+    if recording.group is not None:
+        what = "number of the period, block or pair of strokes, -1 for none"
+        yield Column("group", "", what, recording.group)
     partner = "number of the partner's stroke, -1 for none"
     yield Column("partner_stroke", "", partner, recording.partner_stroke)
 

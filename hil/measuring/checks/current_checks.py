@@ -32,7 +32,7 @@ RARE, OFTEN = 0.05, 0.9
 
 def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     """Find where the torque of a measured axis repeats one value for too long in motion."""
-    moving = recording.stroke >= 0
+    moving = recording.under_way
     for index in measurement.read:
         yield from _frozen(recording.tau[moving, index], index + 1, robot.torque_unit(index))
 

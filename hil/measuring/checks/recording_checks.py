@@ -87,7 +87,7 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
 
 def _saturation(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     del measurement, robot
-    moving = (recording.stroke >= 0)[:, None]
+    moving = recording.under_way[:, None]
     saturated = int(
         np.any((recording.flags & SampleFlag.LIMIT).astype(bool) & moving, axis=1).sum()
     )

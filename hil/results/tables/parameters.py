@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
+from hil.results.quantities import stands_for
 from hil.results.rounding import percent, rounded, signed
 from hil.results.tables.cells import uncertain, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
@@ -73,15 +74,16 @@ def _parameter(model: Model, k: int, prediction: Prediction | None) -> Row:
         return (base.names[k], NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
     value, error = float(model.values[k]), float(model.standard_errors[k])
     low, high = (float(end) for end in model.interval()[k])
+    total = stands_for(model, base.names[k])
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
-        base.names[k],
+        f"{base.names[k]} + …" if total else base.names[k],
         *uncertain(value, error),
         *(ends if prediction else (rounded((high - low) / 2, error),)),
         percent(error, value),
         *((_effect(prediction, k),) if prediction else ()),
         unit(base.units[k]),
-        base.expressions[k],
+        total or base.expressions[k],
     )
 
 

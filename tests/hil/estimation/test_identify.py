@@ -12,7 +12,7 @@ from hil.estimation.local_fits import local_fit
 from hil.estimation.signals import signals
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import gravity_torque, mass_matrix
+from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix
 from hil.model.robot import load_robot, parse_robot
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import Coupling, Gravity, Inertia
@@ -93,6 +93,20 @@ class TestLocalFits:
         local = self.value(robot, COUPLING, still)
         assert (local.axis, local.partner) == (0, 1)
         assert local.value == pytest.approx(local.model, abs=0.1)
+
+    def test_an_element_that_changes_along_the_way_is_that_where_the_partner_accelerates(
+        self, robot
+    ):
+        """Without centrifugal torque, which eq. (21) does not know."""
+        partner = Partner(axis=2, stroke=1.2, velocity=1.5, acceleration=6.0)
+        wide = COUPLING.model_copy(update={"stroke": 2.4, "velocity": 0.2, "partner": partner})
+        still = Friction(coulomb=40, viscous=0, root=0)
+        s = signals(record(robot, wide, TABLE_3_A, still))
+        slow, fast = (inverse_dynamics(robot, TABLE_3_A, s.q, v, s.qdd) for v in (0 * s.qd, s.qd))
+        local = local_fit(robot, wide, replace(s, tau=s.tau + slow - fast)).at(TABLE_3_A)
+        assert local.value == pytest.approx(local.model, rel=1e-4)
+        mean = mass_matrix(robot, TABLE_3_A, local.q)[0, 1]
+        assert abs(mean - local.model) > 0.03 * abs(local.model)
 
     @pytest.mark.parametrize("measurement", [GRAVITY, INERTIA], ids=lambda m: m.kind)
     def test_a_standard_error_is_what_noise_does_to_the_element(self, robot, measurement):

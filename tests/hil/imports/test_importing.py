@@ -37,7 +37,8 @@ def test_a_run_folder_has_all_that_a_run_has(tmp_path):
     assert measured.measurement.source == "data.csv, rows 1 to 2001"
     assert measured.measurement.duration == pytest.approx(10)
     assert measured.measurement.cycles == 8
-    assert set(measured.recording.stroke) == set(range(8))
+    assert set(measured.recording.group) == set(range(8))
+    assert set(measured.recording.stroke) == {-1}
     assert not measured.recording.flags.any()
 
 
@@ -271,6 +272,8 @@ def test_strokes_are_found_and_numbered(tmp_path):
     assert measured.measurement.alone == 1
     assert measured.measurement.cycles == 10
     assert set(stroke) == set(range(-1, 20))
+    assert set(measured.recording.group) == set(range(-1, 10))
+    assert np.array_equal(measured.recording.group, measured.recording.pair)
     assert np.all(speed[(stroke >= 0) & (stroke % 2 == 0)] >= 0)
     assert np.all(speed[(stroke >= 0) & (stroke % 2 == 1)] <= 0)
     assert np.all(np.abs(speed[stroke == -1]).reshape(-1)[150:] < 0.3)

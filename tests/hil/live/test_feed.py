@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 import typer
 from synthetic import TABLE_3_A, Friction, record
+from trajectory_run import recorded as periods
+from trajectory_run import some_trajectory
 
 from hil.cli.measuring import OnBus, measure
 from hil.live.friction_so_far import FrictionSoFar, level_of
@@ -117,6 +120,17 @@ def test_half_the_difference_forth_and_back_is_the_friction(manutec: Robot) -> N
     assert level.speed == pytest.approx(0.4, rel=0.02)
     wanted = friction.torque(np.full((1, 6), 0.4), np.zeros(1))[0, 1]
     assert level.level == pytest.approx(wanted, rel=0.01)
+
+
+def test_periods_of_a_trajectory_are_no_strokes(manutec: Robot) -> None:
+    trajectory = some_trajectory(manutec)
+    ((_, recording),) = periods(manutec, trajectory)
+    first = replace(recording, q=recording.q[:, :1], tau=recording.tau[:, :1])
+    alone = trajectory.model_copy(
+        update={"q": trajectory.q[:1], "sine": trajectory.sine[:1], "cosine": trajectory.cosine[:1]}
+    )
+    assert alone.read == (0,)
+    assert level_of(alone, first) is None
 
 
 def test_levels_so_far_state_their_number_and_range(manutec: Robot, small_plan: Plan) -> None:

@@ -58,8 +58,8 @@ def test_periods_that_are_no_multiple_of_sync_begin_at_the_sample_nearest_to_the
             if isinstance(event, Recorded)
         )
     recording = recorded.recording
-    first = np.flatnonzero(recording.stroke == 0)[0]
-    begins = [np.flatnonzero(recording.stroke == k)[0] - first for k in range(4)]
+    first = np.flatnonzero(recording.group == 0)[0]
+    begins = [np.flatnonzero(recording.group == k)[0] - first for k in range(4)]
     assert begins == [round(k * 3.0013 / drives.sync_period) for k in range(4)]
     assert recorded.findings == ()
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from drivers.drive_bus import Tripped
 from hil.measuring.checks.current_checks import frozen
 from hil.measuring.checks.encoder_jumps import refuse_jumps
-from hil.measuring.checks.stroke_checks import windows
+from hil.measuring.checks.stroke_checks import constant_velocity, half_sums, windows
 from hil.model.robot import load_robot
 from hil.planning.measurement import Gravity
 from hil.runs.recording import Recording
@@ -105,6 +105,23 @@ def test_a_clipped_current_is_found() -> None:
     sound = recording()
     (finding,) = frozen(replace(sound, tau=np.clip(sound.tau, -90, 90)), MEASUREMENT, ROBOT)
     assert "90 N m" in finding.message
+
+
+def steps(size: float) -> Recording:
+    """Strokes whose noise hides their friction; the torque of the last one is `size` higher."""
+    sound = recording(noise=0.0)
+    tau = 0.01 * sound.tau + np.random.default_rng(5).normal(0.0, 20.0, sound.tau.shape)
+    tau[sound.stroke == 3] += size
+    return replace(sound, tau=tau)
+
+
+def test_half_sums_may_differ_by_what_noise_makes_of_their_means_and_no_more() -> None:
+    n = min(len(constant_velocity(recording(), MEASUREMENT, k)) for k in range(4))
+    error = 20.0 / np.sqrt(n)
+    assert list(half_sums(steps(0.0), MEASUREMENT, ROBOT)) == []
+    (finding,) = half_sums(steps(20 * error), MEASUREMENT, ROBOT)
+    assert finding.check == "half-sums"
+    assert finding.bound == pytest.approx(4 * error, rel=0.5)
 
 
 def test_findings_of_a_sliding_axis_are_in_metres_and_newtons() -> None:

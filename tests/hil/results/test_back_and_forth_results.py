@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +12,12 @@ from free_run import TRUTH, arm, recorded, write_free_run
 from stroke_run import campaign, strokes
 
 from hil.estimation.back_and_forth.recognition import NAME
+from hil.model.robot import parse_robot
 from hil.report.page import report
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
+from hil.results.tables.parameters import parameters
 from hil.results.validation import validate
 from hil.runs.pooling import recorded as of_run
 
@@ -63,6 +67,33 @@ def test_what_was_not_identified_has_no_error_and_no_interval(partial: Run, tmp_
     assert "not identified" in text
     model.save(tmp_path / "model.yaml")
     np.testing.assert_array_equal(Model.load(tmp_path / "model.yaml").identified, ~lost)
+
+
+def test_a_sum_of_parameters_is_no_plain_row(partial: Run) -> None:
+    model = identify(partial)
+    assert model.back_and_forth is not None
+    sums = {each.name: each.stands_for for each in model.back_and_forth.combinations}
+    assert sums
+    rows = {str(row[0]): str(row[-1]) for part in parameters(model).parts for row in part.rows}
+    for name, total in sums.items():
+        assert name not in rows
+        assert rows[f"{name} + …"] == total
+
+
+@pytest.mark.parametrize("unknown", ["acceleration_limit", "velocity_limit"])
+def test_strokes_of_a_robot_whose_limits_are_unknown_are_validated(
+    tmp_path: Path, unknown: str
+) -> None:
+    robot = parse_robot(re.sub(rf"{unknown}: \S+", f"{unknown}: unknown", ROBOT.text), "arm.yaml")
+    assert np.isnan(getattr(robot, unknown)).all()
+    data = campaign(robot, TRUTH)
+    model = identify(write_free_run(tmp_path / "run", robot, data))
+    verdict = validate(model, predicted_torques(model, data))
+    known = validate(model, predicted_torques(replace(model, robot=ROBOT), data))
+    assert [each.axis for each in verdict.axes] == [1, 2]
+    for one, other in zip(verdict.axes, known.axes, strict=True):
+        assert one.samples > 0.7 * other.samples
+        assert one.relative < 0.05
 
 
 def test_its_bodies_hold_on_a_machine_whose_friction_is_another(run: Run, tmp_path: Path) -> None:

@@ -15,12 +15,15 @@ from drivers.drive_bus import DriveFault, Sample, SampleFlag
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Recorded, Repeated
 from hil.model.robot import Robot, load_robot
+from hil.planning.free_motion import FreeMotion
+from hil.planning.measurement import Gravity, RecordedMotion
 from hil.planning.plan import Plan
+from hil.planning.trajectory import Trajectory
 from hil.runs.finding import Finding
 from hil.runs.journal import BusName, Session
 from hil.runs.lock import locked
 from hil.runs.recording import Recording
-from hil.runs.recording_file import Measured
+from hil.runs.recording_file import Measured, read_measured, write_measured
 from hil.runs.run_folder import RunFolder
 
 N = 50
@@ -57,6 +60,55 @@ def test_what_is_written_is_read_back_bit_by_bit(folder: RunFolder, recording: R
         ours, theirs = getattr(recording, name), getattr(back.recording, name)
         assert ours.dtype == theirs.dtype
         assert ours.tobytes() == theirs.tobytes()
+
+
+WAVES = {"period": 0.1, "sine": ((0.1,),) * 6, "cosine": ((0.0,),) * 6, "cycles": 3}
+
+
+@pytest.mark.parametrize(
+    ("motion", "stroke", "group"),
+    [
+        (Trajectory(id="t", q=(0.0,) * 6, **WAVES), None, (-1, 0, 1, 2, -1)),
+        (FreeMotion(id="f", q=(0.0,) * 6, duration=0.2, cycles=3), None, (-1, 0, 1, 2, -1)),
+        (FreeMotion(id="a", q=(0.0,) * 6, duration=0.2, cycles=2, alone=1), (-1, 0, 1, 2, -1),
+         (-1, 0, 0, 1, -1)),
+        (Gravity(id="g", axis=1, q=(0.0,) * 6, stroke=0.4, velocity=0.4, acceleration=8.0),
+         (-1, 0, 1, 2, -1), None),
+    ],
+)  # fmt: skip
+def test_a_file_of_the_first_format_is_read_with_strokes_and_groups_apart(
+    tmp_path: Path,
+    manutec: Robot,
+    recording: Recording,
+    monkeypatch: pytest.MonkeyPatch,
+    motion: RecordedMotion,
+    stroke: tuple[int, ...] | None,
+    group: tuple[int, ...] | None,
+) -> None:
+    with monkeypatch.context() as earlier:
+        earlier.setattr("hil.runs.recording_file.FORMAT", 1)
+        write_measured(tmp_path / "old.h5", Measured(motion, recording), manutec)
+    found = read_measured(tmp_path / "old.h5").recording
+    np.testing.assert_array_equal(found.stroke, np.repeat(stroke or (-1,) * 5, N // 5))
+    if group is None:
+        assert found.group is None
+    else:
+        np.testing.assert_array_equal(found.group, np.repeat(group, N // 5))
+    write_measured(tmp_path / "new.h5", Measured(motion, found), manutec)
+    again = read_measured(tmp_path / "new.h5").recording
+    np.testing.assert_array_equal(again.stroke, found.stroke)
+    np.testing.assert_array_equal(again.under_way, found.under_way)
+
+
+def test_a_format_to_come_is_refused(
+    tmp_path: Path, manutec: Robot, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = FreeMotion(id="f", q=(0.0,) * 6, duration=0.2)
+    with monkeypatch.context() as later:
+        later.setattr("hil.runs.recording_file.FORMAT", 3)
+        write_measured(tmp_path / "f.h5", Measured(motion, recording), manutec)
+    with pytest.raises(FileError, match=r"format 3 must be 1 or 2; use another version"):
+        read_measured(tmp_path / "f.h5")
 
 
 def test_only_one_measures_into_a_folder_at_a_time(folder: RunFolder) -> None:

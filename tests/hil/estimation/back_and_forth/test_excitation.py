@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -40,6 +41,27 @@ def test_a_combination_is_kept_out_and_the_kept_stand_for_its_share(
     tolerance = 5e-3 * float(abs(W[:, :4] * p).max())
     np.testing.assert_allclose(W[:, :4] @ (found.combination @ p), torque, atol=tolerance)
     np.testing.assert_array_equal((found.combination @ p)[found.lost], 0.0)
+
+
+@pytest.mark.parametrize("times", [1.8e7, 1e5, 30.0])
+def test_of_parameters_that_look_alike_the_one_that_shows_is_kept(times: float) -> None:
+    """Not p30 for p30 + 1.8e7 p35, whose value is no mass moment of any body."""
+    W = columns(3)
+    W[:, 2] = W[:, 0] / times
+    found = excitation(W.T @ W, 4, MANY)
+    assert list(found.lost) == [2]
+    assert abs(found.combination[0, 2]) <= 1.0 / times * (1 + 1e-6)
+
+
+def test_a_parameter_that_would_stand_for_one_that_is_not_kept_is_not_either() -> None:
+    """Of two columns alike the difference is lost in noise; a third one is tiny, and shows it."""
+    W = columns(4)
+    difference = 1e-3 * np.linspace(-1.0, 1.0, 50) * W[:, 1]
+    W[:, 3] = W[:, 1] + difference
+    W[:, 2] = 1e-5 * difference
+    found = excitation(W.T @ W, 4, 1e8)
+    assert list(found.kept) in ([0, 1], [0, 3])
+    assert np.abs(found.combination).max() < 10.0
 
 
 def test_what_nuisance_explains_is_not_kept() -> None:

@@ -40,7 +40,7 @@ def recording(period: float, q: Array, tau: Array) -> tuple[FreeMotion, Recordin
     n, none = len(q), np.full(len(q), -1, np.int16)
     motion = FreeMotion(id="r", q=tuple(q.mean(axis=0)), duration=period * n)
     flags = np.zeros(q.shape, np.uint8)
-    return motion, Recording(period * np.arange(n), q, tau, flags, 0 * none, none)
+    return motion, Recording(period * np.arange(n), q, tau, flags, none, none, group=0 * none)
 
 
 def emps(name: str) -> tuple[FreeMotion, Recording]:

@@ -1,0 +1,82 @@
+"""Which samples share their friction: periods, blocks, and pairs of strokes forth and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded
+from stroke_run import campaign, curved
+
+from hil.estimation.condensed import groups, stack
+from hil.estimation.identify import estimate
+from hil.estimation.mistakes.finding import find_mistake
+from hil.estimation.mistakes.mistake import MistakeName
+from hil.estimation.signals import signals
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.planning.free_motion import FreeMotion
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+ROBOT = arm()
+
+
+@pytest.fixture(scope="module")
+def strokes() -> list[tuple[FreeMotion, Recording]]:
+    return campaign(ROBOT, TRUTH, without_load)
+
+
+def without_load(qd: Array, time: Array, load: Array) -> Array:
+    return curved(qd, time, 0.0 * load)
+
+
+def test_a_group_of_imported_strokes_is_a_pair_and_all_pairs_count(
+    strokes: list[tuple[FreeMotion, Recording]],
+) -> None:
+    for motion, recording in strokes:
+        s = signals(recording)
+        found = list(stack(ROBOT, motion, s))
+        assert len(found) == motion.cycles
+        for (only,) in found:
+            forth, back = (np.sum(s.stroke[only.index] % 2 == way) for way in (0, 1))
+            assert min(forth, back) > 0.3 * len(only.index)
+
+
+def test_a_group_of_a_free_motion_is_a_block() -> None:
+    ((_, recording),) = recorded(ROBOT, TRUTH, n=1)
+    first, second = groups(signals(recording))
+    assert np.array_equal(first, ~second)
+
+
+def test_measurements_of_strokes_are_one_group() -> None:
+    ((_, recording),) = recorded(ROBOT, TRUTH, n=1)
+    (every,) = groups(signals(replace(recording, group=None)))
+    assert every.all()
+
+
+def test_gravity_of_imported_strokes_is_not_taken_for_friction_of_one_direction(
+    strokes: list[tuple[FreeMotion, Recording]],
+) -> None:
+    found = estimate(ROBOT, strokes, "improved")
+    np.testing.assert_allclose(found.p, TRUTH, atol=0.05)
+
+
+def test_a_mistake_in_the_map_of_imported_strokes_is_found(
+    strokes: list[tuple[FreeMotion, Recording]],
+) -> None:
+    geared = []
+    for motion, recording in strokes:
+        q, tau = recording.q.copy(), recording.tau.copy()
+        q[:, 1] /= 1.5
+        tau[:, 1] *= 1.5
+        geared.append((motion, replace(recording, q=q, tau=tau)))
+    assert find_mistake(ROBOT, strokes) is None
+    found = find_mistake(ROBOT, geared)
+    assert found is not None
+    assert (found.name, found.axes) == (MistakeName.GEAR, (2,))
