@@ -82,7 +82,8 @@ class Choice:
 def choose(products: Products) -> Choice:
     """Choose dead zone, then laws axis by axis, those of the others being the classical one first.
 
-    A dead zone that leaves more of all samples than the classical law without one is none.
+    A dead zone that leaves more of all samples than the classical law without one, by more than
+    `MATERIAL`, is none.
     """
     plain = without_choice(products, weighted=True)
     whole = normal(summed(products.pieces), products.n_shared, plain.weights)
@@ -107,7 +108,7 @@ def choose(products: Products) -> Choice:
             laws[axis] = simplest(found, products.n_joints)
             errors.append(_relative(found, laws[axis]))
         kept = _kept(products, laws)
-        if held_out.error(kept).sum() <= least:
+        if held_out.error(kept).sum() <= (1.0 + MATERIAL) ** 2 * least:
             break
     weights = residual_weights(pieces, counts, products.n_shared, kept)
     return Choice(slowest, tuple(laws), tuple(errors), weights)
