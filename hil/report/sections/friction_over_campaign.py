@@ -10,6 +10,7 @@ from hil.report.plots.friction import levels
 from hil.report.section import Plot, Section
 from hil.results.tables import friction as tables
 from hil.results.tables.campaign_friction import campaign_friction
+from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
@@ -25,6 +26,7 @@ def section(run: IdentifiedRun) -> Section:
         "friction_over_campaign.html",
         {
             "law": campaign_friction(run.model),
+            "lack": lacking(run.model),
             "drift": tables.drift(run.found.drifts),
             "symmetry": tables.symmetry(of_local_values(local)),
         },
