@@ -294,18 +294,13 @@ def shows_parameters(measurement: RecordedMotion) -> bool:
     return not isinstance(measurement, Friction)
 
 
-def without_law(
-    measurements: Iterable[RecordedMotion], n_joints: int, spare: int = 0
-) -> dict[int, int]:
-    """Axes of which too few measurements are planned for a law of friction, and how many these are.
-
-    `spare`: how many of them may turn out to be of no use. Axes count from 0.
-    """
+def without_law(measurements: Iterable[RecordedMotion], n_joints: int) -> dict[int, int]:
+    """Axes, from 0, of which too few measurements are planned for a law of friction; how many."""
     found = dict.fromkeys(range(n_joints), 0)
     for each in measurements:
         for axis in each.moved if shows_parameters(each) else ():
             found[axis] += each.cycles if each.streamed else 1
-    return {axis: count for axis, count in found.items() if count < FOR_A_LAW + spare}
+    return {axis: count for axis, count in found.items() if count < FOR_A_LAW}
 
 
 def element_measurements(measurements: Iterable[RecordedMotion]) -> list[ElementMeasurement]:

@@ -48,8 +48,6 @@ if TYPE_CHECKING:
 
 CORE = 2
 """Measurements of its own kind for each parameter of a group."""
-SPARE = 1
-"""Measurements of an axis beyond those that its law of friction needs: any one can be left out."""
 OF_TRAJECTORIES = "t"
 """First letter of their ids."""
 SAMPLE_PERIOD = 0.004
@@ -162,7 +160,11 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
         q = np.array([options[k].measurement.q for k in numbers])
         covariance = 1e3 * np.eye(len(scale))
         wanted = each * rows.shape[1]
-        picked = greedy(rows / scale, places(robot, q), covariance, wanted)
+        # strokes of another axis at the same place show something else: no spacing between them
+        moved = [options[k].measurement.moved for k in numbers]
+        apart = [sorted(set(moved)).index(axes) for axes in moved]
+        spread = np.column_stack([places(robot, q), apart])
+        picked = greedy(rows / scale, spread, covariance, wanted)
         found += [numbers[k] for k in dict.fromkeys(picked)]
     return found
 
@@ -173,10 +175,10 @@ def _reserve(
     selection: Selection,
     before: Sequence[Measurement] = (),
 ) -> None:
-    """Choose what a law of friction of each axis needs besides, one of them to spare."""
+    """Choose what a law of friction of each axis needs besides."""
     chosen = [*before, *(options[k].measurement for k in selection.chosen)]
-    for axis, there in without_law(chosen, robot.n_joints, SPARE).items():
-        for _ in range(FOR_A_LAW + SPARE - there):
+    for axis, there in without_law(chosen, robot.n_joints).items():
+        for _ in range(FOR_A_LAW - there):
             selection.take_best(axis)
 
 
