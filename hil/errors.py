@@ -12,6 +12,7 @@ from checked_files.yaml_file import FileError
 __all__ = [
     "AsymmetricFriction",
     "FileError",
+    "FrictionUnknown",
     "HilError",
     "InvalidArray",
     "InvalidValue",
@@ -22,6 +23,10 @@ __all__ = [
     "NotRealisable",
     "UnknownName",
 ]
+
+
+class FrictionUnknown(UserWarning):
+    """Torques lack the friction of an axis of which too little was measured for a law."""
 
 
 class InvalidArray(HilError, ValueError):

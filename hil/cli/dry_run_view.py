@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from checked_files.yaml_file import line_of
+from hil.planning.measurement import FOR_A_LAW
 from hil.results.rounding import clock
 
 if TYPE_CHECKING:
@@ -26,6 +27,12 @@ def render(result: DryRun, console: Console) -> None:
         console.print(
             f"bus load {result.bus_load:.1%} at {result.bus.bitrate / 1000:g} kbit/s"
             f" ({result.bus.frames}; at most {result.bus.most:.0%})",
+            soft_wrap=True,
+        )
+    for axis, planned in result.without_law.items():
+        console.print(
+            f"[yellow]axis {axis + 1}: {planned} measurements move it, a law of its friction needs"
+            f" {FOR_A_LAW}; torques will lack its friction; add measurements that move it[/]",
             soft_wrap=True,
         )
     if result.groups:

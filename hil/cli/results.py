@@ -76,7 +76,7 @@ def identify(
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
         identified = identification.identified(run, method, more)
         found = identified.model
-        if found.method == "improved" and not (more or run.imported):
+        if not (more or run.imported):
             kept_findings.keep_identified(run, identified)
         if consistent or masses:
             from hil.results.consistency import with_consistent_robot
@@ -116,7 +116,7 @@ def report(
 
         refuse_unwritable(folder / module.NAME)
         run = Run.open(folder).without(without or ())
-        now(f"estimating {run.robot.name} anew and drawing the report")
+        now(f"identifying {run.robot.name} and drawing the report")
         path = module.report(run, figures)
     _show_unusable_model(run)
     _show_shortfall(run)

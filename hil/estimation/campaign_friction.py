@@ -25,6 +25,7 @@ from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction.warmth_choice import Levels, find_warmth
 from hil.estimation.friction_law import DIRECTED, AxisLaw, FrictionLaw
+from hil.planning.measurement import FOR_A_LAW
 from hil.regression.least_squares import inverse, solved
 from hil.regression.terms import ASYMMETRIC, LOAD
 from hil.regression.uncertainty import sandwich, scatter
@@ -48,8 +49,6 @@ SPEED_TERMS = (
 _LAWS = {name: terms for name, terms in LAWS.items() if set(terms) <= set(SPEED_TERMS)}
 FOLDS = 5
 """Parts of the measurements that are held out in turn."""
-FEWEST = 3
-"""Measurements of an axis below which no law is chosen for it."""
 SURE = 2.0
 """Standard errors by which a law must be worse than the best for not to be taken."""
 
@@ -107,7 +106,7 @@ def _law(
     measured: Sequence[_Measured], axis: int, limit: float, past: History | None
 ) -> AxisLaw | None:
     """Law of one axis from its measurements, in the order of time."""
-    if len(measured) < FEWEST:
+    if len(measured) < FOR_A_LAW:
         return None
     products = np.array([each.products for each in measured])
     slowest, fastest = zip(*(each.speeds for each in measured), strict=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from hil.export.expressions import count
 from hil.export.operations import of_whole_links
 from hil.model.base_parameters import base_parameters
+from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,6 +45,8 @@ def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
             "No friction: the model has no law of it for all axes; identify the run anew with: hil"
             " identify"
         )
+    elif lack := lacking(model):
+        said.append(f"FRICTION UNKNOWN: {lack}")
     if "current" not in there:
         said.append(
             "No current: gear ratio or torque constant of an axis is unknown; state them in the"

@@ -12,7 +12,7 @@ from hil.estimation.friction_law import DIRECTED, friction_variance
 from hil.export.exported import Exported
 from hil.export.simple_friction import simple_friction
 from hil.results.rounding import percent, significant
-from hil.results.torque_parts import known_friction
+from hil.results.torque_parts import known_friction, lacking
 
 if TYPE_CHECKING:
     from hil.estimation.friction_law import AxisLaw
@@ -46,39 +46,44 @@ def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
     Raises
     ------
     NotEnoughData
-        The model has no law of friction, or none of some axes.
+        The model has no law of friction.
     """
     law, simple = known_friction(model), simple_friction(model)
     ends = list(zip(simple_friction(model, 0.0), simple_friction(model, 1.0), strict=True))
+    known = [own for own in law.axes if own is not None]
     content = {
         "origin": list(origin),
         "robot": model.robot.name,
         "formulas": FORMULAS | {"cosine k, sine k": "of k times the motor's angle"},
         "axes": [
             _axis(model, own, each) | _warmth(own, *cold_and_warm)
-            for own, each, cold_and_warm in zip(law.axes, simple, ends, strict=True)
-            if own is not None
+            for own, each, cold_and_warm in zip(known, simple, ends, strict=True)
         ],
+        "unknown": list(law.unknown),
         "warmth": WARMTH,
         "coupled": [each.model_dump(mode="json") for each in law.coupled],
     }
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    warm = [axis for axis, own in enumerate(law.axes) if own is not None and own.warmth is not None]
+    warm = [k for k, own in enumerate(known) if own.warmth is not None]
     said = misfits(model, simple)
     for end, name in enumerate((", cold", ", warm")):
-        said += misfits(model, tuple(ends[axis][end] for axis in warm), name)
+        said += misfits(model, tuple(ends[k][end] for k in warm), name)
     return Exported({"friction.json": text}, tuple(said))
 
 
 def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -> list[str]:
     """What the simplest simplification costs, axis by axis; `state`: of the gears, for the text."""
+    lack = lacking(model)
     return [
-        f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous"
-        f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
-        f" s/{model.robot.position_unit(each.axis)} miss the law by"
-        f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
-        f" ({percent(each.misfit, each.size)} % of it)"
-        for each in simple
+        *((f"FRICTION UNKNOWN: {lack}",) if lack and not state else ()),
+        *(
+            f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous"
+            f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
+            f" s/{model.robot.position_unit(each.axis)} miss the law by"
+            f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
+            f" ({percent(each.misfit, each.size)} % of it)"
+            for each in simple
+        ),
     ]
 
 

@@ -14,11 +14,12 @@ if TYPE_CHECKING:
 
 
 def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
-    """Friction of each joint; None throughout where the model's law is not known of all."""
+    """Friction of each joint; None where the model has no law of it."""
     try:
-        return simple_friction(model)
+        found = {each.axis: each for each in simple_friction(model)}
     except NotEnoughData:
-        return (None,) * model.robot.n_joints
+        found = {}
+    return tuple(found.get(axis) for axis in range(model.robot.n_joints))
 
 
 def friction_remarks(model: Model) -> tuple[str, ...]:
@@ -27,6 +28,6 @@ def friction_remarks(model: Model) -> tuple[str, ...]:
         return tuple(misfits(model, simple_friction(model)))
     except NotEnoughData:
         return (
-            "no friction is stated, since the model has no law of all axes: identify a run anew"
-            " that moves all of them (hil identify)",
+            "no friction is stated, since the model has no law of it: identify a run anew that"
+            " moves all axes (hil identify)",
         )

@@ -97,7 +97,7 @@ def friction(model: Model) -> Function | None:
         return None
     graph = Graph()
     q, qd, load = (_symbols(graph, model, name) for name in ("q", "qd", "load"))
-    purpose = "Torques of friction; at rest their offset alone."
+    purpose = f"Torques of friction{_of_known(model)}; at rest their offset alone."
     arguments = {"q": POSITION, "qd": VELOCITY, "load": "torques of the rigid bodies"}
     return _function(graph, "friction", purpose, arguments, _friction(graph, model, q, qd, load))
 
@@ -130,7 +130,8 @@ def torque(model: Model) -> Function:
     """What the drives have to give: all parts that the model has."""
     graph = Graph()
     q, qd, qdd = (_symbols(graph, model, name) for name in ("q", "qd", "qdd"))
-    parts = "rigid bodies, motors" + (" and friction" if _has_friction(model) else "; no friction")
+    parts = "rigid bodies, motors"
+    parts += f" and friction{_of_known(model)}" if _has_friction(model) else "; no friction"
     load = [graph.lifted(each) for each in _rigid(graph, model, q, qd, qdd)]
     reflected = model.robot.reflected_inertia.tolist()
     found = [tau + inertia * dv for tau, inertia, dv in zip(load, reflected, qdd, strict=True)]
@@ -174,7 +175,12 @@ def _friction(
 
 
 def _has_friction(model: Model) -> bool:
-    return model.friction_law is not None and not model.friction_law.unknown
+    return len(model.axes_without_friction) < model.robot.n_joints
+
+
+def _of_known(model: Model) -> str:
+    lack = ", ".join(map(str, model.axes_without_friction))
+    return f", which is unknown and left out of axis {lack}" if lack else ""
 
 
 def _bodies(model: Model) -> list[list[float]]:

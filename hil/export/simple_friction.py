@@ -81,7 +81,7 @@ class SimpleFriction:
 
 
 def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFriction, ...]:
-    """Return the friction of all axes in the terms of simulators.
+    """Return the friction of all axes whose law is known in the terms of simulators.
 
     Parameters
     ----------
@@ -92,16 +92,16 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
     Raises
     ------
     NotEnoughData
-        The model has no law of friction, or none of some axes.
+        The model has no law of friction.
     """
-    known_friction(model)
-    return tuple(_of_axis(model, axis, warmth) for axis in range(model.robot.n_joints))
+    laws = enumerate(known_friction(model).axes)
+    return tuple(_of_axis(model, axis, warmth) for axis, law in laws if law is not None)
 
 
 def speeds_of(model: Model, axis: int) -> tuple[float, float]:
     """Slowest and fastest speed at which an axis's law holds [rad/s or m/s]."""
     law = known_friction(model).axes[axis]
-    assert law is not None  # noqa: S101 - known of all axes
+    assert law is not None  # noqa: S101 - asked of axes that have one
     return law.speeds or (SLOWEST * law.speed, law.speed)
 
 

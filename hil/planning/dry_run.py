@@ -13,7 +13,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.planning.measurement import element_measurements
+from hil.planning.measurement import element_measurements, shows_parameters, without_law
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
@@ -82,6 +82,9 @@ class DryRun:
         Share of the bus that it takes at the sample period.
     problems : tuple of Problem
         Why the plan must not be run; empty when it may.
+    without_law : dict
+        Axes, from 0, of which too few measurements are planned for a law of friction, and how many
+        these are; empty where no parameters are identified.
     groups : tuple of Identifiability
         What each group of base parameters can expect; empty where there are problems with the
         measurements, or where all of them are about friction or trajectories.
@@ -92,6 +95,7 @@ class DryRun:
     bus: BusCycle | None
     bus_load: float
     problems: tuple[Problem, ...]
+    without_law: dict[int, int]
     groups: tuple[Identifiability, ...]
 
     @property
@@ -115,6 +119,9 @@ def dry_run(plan: Plan, robot: Robot, bus: BusCycle | None = None) -> DryRun:
         bus=bus,
         bus_load=bus.duration / plan.sample_period if bus else 0.0,
         problems=tuple(measurements + list(_check_load(bus, plan))),
+        without_law=without_law(plan.measurements, robot.n_joints)
+        if any(shows_parameters(each) for each in plan.measurements)
+        else {},
         groups=() if measurements or not of_groups else identifiability(plan, robot),
     )
 

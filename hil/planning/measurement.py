@@ -43,6 +43,13 @@ if TYPE_CHECKING:
     from hil.planning.trapezoid import Trapezoid
 
 
+FOR_A_LAW = 3
+"""Measurements of an axis, or periods of trajectories, below which no law of friction is chosen.
+
+Each counts as one draw of the level of friction, and a scatter needs two beyond the mean.
+"""
+
+
 class Gravity(Strokes):
     """Constant velocity back and forth: gravity torque of the axis at q."""
 
@@ -285,6 +292,15 @@ def shows_parameters(measurement: RecordedMotion) -> TypeGuard[ParameterMotion]:
 def shows_parameters(measurement: RecordedMotion) -> bool:
     """Whether base parameters are estimated from a measurement."""
     return not isinstance(measurement, Friction)
+
+
+def without_law(measurements: Iterable[RecordedMotion], n_joints: int) -> dict[int, int]:
+    """Axes, from 0, of which too few measurements are planned for a law of friction; how many."""
+    found = dict.fromkeys(range(n_joints), 0)
+    for each in measurements:
+        for axis in each.moved if shows_parameters(each) else ():
+            found[axis] += each.cycles if each.streamed else 1
+    return {axis: count for axis, count in found.items() if count < FOR_A_LAW}
 
 
 def element_measurements(measurements: Iterable[RecordedMotion]) -> list[ElementMeasurement]:

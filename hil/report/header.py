@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.rounding import clock, percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun, StrokesRun
+    from hil.report.reported_run import ForeignRun, IdentifiedRun, ReportedRun
     from hil.results.outcome import Outcome
     from hil.runs.recording_file import Measured
 
@@ -56,7 +55,7 @@ def of_friction(run: ReportedRun) -> Header:
     return _header(run, "friction", "", facts, None)
 
 
-def of_strokes(run: StrokesRun) -> Header:
+def of_strokes(run: ForeignRun) -> Header:
     """Top of the report of an imported run of axes that move back and forth by themselves."""
     identified, fit = run.model.identified, run.model.back_and_forth
     left = percent(0.0 if fit is None else fit.overall_residual, 1.0)
@@ -75,7 +74,7 @@ def _recorded(run: ReportedRun) -> Facts:
     return ("Recordings", str(len(run.recordings))), ("Recorded", duration(took))
 
 
-def of_free_motions(run: FreeRun) -> Header:
+def of_free_motions(run: ForeignRun) -> Header:
     """Top of the report of an imported run."""
     left = percent(0.0 if run.model.friction is None else run.model.friction.overall_residual, 1.0)
     verdict = (
@@ -136,7 +135,7 @@ def verdict(run: IdentifiedRun) -> str:
 def counts(campaign: Sequence[Measured]) -> str:
     """State how many measurements there are of each kind."""
     kinds: list[str] = [measured.measurement.kind for measured in campaign]
-    each = (f"{kinds.count(kind)} {kind}" for kind in ELEMENT_KINDS)
+    each = (f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
     return f"{len(kinds)} ({', '.join(each)})"
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hil.report.reported_run import FreeRun, IdentifiedRun, StrokesRun
+    from hil.report.reported_run import ForeignRun, IdentifiedRun
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ K = TypeVar("K", bound=_Kept)
 
 
 def current(
-    read: Callable[[Run], K | None], run: IdentifiedRun | FreeRun, name: str, command: str
+    read: Callable[[Run], K | None], run: IdentifiedRun | ForeignRun, name: str, command: str
 ) -> tuple[K | None, str]:
     """Read a result of the run, or why it is not shown.
 
@@ -65,7 +65,7 @@ def current(
     return kept, ""
 
 
-def kept_model(run: IdentifiedRun | FreeRun | StrokesRun) -> Model | None:
+def kept_model(run: IdentifiedRun | ForeignRun) -> Model | None:
     """Read the model that is kept in the run's folder; None where it is not that of this report."""
     path = run.source.path / NAME
     if not path.exists():

@@ -20,7 +20,7 @@ from hil.report.downloads import downloads
 from hil.report.friction_of_run import friction_alone
 from hil.report.header import when
 from hil.report.recordings import carried
-from hil.report.reported_run import fitted, identified, read, stroked
+from hil.report.reported_run import ForeignRun, identified, read
 from hil.report.section import Plot
 from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION, OF_STROKES
 from hil.results.tables.html import environment
@@ -44,7 +44,7 @@ TEMPLATES = tuple(Path(__file__).parent / folder for folder in ("templates", "se
 
 
 def report(run: Run, figures: Path | None = None) -> Path:
-    """Estimate a run by both methods and write its report into its folder.
+    """Write the report of a run into its folder, as `hil identify` identifies it.
 
     Parameters
     ----------
@@ -73,33 +73,15 @@ def report(run: Run, figures: Path | None = None) -> Path:
 
 
 def _content(whole: ReportedRun) -> tuple[Header, list[Section], Model | None]:
-    run = whole.source
-    if friction_alone(run):
+    if friction_alone(whole.source):
         return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION), None
-    if run.imported and _back_and_forth(run):
-        strokes = stroked(whole)
-        return (
-            header.of_strokes(strokes),
-            _present(each(strokes) for each in OF_STROKES),
-            strokes.model,
-        )
-    if run.imported:
-        free = fitted(whole)
-        return (
-            header.of_free_motions(free),
-            _present(each(free) for each in OF_FREE_MOTIONS),
-            free.model,
-        )
-    found = identified(whole)
-    return header.of_campaign(found), _present(each(found) for each in OF_CAMPAIGN), found.model
-
-
-def _back_and_forth(run: Run) -> bool:
-    # all methods are loaded for it
-    from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH  # noqa: PLC0415
-    from hil.results.identification import method_for  # noqa: PLC0415
-
-    return method_for(run)[0] == BACK_AND_FORTH
+    run = identified(whole)
+    if not isinstance(run, ForeignRun):
+        return header.of_campaign(run), _present(each(run) for each in OF_CAMPAIGN), run.model
+    strokes = run.model.back_and_forth is not None
+    top = header.of_strokes(run) if strokes else header.of_free_motions(run)
+    of_kind = OF_STROKES if strokes else OF_FREE_MOTIONS
+    return top, _present(each(run) for each in of_kind), run.model
 
 
 def _present(sections: Iterable[Section | None]) -> list[Section]:

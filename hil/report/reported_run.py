@@ -1,17 +1,17 @@
-"""What a report is about: a run, read once, and what is estimated from it."""
+"""What a report is about: a run, read once, and what `hil identify` finds in it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.errors import FileError
 from hil.report.friction_of_run import friction_of_run
-from hil.results.findings import findings
 from hil.results.kept_findings import keep, kept
+from hil.results.model_file import NAME, read_model_file
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
-    from hil.estimation.back_and_forth.half_sums import HalfSums
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from hil.results.findings import Findings
     from hil.results.friction import FrictionResult
     from hil.results.model import Model
-    from hil.results.recorded_torque import RecordedTorque
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
@@ -55,7 +54,7 @@ class ReportedRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentifiedRun(ReportedRun):
-    """A run whose base parameters are identifiable.
+    """A run of measurements or trajectories, identified.
 
     Attributes
     ----------
@@ -66,12 +65,12 @@ class IdentifiedRun(ReportedRun):
 
     @property
     def estimate(self) -> Estimate:
-        """By the improved method, which the report is about."""
+        """What the report is about."""
         return self.found.estimate
 
     @property
     def model(self) -> Model:
-        """By the improved method."""
+        """Of that estimate."""
         return self.found.model
 
     @property
@@ -85,38 +84,11 @@ class IdentifiedRun(ReportedRun):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FreeRun(ReportedRun):
-    """A run of motions that somebody else recorded.
+class ForeignRun(ReportedRun):
+    """A run of motions that somebody else recorded, identified by a method for these."""
 
-    Attributes
-    ----------
-    model : Model
-        By the method for them.
-    shown : str
-        Id of the longest recording.
-    torque : RecordedTorque
-        Of that recording.
-    """
-
+    estimate: Estimate
     model: Model
-    shown: str
-    torque: RecordedTorque
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StrokesRun(ReportedRun):
-    """A run of axes that move back and forth by themselves, recorded by somebody else.
-
-    Attributes
-    ----------
-    model : Model
-        By the method for them.
-    half_sums : tuple of HalfSums
-        What each recording shows by itself.
-    """
-
-    model: Model
-    half_sums: tuple[HalfSums, ...]
 
 
 def read(source: Run) -> ReportedRun:
@@ -134,72 +106,32 @@ def read(source: Run) -> ReportedRun:
     return ReportedRun(source, campaign, recordings, friction_of_run(source, recordings))
 
 
-def fitted(run: ReportedRun) -> FreeRun:
-    """Identify an imported run by the method for free motions.
+def identified(run: ReportedRun) -> IdentifiedRun | ForeignRun:
+    """Take what is kept of a run's estimates, or identify it as `hil identify` does and keep that.
 
     Raises
     ------
     NotIdentifiable, NotEnoughData
         Recordings that do not suffice.
     """
-    # of motions recorded elsewhere alone: other reports need none of this
-    from hil.estimation.free_motion.variants import DEFAULT  # noqa: PLC0415
-    from hil.estimation.identify import estimate  # noqa: PLC0415
-    from hil.estimation.mistakes.finding import find_mistake  # noqa: PLC0415
-    from hil.results.identification import model_of  # noqa: PLC0415
-    from hil.results.naming import named  # noqa: PLC0415
-    from hil.results.recorded_torque import in_si, predict_recording  # noqa: PLC0415
+    method, found = _method(run.source), kept(run.source)
+    if found is None or found.model.method != method:
+        # a report whose findings are kept needs nothing that is loaded here
+        from hil.results.findings import findings  # noqa: PLC0415
+        from hil.results.identification import identified as identify  # noqa: PLC0415
 
-    with named(run.source):
-        found = estimate(run.robot, run.recordings, DEFAULT)
-    model = model_of(run.source, found, mistake=find_mistake(run.robot, run.recordings))
-    longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
-    return FreeRun(
-        source=run.source,
-        campaign=run.campaign,
-        recordings=run.recordings,
-        friction=run.friction,
-        model=model,
-        shown=longest.id,
-        torque=predict_recording(model, in_si(model, longest, recording)),
-    )
-
-
-def stroked(run: ReportedRun) -> StrokesRun:
-    """Identify an imported run by the method for axes that move back and forth.
-
-    Raises
-    ------
-    NotIdentifiable, NotEnoughData
-        Recordings that do not suffice.
-    """
-    from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH  # noqa: PLC0415
-    from hil.estimation.identify import estimate  # noqa: PLC0415 - as above
-    from hil.results.identification import model_of  # noqa: PLC0415
-    from hil.results.naming import named  # noqa: PLC0415
-
-    with named(run.source):
-        found = estimate(run.robot, run.recordings, BACK_AND_FORTH)
-    return StrokesRun(
-        source=run.source,
-        campaign=run.campaign,
-        recordings=run.recordings,
-        friction=run.friction,
-        model=model_of(run.source, found),
-        half_sums=found.half_sums,
-    )
-
-
-def identified(run: ReportedRun) -> IdentifiedRun:
-    """Take what is kept of a run's estimates, or estimate it by both methods and keep that.
-
-    Raises
-    ------
-    NotIdentifiable
-        Measurements that do not suffice.
-    """
-    found = kept(run.source)
-    if found is None:
-        found = findings(run.source, run.campaign, run.recordings)
+        made = identify(run.source, method, recorded=run.recordings)
+        if made.estimate.free is not None or made.estimate.back_and_forth is not None:
+            own = run.source, run.campaign, run.recordings, run.friction
+            return ForeignRun(*own, made.estimate, made.model)
+        found = findings(run.source, made, run.campaign, run.recordings)
         keep(run.source, found)
     return IdentifiedRun(run.source, run.campaign, run.recordings, run.friction, found)
+
+
+def _method(run: Run) -> str | None:
+    """Method of the model that `hil identify` wrote; without one, that for what was recorded."""
+    try:
+        return read_model_file(run.path / NAME).provenance.method
+    except FileError:
+        return None if run.imported else "improved"

@@ -169,6 +169,8 @@ def _groups(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
         members = [k for k in base.groups[row.group] if not base.dependencies.hidden[k]]
         names = ", ".join(base.names[k] for k in members)
         rows = sum(value.kind == kind for value in estimate.local)
+        if not rows:  # trajectories identify the group
+            continue
         if members and rows < FEW_ROWS * len(members):
             yield Advice(names, f"{rows} {kind} measurements for {len(members)} parameters",
                          f"at least {FEW_ROWS * len(members)} {kind} measurements")  # fmt: skip

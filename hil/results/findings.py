@@ -1,7 +1,8 @@
-"""All that a run of measurements gives: estimates by both methods, and what follows from them."""
+"""All that a run of measurements gives: what was identified, and what follows from it."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -9,9 +10,9 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.friction.drift import Drift
-    from hil.estimation.mistakes.mistake import Mistake
     from hil.planning.measurement import RecordedMotion
     from hil.results.advice import Advice
+    from hil.results.identification import Identified
     from hil.results.model import Model
     from hil.results.prediction import Prediction
     from hil.runs.recording import Recording
@@ -27,66 +28,53 @@ class Findings(NamedTuple):
     Attributes
     ----------
     estimate : Estimate
-        By the improved method.
-    model, check : Model
-        By the improved method, and by the published one as a check.
+    model : Model
+        As `hil identify` found it.
+    check : Model or None
+        By the published method, of the improved one; None where it cannot be made, which needs
+        measurements of elements of all groups.
     prediction : Prediction
-        What the improved method's parameters mean in torques.
+        What the parameters mean in torques.
     advice : tuple of Advice
+        None of recordings that were imported, which cannot be measured again.
     drifts : tuple of Drift
         Time constants of friction, of axes with enough levels over time.
     """
 
     estimate: Estimate
     model: Model
-    check: Model
+    check: Model | None
     prediction: Prediction
     advice: tuple[Advice, ...]
     drifts: tuple[Drift, ...]
 
 
-def findings(run: Run, campaign: Sequence[Measured], recordings: Recordings) -> Findings:
-    """Estimate a run by both methods.
-
-    Raises
-    ------
-    NotIdentifiable
-        Measurements that do not suffice.
-    """
-    # a report whose findings are kept needs nothing that is loaded here
-    from hil.estimation.mistakes.finding import find_mistake  # noqa: PLC0415
-    from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
-    from hil.results.naming import named  # noqa: PLC0415
-
-    with named(run):
-        found = estimates(run.robot, recordings)
-    mistake = find_mistake(run.robot, recordings)
-    return following(run, campaign, recordings, found["improved"], found["published"], mistake)
-
-
-def following(
-    run: Run,
-    campaign: Sequence[Measured],
-    recordings: Recordings,
-    improved: Estimate,
-    published: Estimate,
-    mistake: Mistake | None,
+def findings(
+    run: Run, found: Identified, campaign: Sequence[Measured], recordings: Recordings
 ) -> Findings:
-    """Return all that follows from the estimates of a run."""
-    from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
+    """Return all that follows from what was identified in a run."""
+    # a report whose findings are kept needs nothing that is loaded here
+    from hil.errors import NotEnoughData, NotIdentifiable  # noqa: PLC0415
+    from hil.estimation.friction.history import history  # noqa: PLC0415
+    from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
     from hil.results.advice import advice  # noqa: PLC0415
     from hil.results.friction import campaign_drifts  # noqa: PLC0415
     from hil.results.identification import model_of  # noqa: PLC0415
     from hil.results.prediction import predict  # noqa: PLC0415
 
-    robot = run.robot
-    model, prediction = model_of(run, improved, mistake=mistake), predict(improved, robot)
-    budget = model.error_budget
+    robot, estimate, model, check = run.robot, found.estimate, found.model, None
+    if model.method == "improved":
+        with suppress(NotIdentifiable, NotEnoughData):
+            published = estimates(robot, recordings, ("published",))["published"]
+            check = model_of(run, published)
+    prediction, budget = predict(estimate, robot), model.error_budget
     return Findings(
-        estimate=improved,
+        estimate=estimate,
         model=model,
-        check=model_of(run, published),
+        check=check,
         prediction=prediction,
-        advice=tuple(advice(improved, prediction, budget, robot, run.planned, campaign)),
-        drifts=campaign_drifts(robot, improved.local, history(robot, recordings)),
+        advice=()
+        if run.imported
+        else advice(estimate, prediction, budget, robot, run.planned, campaign),
+        drifts=campaign_drifts(robot, estimate.local, history(robot, recordings)),
     )

@@ -26,11 +26,15 @@ from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.mistakes.mistake import Mistake
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
     from hil.runs.run import Run
+
+    Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
 
 class Identified(NamedTuple):
@@ -54,7 +58,12 @@ def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) ->
     return identified(run, method, others).model
 
 
-def identified(run: Run, method: str | None = None, others: Sequence[Run] = ()) -> Identified:
+def identified(
+    run: Run,
+    method: str | None = None,
+    others: Sequence[Run] = (),
+    recorded: Recorded | None = None,
+) -> Identified:
     """Identify the base parameters from a run.
 
     Parameters
@@ -65,6 +74,8 @@ def identified(run: Run, method: str | None = None, others: Sequence[Run] = ()) 
         (`method_for`).
     others : sequence of Run
         Further runs of the same robot, identified together with the first.
+    recorded : iterable of (RecordedMotion, Recording), optional
+        Recordings of all of them, where they were read already.
 
     Raises
     ------
@@ -78,7 +89,7 @@ def identified(run: Run, method: str | None = None, others: Sequence[Run] = ()) 
         Measurements that do not suffice; the likeliest mistake behind that is stated, if any is
         found.
     """
-    campaign = Pooled([run, *others])
+    campaign = Pooled([run, *others]) if recorded is None else recorded
     with named(run):
         try:
             found = estimate(run.robot, campaign, method or method_for(run, others)[0])

@@ -11,15 +11,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import hil
-from hil.errors import FileError, NotEnoughData, NotIdentifiable
-from hil.results.findings import Findings, following
+from hil.errors import FileError
+from hil.results.findings import Findings, findings
 from hil.results.stamp import RunStamp
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
@@ -50,23 +49,15 @@ def keep(run: Run, found: Findings) -> None:
 
 
 def keep_identified(run: Run, found: Identified) -> None:
-    """Keep what was identified by the improved method, with the published method's check of it.
-
-    Nothing is kept where the latter cannot be made: it needs elements of all groups.
+    """Keep what was identified in a run, and what follows from it.
 
     Raises
     ------
     FileError
         Disk full, read-only folder, or a damaged recording.
     """
-    from hil.estimation.two_step_methods import estimates  # noqa: PLC0415 - when it is needed
-
     campaign = tuple(run)
-    recordings = tuple(recorded(campaign))
-    with suppress(NotIdentifiable, NotEnoughData):
-        published = estimates(run.robot, recordings, ("published",))["published"]
-        both = found.estimate, published
-        keep(run, following(run, campaign, recordings, *both, found.mistake))
+    keep(run, findings(run, found, campaign, tuple(recorded(campaign))))
 
 
 def kept(run: Run) -> Findings | None:

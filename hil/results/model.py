@@ -28,7 +28,7 @@ from hil.results.tables.free_motion import friction, left_by_free_motions, state
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
 from hil.results.tables.torques import residuals
-from hil.results.torque_parts import PARTS, interval_of, torque_of
+from hil.results.torque_parts import PARTS, interval_of, lacking, torque_of
 from hil.results.warmth import warmth_along, warmth_of
 from hil.runs.atomic_file import write_file
 
@@ -184,6 +184,12 @@ class Model:
         return np.array([name not in lost for name in self.names])
 
     @property
+    def axes_without_friction(self) -> tuple[int, ...]:
+        """Axes, from 1, whose friction is unknown: `torque` lacks it there, intervals are NaN."""
+        law = self.friction_law
+        return tuple(range(1, self.robot.n_joints + 1)) if law is None else law.unknown
+
+    @property
     def standard_errors(self) -> Array:
         """Standard errors of `values`, shape (n_base,); NaN for those that were not identified."""
         errors: Array = np.where(self.identified, np.sqrt(np.diag(self.covariance)), np.nan)
@@ -258,6 +264,11 @@ class Model:
         NotEnoughData
             Friction, of which the model knows nothing, or warmth, which no axis's friction is
             known to depend on.
+
+        Warns
+        -----
+        FrictionUnknown
+            Friction is unknown of some axes (`axes_without_friction`), whose torque is without it.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         return torque_of(self, parts, q, qd, qdd, warmth_of(self, warmth, q))
@@ -355,6 +366,8 @@ class Model:
         if (strokes := self.back_and_forth) is not None:
             found = back_and_forth.tables(self)
             return Summary(found, (*back_and_forth.statements(strokes), *remarks))
+        if lack := lacking(self):
+            remarks = (*remarks, lack)
         if self.method == "improved" and (ripple := ripple_left_out(self.robot)):
             remarks = (*remarks, ripple)
         tables = parameters(self), residuals(self), campaign_friction(self)

@@ -7,15 +7,17 @@ Rigid bodies, motors, eq. (6) and (7), and friction. Each part is computed here 
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import NotEnoughData, UnknownName
+from hil.errors import FrictionUnknown, NotEnoughData, UnknownName
 from hil.estimation.friction_law import friction_torque, friction_variance
 from hil.estimation.intervals import combined_degrees, half_width
 from hil.model import dynamics
 from hil.model.motors import motor_torque
+from hil.planning.measurement import FOR_A_LAW
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -47,9 +49,16 @@ def torque_of(
         There is no such part.
     NotEnoughData
         Friction, of which the model knows nothing.
+
+    Warns
+    -----
+    FrictionUnknown
+        Friction, which the model does not know of some axes; their torque is without it.
     """
     _refuse_unknown(parts)
     law = known_friction(model) if "friction" in parts else None
+    if law is not None:
+        _warn_of_lacking(model)
     rigid = dynamics.inverse_dynamics(model.robot, model.values, q, qd, qdd)
     total = rigid if "rigid bodies" in parts else np.zeros_like(rigid)
     if "motors" in parts:
@@ -72,6 +81,8 @@ def interval_of(
 ) -> Array:
     """Half-widths of intervals of `torque_of`, shape of `q` [N m or N].
 
+    NaN for axes whose friction is among the parts and unknown.
+
     Motors add nothing: what is wrong with a stated rotor inertia the base parameters make up for,
     and their covariance holds it.
     """
@@ -89,30 +100,48 @@ def interval_of(
         stated = stated + friction_variance(model.robot, law, q, qd, load, warmth)
     if of_samples:
         stated = stated + np.nan_to_num(model.residual) ** 2
-    return half_width(scatter, stated, degrees, level)
+    half = half_width(scatter, stated, degrees, level)
+    if "friction" in parts:
+        half[..., [axis - 1 for axis in model.axes_without_friction]] = np.nan
+    return half
 
 
-def known_friction(model: Model) -> FrictionLaw:
+def known_friction(model: Model, *, of_all: bool = False) -> FrictionLaw:
     """Law of friction of a model.
 
     Raises
     ------
     NotEnoughData
-        It has none, or none of some axes.
+        It has none; or, where it must be `of_all` axes, none of some.
     """
-    without = f"take parts={PARTS[:2]}, or identify"
-    if model.friction_law is None:
+    law = model.friction_law
+    if law is None:
         raise NotEnoughData(
-            f"the model of {model.robot.name} has no law of friction: {without} the run anew"
-            " with: hil identify"
+            f"the model of {model.robot.name} has no law of friction: take parts={PARTS[:2]}, or"
+            " identify the run anew with: hil identify"
         )
-    if model.friction_law.unknown:
-        axes = ", ".join(map(str, model.friction_law.unknown))
-        raise NotEnoughData(
-            f"the model of {model.robot.name} has no law of friction of axis {axes}, which moved in"
-            f" too few measurements: {without} a run that moves it"
-        )
-    return model.friction_law
+    if law.unknown and (of_all or len(law.unknown) == len(law.axes)):
+        raise NotEnoughData(f"the model of {model.robot.name}: {lacking(model)}")
+    return law
+
+
+def lacking(model: Model) -> str:
+    """State which axes have no law of friction, why, and the remedy; empty where all have one."""
+    axes = model.axes_without_friction
+    if model.friction_law is None or not axes:
+        return ""
+    return (
+        f"no law of friction of axis {', '.join(map(str, axes))}, which fewer than {FOR_A_LAW}"
+        " measurements moved: measure it more often (hil plan --refine RUN) and identify both runs"
+        " together (hil identify RUN --with MORE)"
+    )
+
+
+def _warn_of_lacking(model: Model) -> None:
+    """Warn once a line of the caller's, as Python does by default."""
+    if lack := lacking(model):
+        text = f"torques of {model.robot.name} lack friction: {lack}"
+        warnings.warn(text, FrictionUnknown, stacklevel=4)
 
 
 def _refuse_unknown(parts: Collection[str]) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.errors import Mismatch
+from hil.errors import FrictionUnknown, Mismatch
 from hil.results.drive_torque import drive_torque
 from hil.view.track import Track, simplified
 
@@ -33,12 +34,15 @@ class Predicted(NamedTuple):
 def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Predicted:
     """Predict the torques at instants (n,) of a motion (n, n_joints)."""
     parts = [slice(i, i + _CHUNK) for i in range(0, len(time), _CHUNK)]
-    if model.friction is None:
+    lack, n = model.axes_without_friction, model.robot.n_joints
+    if len(lack) == n:
         torque = [model.torque(q[p], qd[p], qdd[p], ("rigid bodies", "motors")) for p in parts]
-        words = "predicted, without friction"
     else:
-        torque = [drive_torque(model, q[p], qd[p], qdd[p]) for p in parts]
-        words = "predicted"
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FrictionUnknown)  # the words say so
+            torque = [drive_torque(model, q[p], qd[p], qdd[p]) for p in parts]
+    of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
+    words = f"predicted, without friction{of}" if lack else "predicted"
     tau = np.concatenate(torque)
     tolerance = SHARE * np.maximum(np.abs(tau).max(axis=0), 1e-9)
     tracks = (simplified(time, tau[:, j], float(tolerance[j])) for j in range(tau.shape[1]))

@@ -52,7 +52,7 @@ class FrictionTables:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._law = known_friction(model)
+        self._law = known_friction(model, of_all=True)
         reach = FASTEST * model.robot.velocity_limit
         self._per_node = (NODES - 1) / reach
         speeds = np.linspace(0.0, 1.0, NODES)[:, np.newaxis] * reach

@@ -3,7 +3,8 @@
 A budget counts everything: measurements, the ways between them, a warm-up. First of all each group
 of base parameters gets the measurements that its rows call for (`CORE` for each parameter), so that
 the group can be identified by its own kind, as the two-step method wants it, and any measurement
-can be left out. The rest of the time goes to whatever adds most to log det of the information about
+can be left out. Then each axis gets the measurements that its law of friction calls for. The rest
+of the time goes to whatever adds most to log det of the information about
 all base parameters in its time (`hil.planning.design.selection`).
 
 With trajectories the core is half as large, and most time goes to them as a rule: in a minute all
@@ -26,7 +27,7 @@ from hil.planning.design.by_counts import TRAVEL, as_plan, greedy, places
 from hil.planning.design.candidates import pool, trajectories, weighed
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour
-from hil.planning.measurement import ELEMENT_KINDS
+from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, without_law
 from hil.planning.timetable import timetable, travel_times
 from hil.planning.workspace import narrowed
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import Measurement, ParameterMeasurement
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
     from hil.planning.prediction.precision import Information
@@ -95,6 +96,8 @@ def design_within(
     selection = Selection(guarded, options, TRAVEL)
     for number in core:
         selection.take(number)
+    if not with_trajectories:  # every period of which moves all axes
+        _reserve(robot, options, selection)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
     order = _filled(robot, options, selection, budget, least, workspace)
     return as_plan(robot, numbered(order, set()), warm_up, workspace)
@@ -133,7 +136,9 @@ def refine(
     options = pool(guarded, run.workspace, run.sample_period, noise)
     worth = weighed(known.matrix, known.scatter)
     selection = Selection(guarded, options, TRAVEL, "torque", worth)
-    order = _filled(robot, options, selection, 60 * minutes, 1, run.workspace)
+    _reserve(robot, options, selection, run.measurements)
+    least = max(1, len(selection.chosen))
+    order = _filled(robot, options, selection, 60 * minutes, least, run.workspace)
     avoided = {m.id for m in run.measurements} if taken is None else taken
     plan = as_plan(robot, numbered(order, avoided), 0.0, run.workspace)
     return plan.model_copy(update={"sample_period": run.sample_period})
@@ -155,9 +160,26 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
         q = np.array([options[k].measurement.q for k in numbers])
         covariance = 1e3 * np.eye(len(scale))
         wanted = each * rows.shape[1]
-        picked = greedy(rows / scale, places(robot, q), covariance, wanted)
+        # strokes of another axis at the same place show something else: no spacing between them
+        moved = [options[k].measurement.moved for k in numbers]
+        apart = [sorted(set(moved)).index(axes) for axes in moved]
+        spread = np.column_stack([places(robot, q), apart])
+        picked = greedy(rows / scale, spread, covariance, wanted)
         found += [numbers[k] for k in dict.fromkeys(picked)]
     return found
+
+
+def _reserve(
+    robot: Robot,
+    options: Sequence[Option],
+    selection: Selection,
+    before: Sequence[Measurement] = (),
+) -> None:
+    """Choose what a law of friction of each axis needs besides."""
+    chosen = [*before, *(options[k].measurement for k in selection.chosen)]
+    for axis, there in without_law(chosen, robot.n_joints).items():
+        for _ in range(FOR_A_LAW - there):
+            selection.take_best(axis)
 
 
 def _filled(

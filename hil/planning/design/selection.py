@@ -69,6 +69,8 @@ class Selection:
         self._scale = torque_scale(robot)
         self._starts = np.array([option.measurement.start for option in options])
         self._durations = np.array([option.measurement.duration for option in options])
+        joints = range(robot.n_joints)
+        self._moves = np.array([[j in each.measurement.moved for j in joints] for each in options])
         self._blocks = _blocks(options)
         self._information = _prior(options, n_unknowns(robot))
         if known is not None:
@@ -92,10 +94,17 @@ class Selection:
             self._free[:] = True
         self.chosen.append(number)
 
-    def take_best(self) -> None:
-        """Choose the option that adds most in its time."""
-        rate = self.gains() / self._costs()
-        self.take(int(np.argmax(np.where(self._free, rate, -np.inf))))
+    def take_best(self, axis: int | None = None) -> None:
+        """Choose the option that adds most in its time, of those that move `axis` if one is named.
+
+        Where none does, nothing is chosen.
+        """
+        wanted = self._free if axis is None else self._moves[:, axis] & self._free
+        if axis is not None and not wanted.any():
+            wanted = self._moves[:, axis]
+        if wanted.any():
+            rate = self.gains() / self._costs()
+            self.take(int(np.argmax(np.where(wanted, rate, -np.inf))))
 
     def gains(self) -> Array:
         """What each option would add to the criterion, shape (n_options,)."""

@@ -19,7 +19,7 @@ ROW = 19.0
 """Height of a parameter's row."""
 
 
-def intervals(model: Model, check: Model, prediction: Prediction) -> Chart:
+def intervals(model: Model, check: Model | None, prediction: Prediction) -> Chart:
     """Draw 95 % intervals of all parameters, and where the published method has them.
 
     A kg m² matters more on a wrist than on a shoulder: what a parameter is off by is shown as the
@@ -30,8 +30,11 @@ def intervals(model: Model, check: Model, prediction: Prediction) -> Chart:
     effect = 100 * np.nan_to_num(prediction.relative_effect).max(axis=0)
     interval = model.interval(0.95)
     half = (interval[:, 1] - interval[:, 0]) / 2 / model.standard_errors * effect
-    off = (check.values - model.values) / model.standard_errors * effect
     rows = np.arange(len(order), 0, -1.0)
+    checked: tuple[Points, ...] = ()
+    if check is not None:
+        off = (check.values - model.values) / model.standard_errors * effect
+        checked = (Points(off[order], rows, "ring", MODEL, "by the published method", size=3.4),)
     torques = 100 * np.nan_to_num(prediction.relative)
     axes = np.arange(len(torques), 0, -1.0)
     return Chart(
@@ -41,7 +44,7 @@ def intervals(model: Model, check: Model, prediction: Prediction) -> Chart:
                     Rule(0.0, upright=True),
                     Points(np.zeros(len(order)), rows, "o", error=half[order], along=True,
                            label="identified, with 95 % interval", size=2.6),
-                    Points(off[order], rows, "ring", MODEL, "by the published method", size=3.4),
+                    *checked,
                 ),
                 title="base parameters",
                 x_label="effect on the torque of the axis where it is largest [%]",

@@ -31,7 +31,7 @@ from hil.report.sections import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.report.reported_run import FreeRun, IdentifiedRun, ReportedRun, StrokesRun
+    from hil.report.reported_run import ForeignRun, IdentifiedRun, ReportedRun
     from hil.report.section import Section
 
 OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
@@ -57,7 +57,7 @@ OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
     sessions.section,
 )
 """Of a run about friction alone."""
-OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
+OF_FREE_MOTIONS: tuple[Callable[[ForeignRun], Section | None], ...] = (
     validation.section,
     free_motions.section,
     bodies.section,
@@ -65,7 +65,7 @@ OF_FREE_MOTIONS: tuple[Callable[[FreeRun], Section | None], ...] = (
     sessions.section,
 )
 """Of a run that was imported."""
-OF_STROKES: tuple[Callable[[StrokesRun], Section | None], ...] = (
+OF_STROKES: tuple[Callable[[ForeignRun], Section | None], ...] = (
     validation.section,
     back_and_forth.section,
     sessions.section,

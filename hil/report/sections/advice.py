@@ -17,8 +17,10 @@ COLUMNS = (
 )
 
 
-def section(run: IdentifiedRun) -> Section:
+def section(run: IdentifiedRun) -> Section | None:
     """Urgent advice as a table, all other as a list."""
+    if run.source.imported:
+        return None
     urgent = [item for item in run.found.advice if item.urgent]
     notes = [item for item in run.found.advice if not item.urgent]
     return Section(

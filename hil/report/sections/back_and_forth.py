@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 from hil.report.plots.back_and_forth import friction_curves, shown_half_sums
 from hil.report.section import Plot, Section
 from hil.results.tables.back_and_forth import curves, left_by_strokes, plain, statements
+from hil.results.tables.campaign_friction import campaign_friction
 from hil.results.tables.parameters import parameters
 
 if TYPE_CHECKING:
-    from hil.report.reported_run import StrokesRun
+    from hil.report.reported_run import ForeignRun
 
 
-def section(run: StrokesRun) -> Section | None:
+def section(run: ForeignRun) -> Section | None:
     """Tables and what was chosen, half-sums beside the model, half-differences as curves."""
     model = run.model
     if model.back_and_forth is None:
@@ -22,7 +23,7 @@ def section(run: StrokesRun) -> Section | None:
     plots = (
         Plot(
             "half-sums",
-            partial(shown_half_sums, run.half_sums, run.robot),
+            partial(shown_half_sums, run.estimate.half_sums, run.robot),
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
             "Half the sum of the torques forth and back over the position, less what differs by"
             " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
@@ -45,6 +46,7 @@ def section(run: StrokesRun) -> Section | None:
             "parameters": parameters(model),
             "curves": curves(model),
             "plain": plain(model),
+            "law": campaign_friction(model),
             "left": left_by_strokes(model),
             "statements": statements(model.back_and_forth),
             "lengths": run.robot.file.lengths,

@@ -9,10 +9,10 @@ from hil.report.section import Section
 from hil.results.tables.consistent import bodies, changed_parameters, torque_costs
 
 if TYPE_CHECKING:
-    from hil.report.reported_run import FreeRun, IdentifiedRun
+    from hil.report.reported_run import ForeignRun, IdentifiedRun
 
 
-def section(run: IdentifiedRun | FreeRun) -> Section | None:
+def section(run: IdentifiedRun | ForeignRun) -> Section | None:
     """Bodies that the kept model has, as long as it is the one of this report."""
     kept = kept_model(run)
     if kept is None or kept.consistent is None:

@@ -12,8 +12,9 @@ if TYPE_CHECKING:
     from hil.report.reported_run import IdentifiedRun
 
 
-def section(run: IdentifiedRun) -> Section:
-    """Text alone, with the constants that the estimation uses."""
-    del run
+def section(run: IdentifiedRun) -> Section | None:
+    """Text alone, with the constants that the estimation uses; none of trajectories alone."""
+    if not run.estimate.local:
+        return None
     values = {"signals": signals, "window": window, "terms": terms}
     return Section("Method of identification", "derivation.html", values)

@@ -7,21 +7,24 @@ from typing import TYPE_CHECKING
 
 from hil.report.plots.free_motions import measured_and_predicted
 from hil.report.section import Plot, Section
+from hil.results.recorded_torque import in_si, predict_recording
 from hil.results.tables.free_motion import friction, left_by_free_motions, statements
 from hil.results.tables.parameters import parameters
 
 if TYPE_CHECKING:
-    from hil.report.reported_run import FreeRun
+    from hil.report.reported_run import ForeignRun
 
 
-def section(run: FreeRun) -> Section:
+def section(run: ForeignRun) -> Section:
     """Tables, what was chosen, and the longest recording beside its prediction."""
     model = run.model
+    longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
+    torque = predict_recording(model, in_si(model, longest, recording))
     plot = Plot(
         "torques",
-        partial(measured_and_predicted, run.torque, run.robot),
+        partial(measured_and_predicted, torque, run.robot),
         "Measured and predicted torque of every axis over time, and their difference.",
-        f"Recording {run.shown}: torques after the low-pass, measured and as the model with its"
+        f"Recording {longest.id}: torques after the low-pass, measured and as the model with its"
         " friction predicts them; below, what is left.",
     )
     return Section(

@@ -9,6 +9,8 @@ from hil.estimation.friction.symmetry import of_local_values
 from hil.report.plots.friction import levels
 from hil.report.section import Plot, Section
 from hil.results.tables import friction as tables
+from hil.results.tables.campaign_friction import campaign_friction
+from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
@@ -17,16 +19,18 @@ if TYPE_CHECKING:
 
 
 def section(run: IdentifiedRun) -> Section:
-    """Levels by measurement, with time constants and symmetry where they are identifiable."""
+    """The law, levels by measurement, time constants and symmetry where they are identifiable."""
     local = run.estimate.local
     return Section(
         "Friction over the campaign",
         "friction_over_campaign.html",
         {
+            "law": campaign_friction(run.model),
+            "lack": lacking(run.model),
             "drift": tables.drift(run.found.drifts),
             "symmetry": tables.symmetry(of_local_values(local)),
         },
-        (_plot(run.estimate, run.robot),),
+        (_plot(run.estimate, run.robot),) if local else (),
     )
 
 

@@ -14,9 +14,12 @@ if TYPE_CHECKING:
     from hil.report.reported_run import IdentifiedRun
 
 
-def section(run: IdentifiedRun) -> Section:
-    """One plot a kind of measurement."""
-    plots = tuple(_plot(name, kind, run) for name, kind in ELEMENT_KINDS.items())
+def section(run: IdentifiedRun) -> Section | None:
+    """One plot a kind that was measured."""
+    kinds = {value.kind for value in run.estimate.local}
+    plots = tuple(_plot(name, kind, run) for name, kind in ELEMENT_KINDS.items() if name in kinds)
+    if not plots:
+        return None
     return Section("Measured and modelled", "measured_and_modelled.html", plots=plots)
 
 

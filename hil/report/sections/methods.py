@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     from hil.report.reported_run import IdentifiedRun
 
 
-def section(run: IdentifiedRun) -> Section:
+def section(run: IdentifiedRun) -> Section | None:
     """Parameters by both methods."""
+    if run.found.check is None:
+        return None
     values = {
         "methods": methods(run.model, run.found.check),
         "disagreement": DISAGREEMENT,

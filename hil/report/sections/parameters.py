@@ -54,9 +54,4 @@ def _model_note(run: Run) -> str:
             f"{NAME} was identified from this run together with {', '.join(origin.together_with)};"
             " here the run stands alone."
         )
-    if origin.method != "improved":
-        return (
-            f"{NAME} holds the parameters of the {origin.method} method, not these; hil identify"
-            " writes it anew."
-        )
     return f"{NAME} holds the parameters of the same method, with their covariance."

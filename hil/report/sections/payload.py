@@ -14,11 +14,11 @@ from hil.results.tables import payload as tables
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
-    from hil.report.reported_run import FreeRun, IdentifiedRun
+    from hil.report.reported_run import ForeignRun, IdentifiedRun
     from hil.results.payload_file import PayloadFile
 
 
-def section(run: IdentifiedRun | FreeRun) -> Section | None:
+def section(run: IdentifiedRun | ForeignRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
     load, note = current(read_payload, run, NAME, f"hil payload WITHOUT {run.source.path}")
     if load is None and not note:

@@ -17,8 +17,11 @@ if TYPE_CHECKING:
 
 def section(run: IdentifiedRun) -> Section:
     """Residuals of all measurements, over angles too, and predicted torques."""
+    kinds = {value.kind for value in run.estimate.local}
     over_angles = (
-        _over_angles(name, kind, run) for name, kind in ELEMENT_KINDS.items() if not kind.pair
+        _over_angles(name, kind, run)
+        for name, kind in ELEMENT_KINDS.items()
+        if name in kinds and not kind.pair
     )
     return Section(
         "Residuals and torques",
@@ -27,7 +30,7 @@ def section(run: IdentifiedRun) -> Section:
             "residuals": tables.residuals(run.model),
             "predicted": tables.predicted(run.found.prediction, run.robot),
         },
-        (_all(run), *over_angles),
+        (_all(run), *over_angles) if kinds else (),
     )
 
 

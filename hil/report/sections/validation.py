@@ -10,10 +10,10 @@ from hil.report.section import Picture, Section, picture_uri
 from hil.results.tables.validation import verdicts
 
 if TYPE_CHECKING:
-    from hil.report.reported_run import FreeRun, IdentifiedRun, StrokesRun
+    from hil.report.reported_run import ForeignRun, IdentifiedRun
 
 
-def section(run: IdentifiedRun | FreeRun | StrokesRun) -> Section | None:
+def section(run: IdentifiedRun | ForeignRun) -> Section | None:
     """Verdicts on the kept model, if it is the one of this report, and the newest's picture."""
     kept = kept_model(run)
     if kept is None or not kept.validations:

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A, Friction, record
 
-from hil.estimation.campaign_friction import FEWEST, campaign_friction
+from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.friction_law import friction_torque, friction_variance
 from hil.estimation.two_step_methods import prepare
 from hil.planning.design.by_counts import design
+from hil.planning.measurement import FOR_A_LAW
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -105,5 +106,5 @@ def test_an_axis_that_too_few_measurements_move_has_no_law(manutec: Robot) -> No
     every = stacks(manutec, Friction())
     without = [[each for each in axes if each.axis != 5] for axes in every]
     of_last = [axes for axes in every if any(each.axis == 5 for each in axes)]
-    law = campaign_friction(manutec, TABLE_3_A, [*without, *of_last[: FEWEST - 1]])
+    law = campaign_friction(manutec, TABLE_3_A, [*without, *of_last[: FOR_A_LAW - 1]])
     assert law.unknown == (6,)

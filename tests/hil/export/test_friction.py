@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from stated_model import stated_model
 
-from hil.errors import NotEnoughData
+from hil.errors import FrictionUnknown, NotEnoughData
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction_law import AxisLaw, FrictionLaw
+from hil.export.documentation import description
+from hil.export.formats import FORMATS
 from hil.export.friction_file import write_friction
+from hil.export.friction_of_joints import friction_of_joints
+from hil.export.functions import functions
 from hil.export.simple_friction import simple_friction
 from hil.model.robot import load_robot
 
@@ -102,3 +106,36 @@ def test_friction_cold_and_warm_is_stated_with_its_own_misfit() -> None:
 def test_a_model_without_friction_is_refused_with_the_remedy() -> None:
     with pytest.raises(NotEnoughData, match=r"no law of friction: .* hil identify"):
         write_friction(stated_model(load_robot("manutec-r15"), friction=()), ())
+
+
+def test_an_axis_without_a_law_is_named_and_the_others_are_exported() -> None:
+    model = with_terms(Coulomb=5.0, viscous=3.0)
+    law = model.friction_law
+    assert law is not None
+    blind = replace(model, friction_law=FrictionLaw(axes=(*law.axes[:5], None)))
+    assert [each.axis for each in simple_friction(blind)] == [0, 1, 2, 3, 4]
+    written = write_friction(blind, ())
+    content = json.loads(written.files["friction.json"])
+    assert [each["axis"] for each in content["axes"]] == [1, 2, 3, 4, 5]
+    assert content["unknown"] == [6]
+    assert written.remarks[0].startswith("FRICTION UNKNOWN: no law of friction of axis 6")
+    assert [each is None for each in friction_of_joints(blind)] == [False] * 5 + [True]
+
+
+def test_code_keeps_the_laws_of_the_other_axes_and_states_the_one_that_lacks() -> None:
+    model = with_terms(Coulomb=5.0, viscous=3.0)
+    law = model.friction_law
+    assert law is not None
+    blind = replace(model, friction_law=FrictionLaw(axes=(*law.axes[:5], None)))
+    made = {each.name: each for each in functions(blind)}
+    assert made["torque"].purpose.endswith("which is unknown and left out of axis 6.")
+    assert "FRICTION UNKNOWN: no law of friction of axis 6" in str(
+        description(blind, (), functions(blind))
+    )
+    files = FORMATS["python"](blind, ()).files
+    scope: dict[str, Any] = {}
+    exec(next(iter(files.values())), scope)  # noqa: S102 - our own code
+    q, qd, qdd = [0.1] * 6, [0.4] * 6, [0.2] * 6
+    with pytest.warns(FrictionUnknown):
+        wanted = blind.torque(q, qd, qdd)
+    assert scope["torque"](q, qd, qdd) == pytest.approx(wanted)

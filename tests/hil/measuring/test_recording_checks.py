@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.drive_bus import Tripped
+from drivers.drive_bus import SampleFlag, Tripped
 from hil.measuring.checks.current_checks import frozen
 from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.measuring.checks.recording_checks import ALWAYS, check
 from hil.measuring.checks.stroke_checks import constant_velocity, half_sums, windows
 from hil.model.robot import load_robot
 from hil.planning.measurement import Gravity
-from hil.runs.recording import Recording
+from hil.runs.recording import IDLE, Recording
 
 PERIOD, ACCELERATION = 0.004, 8.0
 ROBOT = load_robot("manutec-r15")
@@ -136,3 +137,45 @@ def test_findings_of_a_sliding_axis_are_in_metres_and_newtons() -> None:
     jumped[500:, 0] += 0.1
     with pytest.raises(Tripped, match=r"jumps by 0.1 m at"):
         refuse_jumps(replace(sound, q=jumped), ACCELERATION, units=["m", "m"])
+
+
+def without_syncs(count: int) -> Recording:
+    """A recording in which every fifteenth SYNC, `count` in all, was left out."""
+    whole = recording()
+    there = np.ones(whole.n_samples, dtype=bool)
+    there[10 : 10 + 15 * count : 15] = False
+    names = "time", "q", "tau", "flags", "stroke", "partner_stroke"
+    return Recording(**{name: getattr(whole, name)[there] for name in names})
+
+
+def test_one_sample_in_a_hundred_may_be_missing_and_no_more() -> None:
+    """1016 SYNCs: ten may be left out."""
+    most = recording().n_samples // 100
+    assert "gaps" not in {each.check for each in check(without_syncs(most), MEASUREMENT, ROBOT)}
+    found = {each.check: each for each in check(without_syncs(most + 1), MEASUREMENT, ROBOT)}
+    assert (found["gaps"].value, found["gaps"].bound) == (most + 1, most)
+
+
+def test_of_a_short_recording_one_sample_may_be_missing() -> None:
+    whole = recording()
+    names = "time", "q", "tau", "flags", "stroke", "partner_stroke"
+    short = Recording(**{name: getattr(whole, name)[:60] for name in names})
+    for missing in (1, 2):
+        flags = short.flags.copy()
+        flags[20 : 20 + missing, 0] = SampleFlag.MISSING
+        found = [each.check for each in ALWAYS[0](replace(short, flags=flags), MEASUREMENT, ROBOT)]
+        assert found == ["gaps"] * (missing > 1)
+
+
+def test_a_limit_counts_while_the_axis_moves_alone() -> None:
+    """On the way to its start and at rest an axis may be at its limit: nothing is read there."""
+    sound = recording()
+    stroke = sound.stroke.copy()
+    stroke[:50] = IDLE
+    flags = sound.flags.copy()
+    flags[10:20, 0] = SampleFlag.LIMIT
+    held = replace(sound, stroke=stroke, flags=flags)
+    assert "saturation" not in {each.check for each in check(held, MEASUREMENT, ROBOT)}
+    flags[100:103, 0] = SampleFlag.LIMIT
+    found = {each.check: each for each in check(held, MEASUREMENT, ROBOT)}
+    assert found["saturation"].value == 3

@@ -7,12 +7,13 @@ import pytest
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design import by_minutes, candidates
-from hil.planning.design.by_counts import TRAVEL, design
+from hil.planning.design.by_counts import TRAVEL, as_plan, design
 from hil.planning.design.by_minutes import CORE, design_within, refine
 from hil.planning.design.candidates import pool
 from hil.planning.design.selection import Selection
 from hil.planning.design.trajectories import Search
 from hil.planning.dry_run import dry_run
+from hil.planning.measurement import without_law
 from hil.planning.plan import dump_plan
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import covariance, information, precision, torque_scale
@@ -109,6 +110,30 @@ def test_it_may_be_run_and_identifies_every_group(manutec, plan):
     kinds = ("gravity", "inertia", "coupling")
     for kind, columns in zip(kinds, base_parameters(manutec).groups.values(), strict=True):
         assert count(plan, kind) >= CORE * len(columns)
+
+
+@pytest.mark.parametrize("minutes", [8.0, MINUTES])
+def test_each_axis_moves_as_often_as_a_law_of_its_friction_needs(manutec, noise, minutes):
+    """At 8 minutes the most informative measurements move the last axis twice."""
+    plan = design_within(manutec, minutes, noise)
+    assert without_law(plan.measurements, 6) == {}
+    assert all(group.complete for group in dry_run(plan, manutec).groups)
+
+
+@pytest.mark.parametrize("each", [1, CORE])
+def test_the_core_alone_identifies_every_group(manutec, options, each):
+    """Inertia of axes 5 and 6 depends on no position, so both are measured at the same place."""
+    chosen = tuple(options[k].measurement for k in by_minutes._core(manutec, options, each))
+    plan = as_plan(manutec, by_minutes.numbered(chosen, set()), 0.0, None)
+    groups = dry_run(plan, manutec).groups
+    assert [group.group for group in groups if not group.complete] == []
+
+
+def test_a_refinement_reserves_what_the_run_before_lacks(manutec, plan, noise, known):
+    of_others = tuple(m for m in plan.measurements if 5 not in m.moved)
+    before = plan.model_copy(update={"measurements": of_others})
+    found = refine(manutec, 6.0, noise, known, before)
+    assert without_law((*of_others, *found.measurements), 6) == {}
 
 
 def test_it_is_more_informative_than_a_plan_by_counts_that_takes_as_long(manutec, plan, noise):

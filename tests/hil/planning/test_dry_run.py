@@ -226,3 +226,16 @@ def test_the_answer_is_rendered_with_costs_and_gains(small_plan: Plan, manutec: 
         "poorly identifiable in gravity: p5, p8, p13",
     ):
         assert words in text
+
+
+def test_axes_that_move_too_seldom_for_a_law_of_friction_are_named(
+    small_plan: Plan, manutec: Robot
+) -> None:
+    once = next(m for m in small_plan.measurements if m.kind == "inertia")
+    plan = small_plan.model_copy(update={"measurements": (once,)})
+    found = dry_run(plan, manutec)
+    assert found.without_law == {axis: int(axis == once.index) for axis in range(6)}
+    console = Console(width=100, record=True, file=io.StringIO())
+    render(found, console)
+    said = f"axis {once.axis}: 1 measurements move it, a law of its friction needs 3"
+    assert said in console.export_text()

@@ -15,6 +15,7 @@ from checked_files.yaml_file import FileModel
 from hil.report.page import report
 from hil.results import kept_findings
 from hil.results.findings import findings
+from hil.results.identification import identified
 from hil.results.kept_findings import NAME, keep, kept
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -34,7 +35,7 @@ def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 @pytest.fixture(scope="module")
 def found(run: Run) -> Findings:
     campaign = tuple(run)
-    made = findings(run, campaign, tuple(recorded(campaign)))
+    made = findings(run, identified(run), campaign, tuple(recorded(campaign)))
     keep(run, made)
     return made
 
@@ -127,5 +128,5 @@ def test_with_it_nothing_is_estimated(copy: Path, monkeypatch: pytest.MonkeyPatc
     def refuse(*_: object) -> None:
         raise AssertionError("estimated although it is kept")
 
-    monkeypatch.setattr("hil.report.reported_run.findings", refuse)
+    monkeypatch.setattr("hil.results.identification.identified", refuse)
     assert report(Run.open(copy)).exists()

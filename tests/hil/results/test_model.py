@@ -12,7 +12,14 @@ from trajectory_run import write_trajectory_run
 
 import hil
 from hil import cli
-from hil.errors import FileError, InvalidArray, NotEnoughData, NotIdentifiable, UnknownName
+from hil.errors import (
+    FileError,
+    FrictionUnknown,
+    InvalidArray,
+    NotEnoughData,
+    NotIdentifiable,
+    UnknownName,
+)
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import combined_degrees, degrees_behind, half_width
 from hil.model import dynamics
@@ -88,10 +95,31 @@ class TestTorques:
         rest = PARTS[:2]
         assert np.array_equal(bare.torque(*motion, parts=rest), model.torque(*motion, parts=rest))
 
-    def test_an_axis_whose_friction_nothing_showed_is_named(self, model):
+    def test_an_axis_without_a_law_is_named_and_the_others_keep_theirs(self, model, motion):
         axes = (*model.friction_law.axes[:5], None)
         blind = replace(model, friction_law=FrictionLaw(axes=axes))
-        with pytest.raises(NotEnoughData, match="of axis 6, which moved in too few"):
+        assert blind.axes_without_friction == (6,)
+        assert model.axes_without_friction == ()
+        with pytest.warns(FrictionUnknown, match="no law of friction of axis 6, .* --with") as seen:
+            found = blind.torque(*motion)
+        assert seen[0].filename == __file__
+        assert np.array_equal(found[..., :5], model.torque(*motion)[..., :5])
+        rest = model.torque(*motion, parts=PARTS[:2])
+        assert np.array_equal(found[..., 5], rest[..., 5])
+        assert "no law of friction of axis 6" in str(blind.summary())
+
+    def test_it_has_no_interval_there(self, model, motion):
+        axes = (*model.friction_law.axes[:5], None)
+        blind = replace(model, friction_law=FrictionLaw(axes=axes))
+        with pytest.warns(FrictionUnknown):
+            interval = blind.torque_interval(*motion)
+        assert np.isnan(interval[..., 5, :]).all()
+        assert np.isfinite(interval[..., :5, :]).all()
+        assert np.isfinite(blind.torque_interval(*motion, parts=PARTS[:2])).all()
+
+    def test_a_law_of_no_axis_is_none(self, model):
+        blind = replace(model, friction_law=FrictionLaw(axes=(None,) * 6))
+        with pytest.raises(NotEnoughData, match="of axis 1, 2, 3, 4, 5, 6"):
             blind.torque(0.0, 0.0, 0.0)
 
     @pytest.mark.parametrize(
