@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.export.expressions import count
+from hil.export.friction_file import presliding_left_out
 from hil.export.operations import of_whole_links
 from hil.model.base_parameters import base_parameters
 
@@ -36,7 +37,7 @@ def description(
 
 
 def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
-    """Which functions there are not, and why."""
+    """What the code has not, and why: functions, and friction that turns round by and by."""
     there = {each.name for each in functions}
     said = []
     if "friction" not in there:
@@ -44,6 +45,8 @@ def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
             "No friction: the model has no law of it for all axes; identify the run anew with: hil"
             " identify"
         )
+    else:
+        said += presliding_left_out(model)
     if "current" not in there:
         said.append(
             "No current: gear ratio or torque constant of an axis is unknown; state them in the"
