@@ -10,7 +10,7 @@ import typer
 from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsChannel, RobotsDrives, RunPath
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
-from hil.cli.outputs import refuse_unwritable
+from hil.cli.outputs import REFUSED, refuse_unwritable, say_simulated
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
 from hil.terminal.working import working
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 commands = typer.Typer()
-REFUSED = 3
-"""Exit status where the model is refused."""
 STYLES = {"PASS": "green", "WARN": "yellow", "REFUSE": "bold red"}
 
 
@@ -86,6 +84,7 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
         drawn = Drawn(predicted_torques(model, pooled([run])))
         found = judge(model, drawn)
         file = write_validation(run, model, model_path, found)
+    say_simulated(run)
     show(table(found, _notes(model, run)), out)
     say(f"{found.verdict}: {found.reason}", style=STYLES[found.verdict])
     if found.axes:

@@ -21,10 +21,9 @@ def description(
 ) -> tuple[str, ...]:
     """Lines for the head of a file of code."""
     lines = [
-        f"Dynamics of {model.robot.name}, written by hil export.",
-        "",
         *(part for line in origin for part in line.splitlines()),
         "",
+        f"Dynamics of {model.robot.name}, written by hil export.",
         f"Positions in {model.robot.position_units}, times in s, torques in"
         f" {model.robot.torque_units}, all joint side. Results may overwrite an argument.",
         *(f"{each.name}({', '.join(each.arguments)}): {each.purpose}" for each in functions),
