@@ -1,8 +1,8 @@
 """What a model from free motions predicts of a recording, beside what was measured.
 
 Both sides pass the low-pass with which the model was identified, so that they can be compared. An
-interval holds the uncertainty of the base parameters and what the model left of the recordings it
-was made from.
+interval holds the uncertainty of the base parameters and of the law of friction, with its wandering
+over the recordings, and what the model left of the recordings it was made from.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy import special
 
 from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.free_motion.motion import Processing, filtered_motion
-from hil.estimation.friction_law import friction_torque
+from hil.estimation.friction_law import friction_torque, friction_variance
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
@@ -45,6 +45,8 @@ class RecordedTorque:
         After the low-pass [N m or N].
     parameter_error : ndarray, shape (n, n_joints)
         Standard error of the prediction by the base parameters alone [N m or N].
+    friction_error : ndarray, shape (n, n_joints)
+        Standard error of the law of friction, its wandering among it [N m or N].
     residual_error : ndarray, shape (n_joints,)
         What the model left of the recordings it was made from [N m or N].
     """
@@ -54,12 +56,14 @@ class RecordedTorque:
     measured: Array
     predicted: Array
     parameter_error: Array
+    friction_error: Array
     residual_error: Array
 
     @property
     def standard_error(self) -> Array:
         """Of a sample, shape (n, n_joints) [N m or N]."""
-        return np.asarray(np.hypot(self.parameter_error, self.residual_error))
+        shared = self.parameter_error**2 + self.friction_error**2
+        return np.asarray(np.sqrt(shared + self.residual_error**2))
 
     @property
     def residual(self) -> Array:
@@ -116,14 +120,15 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     def coarse(x: Array) -> Array:
         return np.asarray(x[:: motion.rates.coarse][: len(motion.used)][motion.used])
 
-    rows = coarse(A)
+    rows, load = coarse(A), A @ model.values
     variance = np.einsum("njk,kl,njl->nj", rows, model.covariance, rows, optimize=True)
     return RecordedTorque(
         time=coarse(recording.time[:: motion.rates.fine]),
         qd=coarse(motion.qd),
         measured=motion.tau[motion.used],
-        predicted=motion.passed(_torque(model, motion, A @ model.values))[motion.used],
+        predicted=motion.passed(_torque(model, motion, load))[motion.used],
         parameter_error=np.sqrt(np.maximum(variance, 0.0)),
+        friction_error=np.sqrt(coarse(_friction_variance(model, motion, load))),
         residual_error=np.nan_to_num(model.residual),
     )
 
@@ -178,6 +183,11 @@ def _torque(model: Model, motion: Motion, rigid: Array) -> Array:
         model.robot, model.friction_law, motion.q, motion.qd, rigid, motion.directions
     )
     return rigid + friction + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
+
+
+def _friction_variance(model: Model, motion: Motion, rigid: Array) -> Array:
+    assert model.friction_law is not None  # noqa: S101 - refused before
+    return friction_variance(model.robot, model.friction_law, motion.q, motion.qd, rigid)
 
 
 def _rms(x: Array) -> Array:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.results.model_file import Provenance
+
 SHORT = 16
 """Characters of a recording's digest that are kept: 64 bits, by chance the same in 1 of 2e19."""
 SAME = 1e-6
@@ -90,6 +92,20 @@ def digests(folder: Run) -> tuple[str, ...]:
     taken = (motion for motion in folder.motions if motion.id in ids)
     kept = [digest_of_file(folder.recording_path(motion)) for motion in taken]
     return tuple(digest[:SHORT] for digest in kept if digest)
+
+
+def recordings_in_common(made: Provenance, run: Run) -> int:
+    """How many recordings of a run a model was made from.
+
+    Of a model of an earlier version, which holds no digests, all or none: by the run's plan and the
+    time at which it was measured.
+    """
+    own = digests(run)
+    if made.recordings:
+        return len(set(own).intersection(made.recordings))
+    stamp = RunStamp.of(run)
+    same = made.measured == stamp.measured and made.plan_digest == stamp.plan_digest
+    return len(own) if same and made.measured else 0
 
 
 def same_recordings(one: Run, other: Run) -> bool:
