@@ -76,8 +76,8 @@ def test_the_prediction_is_the_model_s_own_and_what_fitted_friction_leaves_a_sec
         s = signals(recording[each.measurement])
         at = np.searchsorted(s.time, each.time)
         own = model.torque(s.q, s.qd, s.qdd)[at, each.axis]
-        # rows of strokes are smoothed over a few samples, which shows at corners alone
-        assert np.median(np.abs(each.predicted - own)) < 0.01 * np.abs(own).max()
+        # rows of strokes are smoothed over a few samples, which shows where torques change
+        assert np.median(np.abs(each.predicted - own)) < 0.02 * np.abs(own).max()
     for score in found.axes:
         assert score.own_friction
         assert score.refitted is not None
