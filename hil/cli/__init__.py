@@ -59,7 +59,7 @@ PANELS = {
     },
     "Results": {
         "identify": _Command(
-            "results", "Estimate base parameters from a run; writes model.yaml into its folder."
+            "results", "Estimate base parameters from a run; exit status 3 where that failed."
         ),
         "validate": _Command(
             "validating",

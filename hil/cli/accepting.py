@@ -8,14 +8,18 @@ from typing import Annotated
 import typer
 
 from hil.cli.arguments import RunPath
-from hil.cli.outputs import place_to_write, refuse_existing, refuse_no_folder
+from hil.cli.outputs import (
+    REFUSED,
+    place_to_write,
+    refuse_existing,
+    refuse_no_folder,
+    say_simulated,
+)
 from hil.terminal.console import out, say
 from hil.terminal.printable import printable
 from hil.terminal.working import working
 
 commands = typer.Typer()
-REFUSED = 3
-"""Exit status where a check fails, as of hil validate where a model is refused."""
 PAGE, JUNIT = "acceptance.html", "acceptance.xml"
 
 
@@ -88,6 +92,7 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
         checks = judge(run, model, bounds)
         write_page(output / PAGE, run, checks, stated)
     write_junit(output / JUNIT, run.robot.name, model.provenance.measured, checks)
+    say_simulated(run)
     show(checked(checks), out)
     failed = sum(not check.passed for check in checks)
     word = f"FAIL: {failed} of {len(checks)} checks" if failed else f"PASS: {len(checks)} checks"

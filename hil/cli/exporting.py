@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hil.cli.arguments import Masses, Without
-from hil.cli.outputs import folder_to_write
+from hil.cli.outputs import REFUSED, folder_to_write
 from hil.terminal.console import say
+from hil.terminal.printable import printable
 from hil.terminal.working import working
 
 if TYPE_CHECKING:
@@ -45,6 +47,10 @@ def export(
     ] = None,
     masses: Masses = None,
     without: Without = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Write a model whose identification failed, too."),
+    ] = False,
 ) -> None:
     """Write an identified model, or the recordings of a run, as files of other tools."""
     from hil.export.formats import refuse_unknown
@@ -53,7 +59,7 @@ def export(
 
     refuse_unknown(to)
     if to in RECORDINGS:
-        _refuse(to, urdf=None if to == "mcap" else urdf, mass=masses)
+        _refuse(to, urdf=None if to == "mcap" else urdf, mass=masses, force=force)
         paths = _recordings_written(source, to, output, urdf, without)
     elif to not in SIMULATORS and (urdf or masses):
         raise typer.BadParameter(
@@ -63,7 +69,7 @@ def export(
         )
     else:
         _refuse(to, without=without)
-        paths = _model_written(source, to, output, urdf, masses)
+        paths = _model_written(source, to, output, urdf, masses, force)
     for path in paths:
         say(f"written: {path}")
 
@@ -78,27 +84,42 @@ def _refuse(to: str, **given: object) -> None:
 
 
 def _model_written(
-    source: Path, to: str, output: Path, urdf: Path | None, masses: list[str] | None
+    source: Path, to: str, output: Path, urdf: Path | None, masses: list[str] | None, force: bool
 ) -> tuple[Path, ...]:
     with working("reading the model") as now:
         from hil.export.exported import write_exported
         from hil.export.formats import export
-        from hil.export.origin import origin, passed, validations
+        from hil.export.origin import cautions, origin, passed, validations
         from hil.export.simulators import SIMULATORS
         from hil.results.model import Model
 
         model = Model.load(source)
+        if model.failed and not force:
+            raise _failed(model, source)
         now(f"writing the model as {to}")
         if to in SIMULATORS:
             exported = _bodies(model, source, to, urdf, masses)
         else:
             exported = export(model, to, origin(model, source))
         paths = write_exported(exported, output)
+    for line in cautions(model):
+        say(line, style="bold red" if model.failed else "yellow")
     for line in validations(model, source):
         say(line, style=None if passed(model) else "yellow")
     for remark in exported.remarks:
         say(remark)
     return paths
+
+
+def _failed(model: Model, source: Path) -> typer.Exit:
+    """State why a failed model is not written; return what ends the command."""
+    sys.stderr.write(
+        printable(
+            f"{source}: its identification {model.outcome}; --force writes it all the same, with"
+            " FAILED on top of every file\n"
+        )
+    )
+    return typer.Exit(REFUSED)
 
 
 def _recordings_written(

@@ -10,7 +10,7 @@ import typer
 
 from hil.cli.arguments import PlanWorkspace, RobotName, RunPath
 from hil.cli.measuring import run
-from hil.cli.outputs import NewPlan, refuse_unwritable
+from hil.cli.outputs import NewPlan, refuse_unwritable, say_simulated
 from hil.terminal.console import out
 from hil.terminal.working import working
 
@@ -97,6 +97,7 @@ def fit(
         now("fitting models of friction")
         found = evaluate(run, list(recorded(run)), model, bound)
     path = write_friction(run, found)
+    say_simulated(run)
     friction_view.render(found, out)
     out.print(f"friction in {path}", highlight=False, soft_wrap=True)
 

@@ -62,11 +62,14 @@ def history(
         from hil.results.history_file import write_history
         from hil.results.tables import history as tables
         from hil.results.tables.terminal import show
+        from hil.runs.journal import NO_REAL_MACHINE
 
         if identify:
             _identify([*folders, *([reference] if reference else [])], now)
         now(f"comparing {len(folders)} runs")
         found = read_history(folders, reference, wander / 100)
+    if any(run.model.provenance.of_virtual_plant for run in found.runs):
+        say(NO_REAL_MACHINE, style="yellow")
     show(tables.runs(found), out)
     show(tables.condition(found), out)
     show(tables.changes(found), out)

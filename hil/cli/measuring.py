@@ -228,7 +228,8 @@ def _feed(how: OnBus, the_plan: Plan, the_robot: Robot, rehearsal: float | None)
         return None
     from hil.live.feed import Feed
 
-    return Feed(how.listeners, the_robot, the_plan, rehearsal)
+    simulated = how.interface == SIMULATED
+    return Feed(how.listeners, the_robot, the_plan, rehearsal, simulated=simulated)
 
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:

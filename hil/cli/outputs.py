@@ -1,5 +1,7 @@
 """What commands write, looked at while the command line is read: nothing is computed in vain.
 
+What is made from simulated runs says so (`say_simulated`).
+
 Each option that names something to write has one of the callbacks of this module; a test finds the
 options of all commands and holds them to it. A file needs the folder that it is to stand in: a
 mistyped one would not be found again. A folder is made together with those about it. What a command
@@ -14,8 +16,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hil.terminal.console import say
+
 if TYPE_CHECKING:
     from hil.errors import FileError
+    from hil.runs.run import Run
+
+REFUSED = 3
+"""Exit status where a model is refused: by a check, or because its identification failed."""
 
 
 def new_file(ctx: typer.Context, path: Path | None) -> Path | None:
@@ -56,6 +64,14 @@ def new_folder(ctx: typer.Context, path: Path | None) -> Path | None:
 
 
 NewPlan = Annotated[Path, typer.Option("-o", "--output", callback=new_file, help="Plan to write.")]
+
+
+def say_simulated(*runs: Run) -> None:
+    """State of what is made from runs whether any was measured on the virtual plant."""
+    from hil.runs.journal import NO_REAL_MACHINE
+
+    if any(run.journal.simulated for run in runs):
+        say(NO_REAL_MACHINE, style="yellow")
 
 
 def refuse_existing(output: Path) -> None:

@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.arguments import BusOptions, Interface, ModelPath, RobotsChannel, RobotsDrives
-from hil.cli.outputs import folder_to_write, refuse_unwritable
+from hil.cli.outputs import folder_to_write, refuse_unwritable, say_simulated
 from hil.runs import SIMULATED
 from hil.terminal.console import out
 from hil.terminal.working import working
@@ -82,6 +82,7 @@ def two_runs(
         runs = Run.open(without), Run.open(loaded)
         now("estimating both runs anew and the load between them")
         found = results.find_payload(*runs, mass, gains=gains)
+    say_simulated(*runs)
     payload_view.render(payload_file.write_payload(*runs, found), out)
     out.print(f"load in {path}; hil report {loaded} shows it", highlight=False, soft_wrap=True)
 
@@ -161,6 +162,7 @@ def measure(
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
     with working("estimating the load"):
         kept = write_load(output, bare, runs, find_load(bare, runs, mass))
+    say_simulated(*runs)
     for line in kept.verdict:
         out.print(line, highlight=False, markup=False, soft_wrap=True)
     out.print(f"load in {output / NAME}", highlight=False, soft_wrap=True)

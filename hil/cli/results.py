@@ -10,7 +10,7 @@ import typer
 from rich.text import Text
 
 from hil.cli.arguments import Masses, RunPath, Without
-from hil.cli.outputs import folder_to_write, refuse_unwritable
+from hil.cli.outputs import REFUSED, folder_to_write, refuse_unwritable, say_simulated
 from hil.terminal.console import out, say
 from hil.terminal.working import working
 
@@ -51,7 +51,7 @@ def identify(
     ] = False,
     masses: Masses = None,
 ) -> None:
-    """Estimate base parameters from a run; writes model.yaml into its folder."""
+    """Estimate base parameters from a run; exit status 3 where that failed."""
     begun = perf_counter()
     with working("reading the run") as now:
         from hil.cli.consistent_view import body_bounds, render
@@ -85,6 +85,7 @@ def identify(
             found = with_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
     _show_outcome(found)
+    say_simulated(run, *more)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
     show(error_budget(found.error_budget), out)
@@ -95,6 +96,8 @@ def identify(
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
     out.print(f"model in {path} ({took})", highlight=False, soft_wrap=True)
+    if found.failed:
+        raise typer.Exit(REFUSED)
 
 
 @commands.command()
@@ -120,6 +123,7 @@ def report(
         path = module.report(run, figures)
     _show_unusable_model(run)
     _show_shortfall(run)
+    say_simulated(run)
     out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
 
 
@@ -163,6 +167,7 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
         kept = diagnosis_file.write_diagnosis(run, found)
         now("drawing")
         plots = write_diagnosis_plots(folder, found)
+    say_simulated(run)
     diagnosis_view.render(kept, found.estimate, run.robot, out)
     out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
     _show_place("diagnosis", folder / diagnosis_file.NAME)

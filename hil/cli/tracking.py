@@ -19,7 +19,7 @@ from hil.cli.arguments import (
     WorkspaceOption,
 )
 from hil.cli.measuring import OnBus
-from hil.cli.outputs import folder_to_write
+from hil.cli.outputs import folder_to_write, say_simulated
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
 from hil.terminal.working import working
@@ -159,6 +159,7 @@ def _show(output: Path, model: str, delay: float) -> None:
     with working("comparing the passes"):
         runs = {name: Run.open(output / name) for name in PASSES}
         found = tracked(runs, model, delay)
+    say_simulated(*runs.values())
     show(tracking(found), out)
     file = write_tracking(output, found)
     say(f"following errors in {file}, plot in {write_tracking_plot(output, runs, delay)}")

@@ -10,7 +10,7 @@ import typer
 from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsChannel, RobotsDrives, RunPath
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
-from hil.cli.outputs import refuse_unwritable
+from hil.cli.outputs import REFUSED, refuse_unwritable, say_simulated
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say
 from hil.terminal.working import working
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 commands = typer.Typer()
-REFUSED = 3
-"""Exit status where the model is refused."""
 STYLES = {"PASS": "green", "WARN": "yellow", "REFUSE": "bold red"}
 
 
@@ -78,15 +76,17 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
     from hil.results.tables.terminal import show
     from hil.results.tables.validation import validation as table
     from hil.results.validation import validate as judge
-    from hil.results.validation_file import write_validation
+    from hil.results.validation_file import of_own_recordings, write_validation
     from hil.runs.pooling import pooled
 
     _refuse_other_robot(model, run)
     with working("predicting the torques of the recordings"):
         drawn = Drawn(predicted_torques(model, pooled([run])))
-        found = judge(model, drawn)
+        found = of_own_recordings(model, run) or judge(model, drawn)
         file = write_validation(run, model, model_path, found)
-    show(table(found, _notes(model, run)), out)
+    say_simulated(run)
+    if found.axes:
+        show(table(found, _notes(model, run)), out)
     say(f"{found.verdict}: {found.reason}", style=STYLES[found.verdict])
     if found.axes:
         say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")

@@ -13,6 +13,7 @@ from hil.export.exported import Exported
 from hil.export.expressions import count, needed
 from hil.export.functions import functions
 from hil.export.identifiers import identifier
+from hil.export.origin import cautions
 from hil.export.statements import Syntax, assignments
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ target_link_libraries(example PRIVATE {name}_dynamics)
 def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as a header with an example and a CMake file."""
     name, found = identifier(model.robot.name), functions(model)
-    upper = name.upper()
+    upper, against = name.upper(), cautions(model)
     header = "\n".join([
         _comment(description(model, origin, found)),
         f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
@@ -93,8 +94,9 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
     ])  # fmt: skip
     files = {
         f"{name}_dynamics.h": header,
-        "example.c": _EXAMPLE.format(name=name, upper=upper),
-        "CMakeLists.txt": _CMAKE.format(name=name),
+        "example.c": (_comment(against) if against else "")
+        + _EXAMPLE.format(name=name, upper=upper),
+        "CMakeLists.txt": "".join(f"# {line}\n" for line in against) + _CMAKE.format(name=name),
     }
     return Exported(files, remarks(model, found))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.export.expressions import count
+from hil.export.friction_file import presliding_left_out
 from hil.export.operations import of_whole_links
 from hil.model.base_parameters import base_parameters
 from hil.results.torque_parts import lacking
@@ -21,10 +22,9 @@ def description(
 ) -> tuple[str, ...]:
     """Lines for the head of a file of code."""
     lines = [
-        f"Dynamics of {model.robot.name}, written by hil export.",
-        "",
         *(part for line in origin for part in line.splitlines()),
         "",
+        f"Dynamics of {model.robot.name}, written by hil export.",
         f"Positions in {model.robot.position_units}, times in s, torques in"
         f" {model.robot.torque_units}, all joint side. Results may overwrite an argument.",
         *(f"{each.name}({', '.join(each.arguments)}): {each.purpose}" for each in functions),
@@ -37,7 +37,7 @@ def description(
 
 
 def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
-    """Which functions there are not, and why."""
+    """What the code has not, and why: functions, and friction that turns round by and by."""
     there = {each.name for each in functions}
     said = []
     if "friction" not in there:
@@ -45,8 +45,10 @@ def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
             "No friction: the model has no law of it for all axes; identify the run anew with: hil"
             " identify"
         )
-    elif lack := lacking(model):
-        said.append(f"FRICTION UNKNOWN: {lack}")
+    else:
+        if lack := lacking(model):
+            said.append(f"FRICTION UNKNOWN: {lack}")
+        said += presliding_left_out(model)
     if "current" not in there:
         said.append(
             "No current: gear ratio or torque constant of an axis is unknown; state them in the"

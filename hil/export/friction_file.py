@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.bristles import STILL
 from hil.estimation.friction.warmth import REFERENCE
 from hil.estimation.friction_law import DIRECTED, friction_variance
 from hil.export.exported import Exported
@@ -30,6 +31,14 @@ FORMULAS = {
     "load": "|load| sgn(v)",
 }
 """What the coefficient of each term is multiplied by; u is the velocity over `speed`."""
+TAKEN = {
+    "u": "v over the axis's speed, with |v| clipped to its speeds where these are not null",
+    "sgn(v)": f"0 where |v| is below {STILL} of the axis's speed",
+    "beyond its speeds": "slope_beyond (|v| - clipped |v|) sgn(v) is added",
+    "presliding": "after a reversal sgn(v) turns round over the axis's presliding_distance x as"
+    " dz/dq = (1 - z sgn(v)) / x; 0: at once",
+}
+"""How the formulas are to be taken."""
 WARMTH = {
     "level": "the directed terms, all that change their sign with v, times 1 + slope (clip(w, seen)"
     " - reference); w is the warmth, from 0 cold to 1 warm, and reference that of the terms",
@@ -55,6 +64,7 @@ def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
         "origin": list(origin),
         "robot": model.robot.name,
         "formulas": FORMULAS | {"cosine k, sine k": "of k times the motor's angle"},
+        "taken": TAKEN,
         "axes": [
             _axis(model, own, each) | _warmth(own, *cold_and_warm)
             for own, each, cold_and_warm in zip(known, simple, ends, strict=True)
@@ -72,7 +82,10 @@ def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
 
 
 def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -> list[str]:
-    """What the simplest simplification costs, axis by axis; `state`: of the gears, for the text."""
+    """What the simplest simplification costs, axis by axis; `state`: of the gears, for the text.
+
+    The misfit is at no load and away from reversals; what the law states beside that is named.
+    """
     lack = lacking(model)
     return [
         *((f"FRICTION UNKNOWN: {lack}",) if lack and not state else ()),
@@ -81,10 +94,30 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
             f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
             f" s/{model.robot.position_unit(each.axis)} miss the law by"
             f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
-            f" ({percent(each.misfit, each.size)} % of it)"
+            f" ({percent(each.misfit, each.size)} % of it){_of_load(model, each.axis)}"
             for each in simple
         ),
     ]
+
+
+def presliding_left_out(model: Model) -> tuple[str, ...]:
+    """Which axes' friction turns round over a distance, where a format has it turn at once."""
+    law = model.friction_law
+    axes = [
+        f"axis {axis} over {significant(own.presliding, 2)} {model.robot.position_unit(axis - 1)}"
+        for axis, own in enumerate(() if law is None else law.axes, start=1)
+        if own is not None and own.presliding
+    ]
+    return (f"presliding is left out: {', '.join(axes)}",) if axes else ()
+
+
+def _of_load(model: Model, axis: int) -> str:
+    """What of the law depends on the load, which no simplification has."""
+    law = known_friction(model).axes[axis]
+    if law is None or "load" not in law.terms:
+        return ""
+    share = significant(law.terms["load"].value, 2)
+    return f"; friction of the load, {share} of its size, is left out"
 
 
 def _axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[str, object]:
@@ -95,6 +128,9 @@ def _axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[str, objec
         "velocity_unit": f"{model.robot.position_unit(axis)}/s",
         "law": law.law,
         "speed": law.speed,
+        "speeds": law.speeds,
+        "slope_beyond": law.slope,
+        "presliding_distance": law.presliding,
         "terms": {name: value.model_dump() for name, value in law.terms.items()},
         "level_wandered_by_share": law.wander,
         "curve": {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.errors import NotEnoughData
-from hil.export.friction_file import misfits
+from hil.export.friction_file import misfits, presliding_left_out
 from hil.export.simple_friction import simple_friction
 
 if TYPE_CHECKING:
@@ -25,9 +25,10 @@ def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
 def friction_remarks(model: Model) -> tuple[str, ...]:
     """What Coulomb's and viscous friction are off by, or why there is none."""
     try:
-        return tuple(misfits(model, simple_friction(model)))
+        found = misfits(model, simple_friction(model))
     except NotEnoughData:
         return (
             "no friction is stated, since the model has no law of it: identify a run anew that"
             " moves all axes (hil identify)",
         )
+    return (*found, *presliding_left_out(model))

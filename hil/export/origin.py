@@ -1,16 +1,28 @@
 """What every exported file states at its head: where the model comes from and what it is worth.
 
-A model that no recording has confirmed can be exported all the same, but never silently.
+A model that no recording has confirmed can be exported all the same, but never silently; one whose
+identification failed only where that is asked for.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.runs.journal import NO_REAL_MACHINE
+
 if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.results.model import Model
+
+
+def cautions(model: Model) -> tuple[str, ...]:
+    """What stands on top of whatever is made from the model: that it failed, or is simulated."""
+    simulated = (NO_REAL_MACHINE,) if model.provenance.of_virtual_plant else ()
+    if model.outcome is None or not model.failed:
+        return simulated
+    why = "; ".join(filter(None, (model.outcome.reason, model.outcome.remedy)))
+    return (f"FAILED: {' '.join(why.split())}", *simulated)
 
 
 def passed(model: Model) -> bool:
@@ -19,7 +31,7 @@ def passed(model: Model) -> bool:
 
 
 def origin(model: Model, source: Path) -> tuple[str, ...]:
-    """Lines on robot, run, method, date and validation of a model.
+    """Lines on robot, run, method, date and validation of a model, `cautions` before them.
 
     Parameters
     ----------
@@ -30,6 +42,7 @@ def origin(model: Model, source: Path) -> tuple[str, ...]:
     made = model.provenance
     also = f" with {', '.join(made.together_with)}" if made.together_with else ""
     return (
+        *cautions(model),
         f"robot {model.robot.name} (robot file {model.robot.digest[:12]})",
         f"model of {source}{also}: {made.measurements} measurements, {made.method} method",
         f"identified {made.identified} by version {made.version}",

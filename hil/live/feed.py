@@ -54,6 +54,8 @@ class Feed:
     plan : Plan
     rehearsal : float, optional
         Share of the speed limits at which all ways are only passed.
+    simulated : bool
+        Whether it is the virtual plant that moves.
     """
 
     def __init__(
@@ -62,10 +64,12 @@ class Feed:
         robot: Robot,
         plan: Plan,
         rehearsal: float | None = None,
+        *,
+        simulated: bool,
     ) -> None:
         self._listeners = listeners
         self._missed: set[str] = set()
-        self._start = lines.start(robot, plan, rehearsal)
+        self._start = lines.start(robot, plan, rehearsal, simulated=simulated)
         self._numbers = {each.id: k for k, each in enumerate(plan.measurements, start=1)}
         self._pace = Pace()
         self._friction = FrictionSoFar()

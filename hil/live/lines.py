@@ -6,7 +6,8 @@ side; what is not known is null.
 start
     The first line. ``robot`` as `hil.view.robot_data.robot_data` has it (name, joints with limits
     and units), ``workspace`` likewise or null, ``measurements``: how many the plan has,
-    ``rehearsal``: share of the speed limits, or null.
+    ``rehearsal``: share of the speed limits, or null, ``simulated``: whether it is the virtual
+    plant that moves.
 armed
     The axes are under power: ``axes``, of each ``name``, ``identity``, ``lower`` and ``upper``
     limit of its position and the ``velocity`` limit that hold on the drive.
@@ -62,13 +63,14 @@ def encoded(kind: str, **values: object) -> bytes:
     return json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
-def start(robot: Robot, plan: Plan, rehearsal: float | None) -> Line:
+def start(robot: Robot, plan: Plan, rehearsal: float | None, *, simulated: bool) -> Line:
     """What stands in the line ``start``."""
     return {
         "robot": robot_data(robot),
         "workspace": workspace_data(plan.workspace),
         "measurements": len(plan.measurements),
         "rehearsal": rehearsal,
+        "simulated": simulated,
     }
 
 

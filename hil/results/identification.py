@@ -22,6 +22,7 @@ from hil.results.model import Model
 from hil.results.model_file import Provenance
 from hil.results.naming import named
 from hil.results.outcome import outcome
+from hil.results.stamp import digests
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 
@@ -153,6 +154,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         plan_digest=run.plan.digest,
         measured=sessions[-1].started if sessions else "",
         bus=sessions[-1].bus if sessions else "",
+        simulated=any(each.journal.simulated for each in (run, *others)),
         drives=tuple(axis.identity for axis in sessions[-1].axes) if sessions else (),
         measurements=found.n_measurements,
         missing=sum(len(each.missing) for each in (run, *others)),
@@ -162,4 +164,5 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         identified=now(),
         method=found.method,
         version=version("canopen-robot-identification"),
+        recordings=tuple(digest for each in (run, *others) for digest in digests(each)),
     )

@@ -153,6 +153,11 @@ class Model:
         write_file(Path(path), ModelFile.of(self).text().encode())
 
     @property
+    def failed(self) -> bool:
+        """Whether its identification failed: it should not be used."""
+        return self.outcome is not None and self.outcome.word == "failed"
+
+    @property
     def method(self) -> str:
         """Method by which it was identified."""
         return self.provenance.method

@@ -27,6 +27,7 @@ from hil.results.consistent_robot import ConsistentRobot
 from hil.results.error_budget import ErrorTerm
 from hil.results.outcome import Outcome
 from hil.results.verdict import KeptVerdict
+from hil.runs.journal import was_simulated
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,7 +68,9 @@ class Provenance(FileModel):
 
     `together_with` names further runs that it was made from, `without` measurements that whoever
     identified it left out, `drives` what each axis's drive said it is, in the last session; empty
-    where that was not recorded.
+    where that was not recorded. `simulated` is whether any of the runs was measured on the virtual
+    plant, `recordings` a digest of each recording (`hil.results.stamp.digests`); None and empty in
+    files of earlier versions.
     """
 
     robot: str
@@ -75,6 +78,7 @@ class Provenance(FileModel):
     plan_digest: str
     measured: str
     bus: str
+    simulated: bool | None = None
     drives: tuple[str, ...] = ()
     measurements: int
     missing: int = 0
@@ -84,6 +88,12 @@ class Provenance(FileModel):
     identified: str
     method: str
     version: str
+    recordings: tuple[str, ...] = ()
+
+    @property
+    def of_virtual_plant(self) -> bool:
+        """Whether any of what the model was made from was measured on the virtual plant."""
+        return was_simulated(self.simulated, self.bus)
 
 
 class ModelFile(FileModel):

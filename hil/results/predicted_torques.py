@@ -1,12 +1,15 @@
 """What a model says of the torques of a recording, beside what was recorded.
 
-Methods for strokes and trajectories fit friction anew in every measurement. Of their models the
-rigid bodies are judged: friction is fitted in the recording itself, motion by motion and period by
-period, by the terms that the methods use (`hil.regression.terms`). What drives are to give by the
-model's own law of friction is judged beside that, since whoever feeds torques forward has no other.
+The prediction is the model's own, its law of friction included: whoever feeds torques forward has
+no other.
 
-A model from free motions was found with its law of friction. Then nothing is fitted: what the model
-states is the whole of the prediction (`hil.results.recorded_torque`).
+Methods for strokes and trajectories fit friction anew in every measurement. Of their models the
+rigid bodies are judged beside that: friction is fitted in the recording itself, motion by motion
+and period by period, by the terms that the methods use (`hil.regression.terms`). Where such a model
+states no friction of an axis, this is all that can be judged of it.
+
+A model from free motions was found with its law of friction. Then nothing is fitted
+(`hil.results.recorded_torque`).
 """
 
 from __future__ import annotations
@@ -57,9 +60,12 @@ class PredictedTorque:
     stated : ndarray, shape (n,)
         What of the prediction the model states by itself, as far as nothing fitted in the recording
         can take its place [N m or N].
-    drive, drive_error : ndarray, shape (n,), or None
-        The torque with the friction that the model states, and its standard error [N m or N]; None
-        where `predicted` is that, or where the model states none of this axis.
+    refitted, refitted_error : ndarray, shape (n,), or None
+        The torque of the bodies with friction fitted in the recording, and its standard error
+        [N m or N]; None where nothing was fitted.
+    own_friction : bool
+        Whether `predicted` has the friction that the model states; it is `refitted` otherwise,
+        where the model states none of this axis.
     """
 
     measurement: str
@@ -71,8 +77,9 @@ class PredictedTorque:
     standard_error: Array
     parameter_error: Array
     stated: Array
-    drive: Array | None = None
-    drive_error: Array | None = None
+    refitted: Array | None = None
+    refitted_error: Array | None = None
+    own_friction: bool = True
 
 
 def predicted_torques(
@@ -142,7 +149,7 @@ class _LawInRecording:
 def _of_axis(
     model: Model, name: str, each: Stacked, s: Signals, law: _LawInRecording
 ) -> PredictedTorque:
-    """The rigid bodies' torque, and with it the friction that fits what is left of them."""
+    """The rigid bodies' torque, with the model's friction and with that which fits what is left."""
     A, y = each.X[:, : each.n_base], each.torques[:, 0]
     common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
     rigid = A @ model.values
@@ -152,16 +159,18 @@ def _of_axis(
     variance = np.einsum("nk,kl,nl->n", A, model.covariance, A, optimize=True).clip(0.0)
     noise = np.nan_to_num(model.residual[each.axis])
     motor, own = each.torques[:, 1], law.of(each)
+    refitted, refitted_error = rigid + friction + motor, np.sqrt(variance + noise**2)
     return PredictedTorque(
         measurement=name,
         axis=each.axis,
         time=s.time[each.index],
         qd=s.qd[each.index, each.axis],
         measured=y + motor,
-        predicted=rigid + friction + motor,
-        standard_error=np.sqrt(variance + noise**2),
+        predicted=refitted if own is None else rigid + motor + own[0],
+        standard_error=refitted_error if own is None else np.hypot(refitted_error, np.sqrt(own[1])),
         parameter_error=np.sqrt(variance),
         stated=stated,
-        drive=None if own is None else rigid + motor + own[0],
-        drive_error=None if own is None else np.sqrt(variance + noise**2 + own[1]),
+        refitted=refitted,
+        refitted_error=refitted_error,
+        own_friction=own is not None,
     )

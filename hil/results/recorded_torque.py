@@ -1,8 +1,8 @@
 """What a model from free motions predicts of a recording, beside what was measured.
 
 Both sides pass the low-pass with which the model was identified, so that they can be compared. An
-interval holds the uncertainty of the base parameters and what the model left of the recordings it
-was made from.
+interval holds the uncertainty of the base parameters and of the law of friction, with its wandering
+over the recordings, and what the model left of the recordings it was made from.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy import special
 
 from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.free_motion.motion import Processing, filtered_motion
-from hil.estimation.friction_law import friction_torque, law_columns
+from hil.estimation.friction_law import friction_torque, friction_variance, law_columns
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
@@ -44,8 +44,8 @@ class RecordedTorque:
     measured, predicted : ndarray, shape (n, n_joints)
         After the low-pass [N m or N].
     parameter_error : ndarray, shape (n, n_joints)
-        Standard error of the prediction by base parameters and friction, which share their errors
-        [N m or N].
+        Standard error of the prediction by base parameters and friction, which share their errors,
+        friction's wandering among them [N m or N].
     residual_error : ndarray, shape (n_joints,)
         What the model left of the recordings it was made from [N m or N].
     """
@@ -128,17 +128,18 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
 
 
 def _parameter_error(model: Model, motion: Motion, A: Array) -> Array:
-    """Standard error by base parameters and each axis's law of friction, shape (n, n_joints)."""
+    """Standard error by base parameters and friction, shape (n, n_joints)."""
+    assert model.friction_law is not None  # noqa: S101 - refused before
+    robot, law, load = model.robot, model.friction_law, A @ model.values
     variance: Array = np.einsum("njk,kl,njl->nj", A, model.covariance, A, optimize=True)
-    load, axes = A @ model.values, model.friction_law.axes if model.friction_law else ()
-    for axis, law in enumerate(axes):
-        if law is None or not law.beside:
+    variance += friction_variance(robot, law, motion.q, motion.qd, load)
+    for axis, own in enumerate(law.axes):
+        if own is None or not own.beside:
             continue
-        columns = law_columns(
-            model.robot, law, motion.q, motion.qd, load, axis, motion.directions[axis]
-        )
-        across = 2.0 * A[:, axis] @ np.array(law.beside).T + columns @ law.uncertainty
-        variance[:, axis] += np.einsum("nk,nk->n", across, columns)
+        direction = motion.directions[axis]
+        columns = law_columns(robot, own, motion.q, motion.qd, load, axis, direction)
+        across = A[:, axis] @ np.array(own.beside).T
+        variance[:, axis] += 2.0 * np.einsum("nk,nk->n", across, columns)
     return np.asarray(np.sqrt(variance.clip(0.0)))
 
 

@@ -10,13 +10,17 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.runs.atomic_file import file_errors
-from hil.runs.run import Run
+from hil.runs.run import Run, digest_of_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from hil.results.model_file import Provenance
+
+SHORT = 16
+"""Characters of a recording's digest that are kept: 64 bits, by chance the same in 1 of 2e19."""
 SAME = 1e-6
 """Relative difference of parameters up to which they are the same estimate's."""
 
@@ -80,6 +84,28 @@ def _recordings(folder: Run) -> str:
             with file_errors(path, "read"):
                 digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
+
+
+def digests(folder: Run) -> tuple[str, ...]:
+    """Digest of each recording that is not left out, byte by byte: the same of a copy."""
+    ids = set(folder.ids)
+    taken = (motion for motion in folder.motions if motion.id in ids)
+    kept = [digest_of_file(folder.recording_path(motion)) for motion in taken]
+    return tuple(digest[:SHORT] for digest in kept if digest)
+
+
+def recordings_in_common(made: Provenance, run: Run) -> int:
+    """How many recordings of a run a model was made from.
+
+    Of a model of an earlier version, which holds no digests, all or none: by the run's plan and the
+    time at which it was measured.
+    """
+    own = digests(run)
+    if made.recordings:
+        return len(set(own).intersection(made.recordings))
+    stamp = RunStamp.of(run)
+    same = made.measured == stamp.measured and made.plan_digest == stamp.plan_digest
+    return len(own) if same and made.measured else 0
 
 
 def same_recordings(one: Run, other: Run) -> bool:

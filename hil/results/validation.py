@@ -50,7 +50,8 @@ class AxisScore(FileModel):
         Of torques: N m or N.
     samples : int
     torque, residual : float
-        Root mean squares.
+        Root mean squares; the residual is that of the model's own prediction, its law of friction
+        included, as all figures are but the gain and `refitted`.
     relative : float
         Residual over torque.
     naive : float
@@ -61,16 +62,19 @@ class AxisScore(FileModel):
         Share of samples inside the predicted intervals of 95 %.
     gain, gain_error : float
         Factor of what the model states that fits best, and its standard error were the residuals
-        white noise.
+        white noise; friction fitted in the recording where that was done.
     asymmetry : float
         Half the difference of the mean residuals forward and back, over the residual.
     limited : float
         Share of samples at the greatest torque.
     identified : float, optional
         Residual where the model was identified.
-    drive_relative, drive_inside : float, optional
-        `relative` and `inside` of the torque with the friction that the model states, where the
-        others have friction fitted in the recording.
+    refitted, refitted_inside : float, optional
+        `relative` and `inside` of the bodies' torque with friction fitted in the recording; None
+        where nothing was fitted.
+    own_friction : bool
+        Whether the model states friction of this axis; where it does not, all figures have friction
+        fitted in the recording.
     """
 
     axis: int = Field(ge=1)
@@ -87,8 +91,14 @@ class AxisScore(FileModel):
     asymmetry: float
     limited: float
     identified: float | None
-    drive_relative: float | None = None
-    drive_inside: float | None = None
+    refitted: float | None = None
+    refitted_inside: float | None = None
+    own_friction: bool = True
+
+    @property
+    def of_bodies(self) -> float:
+        """Relative error for which friction is not to blame, as far as it was fitted."""
+        return self.relative if self.refitted is None else self.refitted
 
 
 class _Sums:
@@ -96,33 +106,35 @@ class _Sums:
 
     def __init__(self) -> None:
         self.n = 0
-        self.moments = np.zeros(6)
+        self.moments = np.zeros(7)
         self.by_direction = np.zeros((2, 2))
         self.inside = 0
-        self.driven = np.zeros(3)
+        self.refitted = np.zeros(3)
+        self.own_friction = True
         self.greatest: list[Array] = []
 
     def add(self, each: PredictedTorque) -> None:
         y, f = each.measured, each.predicted
         r = y - f
+        left = r if each.refitted is None else y - each.refitted
         self.n += len(y)
-        products = (y @ y, r @ r, each.stated @ each.stated, r @ each.stated)
+        products = (y @ y, r @ r, each.stated @ each.stated, left @ each.stated, left @ left)
         self.moments += [y.sum(), *products, each.parameter_error @ each.parameter_error]
         for k, sign in enumerate((1.0, -1.0)):
             own = np.sign(each.qd) == sign
             self.by_direction[k] += [own.sum(), r[own].sum()]
         self.inside += int(np.sum(np.abs(r) <= TWICE * each.standard_error))
         self.greatest.append(np.abs(y))
-        if each.drive is not None and each.drive_error is not None:
-            d = y - each.drive
-            inside = float(np.sum(np.abs(d) <= TWICE * each.drive_error))
-            self.driven += [float(len(y)), float(d @ d), inside]
+        self.own_friction &= each.own_friction
+        if each.refitted_error is not None:
+            inside = float(np.sum(np.abs(left) <= TWICE * each.refitted_error))
+            self.refitted += [float(len(y)), float(left @ left), inside]
 
     def score(self, axis: int, unit: str, identified: float) -> AxisScore:
-        y, yy, rr, ff, rf, ee = self.moments / self.n
+        y, yy, rr, ff, lf, ll, ee = self.moments / self.n
         torque, residual = np.sqrt(yy), np.sqrt(rr)
         forward, back = self.by_direction[:, 1] / np.maximum(self.by_direction[:, 0], 1.0)
-        size, (n, driven, inside) = np.concatenate(self.greatest), self.driven
+        size, (n, refitted, inside) = np.concatenate(self.greatest), self.refitted
         return AxisScore(
             axis=axis + 1,
             unit=unit,
@@ -133,13 +145,14 @@ class _Sums:
             naive=float(np.sqrt(max(yy - y**2, 0.0)) / torque),
             uncertain=float(np.sqrt(ee) / torque),
             inside=self.inside / self.n,
-            gain=float(1.0 + rf / ff) if ff > 0 else 1.0,
-            gain_error=float(residual / np.sqrt(self.n * ff)) if ff > 0 else 0.0,
+            gain=float(1.0 + lf / ff) if ff > 0 else 1.0,
+            gain_error=float(np.sqrt(ll / (self.n * ff))) if ff > 0 else 0.0,
             asymmetry=float(abs(forward - back) / 2 / residual) if residual > 0 else 0.0,
             limited=float(np.mean(size >= size.max() * (1 - 1e-6))),
             identified=None if np.isnan(identified) else float(identified),
-            drive_relative=float(np.sqrt(driven / n) / torque) if n else None,
-            drive_inside=float(inside / n) if n else None,
+            refitted=float(np.sqrt(refitted / n) / torque) if n else None,
+            refitted_inside=float(inside / n) if n else None,
+            own_friction=self.own_friction,
         )
 
 
@@ -183,4 +196,6 @@ def validate(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
     )
     known = [str(each) for each in data_reservations(model)]
     verdict, reason = judged(scores, model.robot.n_joints, known)
+    if model.failed:
+        verdict, reason = "REFUSE", f"its identification {model.outcome}"
     return Validation(verdict=verdict, reason=reason, axes=scores)

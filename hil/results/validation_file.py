@@ -13,7 +13,7 @@ import yaml
 
 from checked_files.yaml_file import FileModel
 from hil.results.model import Model
-from hil.results.stamp import RunStamp
+from hil.results.stamp import RunStamp, recordings_in_common
 from hil.results.validation import Validation
 from hil.results.verdict import KeptVerdict
 from hil.runs.atomic_file import write_file
@@ -47,6 +47,20 @@ class ValidationRecord(FileModel):
     identified: str
     validated: str
     validation: Validation
+
+
+def of_own_recordings(model: Model, run: Run) -> Validation | None:
+    """Refusal of a run that the model was made from; None where it is another one."""
+    common, every = recordings_in_common(model.provenance, run), len(run)
+    if not common:
+        return None
+    which = "its recordings are" if common == every else f"{common} of its {every} recordings are"
+    return Validation(
+        verdict="REFUSE",
+        reason=f"{which} those that the model was made from, which cannot show what it is worth on"
+        " others; judge it by another recording",
+        axes=(),
+    )
 
 
 def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import AxisInfo
 
+NO_REAL_MACHINE = "SIMULATED: measured on the virtual plant, no real machine"
 PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h5py")
 
 
@@ -118,7 +119,7 @@ class Journal(FileModel):
     @property
     def simulated(self) -> bool:
         """Whether all of it was measured on the virtual plant."""
-        return bool(self.sessions) and all(_simulated(s) for s in self.sessions)
+        return bool(self.sessions) and all(was_simulated(s.simulated, s.bus) for s in self.sessions)
 
     def with_session(self, session: Session) -> Journal:
         """Return the journal with one more session."""
@@ -130,10 +131,12 @@ class Journal(FileModel):
         return self.model_copy(update={"sessions": (*self.sessions[:-1], last)})
 
 
-def _simulated(session: Session) -> bool:
-    if session.simulated is None:  # a file of an earlier version states the bus's name alone
-        return BusName.read(session.bus).interface == SIMULATED
-    return session.simulated
+def was_simulated(stated: bool | None, bus: str) -> bool:
+    """Whether it was the virtual plant: as stated, or by the bus where an earlier version did not.
+
+    Whatever is made from a run says so, by `NO_REAL_MACHINE`.
+    """
+    return BusName.read(bus).interface == SIMULATED if stated is None else stated
 
 
 def axis_records(axes: Sequence[AxisInfo]) -> tuple[Axis, ...]:

@@ -64,6 +64,8 @@ class Scene:
     distances : Distances, optional
     notes : tuple of str
         What the reader should know of it.
+    simulated : bool
+        Whether anything shown was measured on the virtual plant, or follows from what was.
     """
 
     title: str
@@ -76,6 +78,7 @@ class Scene:
     predicted: Predicted | None = None
     distances: Distances | None = None
     notes: tuple[str, ...] = ()
+    simulated: bool = False
 
     def data(self) -> dict[str, object]:
         """As the page's scripts read it."""
@@ -159,6 +162,7 @@ def of_plan(
             *_of_capsules(robot),
             *(() if torque else (WITHOUT_MODEL,)),
         ),
+        simulated=_of_virtual_plant(model),
     )
 
 
@@ -202,6 +206,7 @@ def of_run(
             *_of_distance(near, workspace),
             *_of_capsules(run.robot),
         ),
+        simulated=run.journal.simulated or _of_virtual_plant(model),
     )
 
 
@@ -213,6 +218,10 @@ def _along(found: Measured, model: Model | None) -> Predicted | None:
     q = np.column_stack([np.interp(time, each.time, each.value) for each in found.position])
     qd = np.column_stack([np.interp(time, each.time, each.value) for each in found.velocity])
     return predicted(model, time, q, qd, np.gradient(qd, time, axis=0))
+
+
+def _of_virtual_plant(model: Model | None) -> bool:
+    return model is not None and model.provenance.of_virtual_plant
 
 
 def _instants(duration: float, most: int) -> Array:

@@ -53,7 +53,7 @@ class Served:
 
     def begin(self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...]) -> None:
         """Tell what every run begins with."""
-        self.tell("start", **lines.start(robot, plan, None))
+        self.tell("start", **lines.start(robot, plan, None, simulated=True))
         self.tell("armed", **lines.armed(axes))
 
     def sample(self, sample: Sample) -> None:

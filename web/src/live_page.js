@@ -57,7 +57,9 @@ export class LivePage {
     this.text = text;
     this.measurements = line.measurements;
     const how = line.rehearsal ? `Rehearsal at ${Math.round(100 * line.rehearsal)} %` : 'Run';
-    document.title = at('title').textContent = `${how} of ${line.robot.name}, live`;
+    at('title').textContent = `${how} of ${line.robot.name}, live`;
+    at('simulated').hidden = !line.simulated;
+    document.title = `${line.simulated ? 'SIMULATED: ' : ''}${at('title').textContent}`;
     return undefined;
   }
 

@@ -56,14 +56,16 @@ def bent(after: Callable[[float], Array], distance: float) -> Direction:
 def are_successive(q: Array, qd: Array) -> bool:
     """Whether rows, shape (n, n_joints), are samples of a motion at even intervals.
 
-    Then positions change from row to row as velocities say.
+    Then positions change from row to row as velocities say: velocities at one and the same position
+    are no motion, nor are rows in reverse.
     """
     step, mean = np.diff(q, axis=0), (qd[1:] + qd[:-1]) / 2
     size = float(np.sum(mean**2))
     if not size:
         return False
     period = float(np.sum(step * mean)) / size
-    return bool(np.linalg.norm(step - period * mean) <= SUCCESSIVE * np.linalg.norm(step))
+    apart = float(np.linalg.norm(step - period * mean))
+    return period > 0 and apart <= SUCCESSIVE * float(np.linalg.norm(step))
 
 
 def friction_direction(q: Array, distance: float) -> Array:

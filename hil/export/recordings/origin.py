@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.runs.journal import NO_REAL_MACHINE
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -28,7 +30,7 @@ def facts(job: Job) -> dict[str, str]:
         "run id": run.journal.run_id or "none",
         "robot": f"{run.robot.name} (robot file {run.robot.digest[:12]})",
         "joints": ", ".join(job.joints),
-        "recorded": "virtual plant" if run.journal.simulated else ", ".join(_buses(run)),
+        "recorded": NO_REAL_MACHINE if run.journal.simulated else ", ".join(_buses(run)),
         "sessions": ", ".join(session.started for session in sessions),
         "measurements": f"{len(run)} of {len(run.motions)}",
     }

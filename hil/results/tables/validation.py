@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     from hil.results.verdict import KeptVerdict
 
 
-OWN_FRICTION = ("own friction, %", "inside, %")
+REFITTED = ("friction fitted, %", "inside, %")
 _EXPLAINED = (
-    " Friction was fitted in this recording; the last two columns are with that which the model"
-    " states."
+    " All with the friction that the model states, but the gain and the last two columns: ratio and"
+    " share inside with friction fitted in this recording."
 )
 
 
 def validation(found: Validation, notes: tuple[str, ...] = ()) -> Table:
     """Scores of all axes that the recording moves."""
     heads = ("torque", "residual", "%", "mean, %", "inside, %", "gain")
-    fitted = any(each.drive_relative is not None for each in found.axes)
-    more, explained = (OWN_FRICTION, _EXPLAINED) if fitted else ((), "")
+    fitted = any(each.refitted is not None for each in found.axes)
+    more, explained = (REFITTED, _EXPLAINED) if fitted else ((), "")
     return Table(
         title="Torques predicted of this recording",
         columns=(Column("axis"), *figures(*heads, *more)),
-        parts=(Part(tuple(_row(each, own=fitted) for each in found.axes)),),
+        parts=(Part(tuple(_row(each, fitted=fitted) for each in found.axes)),),
         explanation=(
             "Root mean squares of torque and residual, and their ratio; the same ratio where the"
             " axis's mean torque is the prediction; share of samples inside the predicted intervals"
@@ -64,7 +64,7 @@ def _verdict(each: KeptVerdict) -> Row:
     return each.run, word, off, each.reason
 
 
-def _row(score: AxisScore, *, own: bool) -> Row:
+def _row(score: AxisScore, *, fitted: bool) -> Row:
     return (
         str(score.axis),
         f"{significant(score.torque, 3)} {score.unit}",
@@ -73,12 +73,12 @@ def _row(score: AxisScore, *, own: bool) -> Row:
         f"{100 * score.naive:.0f}",
         f"{100 * score.inside:.0f}",
         f"{score.gain:.3f}",
-        *(_of_drive(score) if own else ()),
+        *(_refitted(score) if fitted else ()),
     )
 
 
-def _of_drive(score: AxisScore) -> Row:
-    shares = score.drive_relative, score.drive_inside
+def _refitted(score: AxisScore) -> Row:
+    shares = score.refitted, score.refitted_inside
     off, inside = (None if share is None else 100 * share for share in shares)
     return (
         "" if off is None else significant(off, 2),

@@ -19,6 +19,7 @@ from hil.export.simulators import SIMULATORS
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
+from hil.results.outcome import Outcome
 from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
@@ -81,6 +82,46 @@ def test_a_verdict_is_stated_with_its_reason(
     assert f"{word}: why" in origin
     assert "robot manutec-r15" in origin
     assert "improved method" in origin
+
+
+def spoilt(run: Path, folder: Path) -> Path:
+    """A folder whose model's identification failed."""
+    model = Model.load(run)
+    outcome = Outcome(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
+    folder.mkdir(exist_ok=True)
+    replace(model, outcome=outcome).save(folder / NAME)
+    return folder
+
+
+@pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
+def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_on_top(
+    hil: Hil, run: Path, tmp_path: Path, to: str
+) -> None:
+    folder = spoilt(run, tmp_path / "failed")
+    status, _, err = hil("export", folder, "--to", to, "-o", tmp_path / "out")
+    assert status == 3
+    assert "its identification failed: axes 2 and 3 exchanged; exchange them; --force" in err
+    assert not (tmp_path / "out").exists()
+    status, out, _ = hil("export", folder, "--to", to, "-o", tmp_path / "out", "--force")
+    assert status == 0
+    assert "FAILED: axes 2 and 3 exchanged" in out
+    for file in (tmp_path / "out").iterdir():
+        head = "".join(file.read_text().splitlines(keepends=True)[:4])
+        assert "FAILED: axes 2 and 3 exchanged; exchange them" in head, file
+
+
+@pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
+def test_a_model_of_simulated_runs_says_so_on_top_of_every_file(
+    hil: Hil, run: Path, tmp_path: Path, to: str
+) -> None:
+    model = Model.load(run)
+    made = model.provenance.model_copy(update={"simulated": None, "bus": "sim_plant manutec-r15"})
+    replace(model, provenance=made).save(tmp_path / NAME)
+    _, out, _ = hil("export", tmp_path / NAME, "--to", to, "-o", tmp_path / "out")
+    assert "SIMULATED: measured on the virtual plant" in out
+    for file in (tmp_path / "out").iterdir():
+        head = "".join(file.read_text().splitlines(keepends=True)[:4])
+        assert "SIMULATED: measured on the virtual plant, no real machine" in head, file
 
 
 def test_the_how_to_s_commands_work_and_it_names_every_format(
@@ -160,10 +201,11 @@ def test_a_model_s_file_has_no_recordings(hil: Hil, run: Path, tmp_path: Path) -
         ("csv", ("--urdf", "arm.urdf")),
         ("mcap", ("--mass", "1:0:5")),
         ("json", ("--without", "g01")),
+        ("csv", ("--force",)),
     ],
 )
 def test_an_option_that_a_format_has_no_use_for_is_refused(
-    hil: Hil, run: Path, tmp_path: Path, to: str, option: tuple[str, str]
+    hil: Hil, run: Path, tmp_path: Path, to: str, option: tuple[str, ...]
 ) -> None:
     status, _, err = hil("export", run, "--to", to, "-o", tmp_path / "out", *option)
     assert status == 2

@@ -35,7 +35,9 @@ def test_a_wrong_sign_is_the_first_thing_that_identify_and_report_state(
     data = recorded(arm(), TRUTH, n=3, duration=12.0)
     wrong = [(m, replace(r, tau=r.tau * np.array([-1.0, 1.0]))) for m, r in data]
     run = write_free_run(tmp_path / "run", arm(), wrong)
-    assert "failed: axis 1: its torque has the wrong sign" in hil("identify", run.path)[1]
+    status, out, _ = hil("identify", run.path)
+    assert status == 3
+    assert "failed: axis 1: its torque has the wrong sign" in out
     assert hil("report", run.path)[0] == 0
     page = (run.path / "report.html").read_text(encoding="utf-8")
     assert page.index('class="outcome failed"') < page.index('class="verdict"')

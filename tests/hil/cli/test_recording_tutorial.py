@@ -42,6 +42,9 @@ def test_every_step_works_and_the_verdict_is_the_one_that_stands_there(
         printed += out
     (stands,) = re.findall(r"(?m)^PASS: .*$", TEXT)
     assert stands in printed
+    rows = re.findall(r"(?m)^ \d  .*$", TEXT)
+    assert len(rows) == 2
+    assert all(row.split() in [line.split() for line in printed.splitlines()] for row in rows)
     model = Model.load("runs/head")
     truth, (low, high) = true_parameters(model.robot, PLANT), model.interval().T
     assert ((low <= truth) & (truth <= high)).all()

@@ -59,5 +59,5 @@ def test_the_virtual_robot_is_identified_and_validated(
     monkeypatch.chdir(tmp_path)
     printed = carried_out(hil, commands_of("virtual-robot"))
     assert "hold the truth for 14 of 14 parameters" in printed
-    assert "PASS: " in printed
+    assert "WARN: axis 5: 75% of the samples lie inside" in printed
     assert Path("runs/virtual/report.html").is_file()

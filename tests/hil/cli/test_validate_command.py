@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from hil.model.robot import parse_robot
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
+from hil.results.stamp import recordings_in_common
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -52,6 +54,43 @@ def test_a_second_validation_on_the_same_run_takes_the_place_of_the_first(
     for _ in range(2):
         assert hil("validate", other, "--model", first / NAME)[0] == 0
     assert len(Model.load(first).validations) == 1
+
+
+def test_recordings_that_the_model_was_made_from_are_refused_in_a_copy_too(
+    hil: Hil, folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    first, _ = folders
+    before = [each for each in Model.load(first).validations if each.verdict == "PASS"]
+    copy = shutil.copytree(first, tmp_path / "copy")
+    for folder in (first, copy):
+        status, out, _ = hil("validate", folder, "--model", first)
+        assert status == 3
+        assert "REFUSE: its recordings are those that the model was made from" in out
+        assert "verdict: REFUSE" in (folder / "validation.yaml").read_text()
+    after = [each for each in Model.load(first).validations if each.verdict == "PASS"]
+    assert after == before
+
+
+def test_a_part_of_the_model_s_recordings_is_refused_and_what_was_left_out_is_not(
+    hil: Hil, folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    first, _ = folders
+    run = Run.open(shutil.copytree(first, tmp_path / "copy"))
+    model = identify(run.without(run.ids[:1]))
+    assert recordings_in_common(model.provenance, run) == len(run) - 1
+    for name in run.ids[1:]:
+        (run.path / "recordings" / f"{name}.h5").unlink()
+    assert recordings_in_common(model.provenance, Run.open(run.path)) == 0
+
+
+def test_a_model_without_digests_is_known_by_plan_and_time_of_its_run(
+    folders: tuple[Path, Path],
+) -> None:
+    first, other = folders
+    made = Model.load(first).provenance.model_copy(update={"recordings": ()})
+    assert recordings_in_common(made, Run.open(first)) == len(Run.open(first))
+    earlier = made.model_copy(update={"measured": "2020-01-02T03:04:05+00:00"})
+    assert recordings_in_common(earlier, Run.open(other)) == 0
 
 
 def test_a_refused_model_ends_with_status_3(hil: Hil, folders: tuple[Path, Path]) -> None:

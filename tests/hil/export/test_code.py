@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import ctypes
-import shutil
 import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from compiled_code import COMPILER, STRICT, called, compiled, module, needs_compiler
 from stated_model import stated_model
 
 from hil.export.c_code import write_c
 from hil.export.expressions import count
-from hil.export.functions import functions, rigid
+from hil.export.functions import rigid
 from hil.export.identifiers import identifier
 from hil.export.operations import of_whole_links
 from hil.export.python_code import write_python
@@ -38,11 +37,8 @@ ROBOTS = {
     "base on a wall": str(ROOT / "tests/robots/ur10e-on-a-wall.yaml"),
     "URDF": str(ROOT / "examples/pan_tilt/head.urdf"),
 }
-COMPILER = shutil.which("cc")
 EXACT = {"warmth_rate": 1e-7}
 """How closely what is compared with a difference quotient agrees."""
-STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler (cc)")
 
 
 def motion(robot: Robot, n: int = 20) -> tuple[Array, Array, Array]:
@@ -81,41 +77,6 @@ def rates(model: Model, qd: Array, warmth: Array) -> Array:
         np.nan_to_num((model.warmth([0.0, step], [v, v], w)[1] - w) / step)
         for v, w in zip(qd, warmth, strict=True)
     ])  # fmt: skip
-
-
-def module(model: Model) -> dict[str, Any]:
-    (text,) = write_python(model, ("origin",)).files.values()
-    names: dict[str, Any] = {}
-    exec(compile(text, "exported", "exec"), names)  # noqa: S102 - our own text
-    return names
-
-
-def compiled(model: Model, folder: Path, *flags: str) -> ctypes.CDLL:
-    """The header as a library: each function once more, with a name to be found by."""
-    name = identifier(model.robot.name)
-    for file, text in write_c(model, ("origin */ of /* a \\", "run")).files.items():
-        (folder / file).write_text(text)
-    lines = [f'#include "{name}_dynamics.h"']
-    for each in functions(model):
-        arguments = ", ".join(f"const {name}_real *{a}" for a in each.arguments)
-        call = f"{name}_{each.name}({', '.join(each.arguments)}, out)"
-        prototype = f"void {each.name}({arguments}, {name}_real *out)"
-        lines += [f"{prototype};", f"{prototype} {{ {call}; }}"]
-    (folder / "library.c").write_text("\n".join(lines) + "\n")
-    assert COMPILER is not None
-    command = [COMPILER, *STRICT, *flags, "-shared", "-fPIC", "library.c", "-o", "lib.so", "-lm"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
-    assert done.returncode == 0, done.stderr
-    return ctypes.CDLL(str(folder / "lib.so"))
-
-
-def called(function: Any, arguments: tuple[Array, ...], shape: tuple[int, ...], kind: Any) -> Array:
-    """Call a C function sample by sample."""
-    out = np.empty(shape, dtype=kind)
-    samples = [np.ascontiguousarray(each, dtype=kind) for each in arguments]
-    for k in range(len(out)):
-        function(*(ctypes.c_void_p(each[k].ctypes.data) for each in (*samples, out)))
-    return out.astype(float)
 
 
 def close(found: Array, wanted: Array, share: float) -> bool:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 
-def with_terms(**terms: float) -> Model:
+def with_terms(presliding: float = 0.0, **terms: float) -> Model:
     """A model whose axes all have one law with these coefficients, at speeds up to 2."""
     law = AxisLaw(
         law="stated",
@@ -37,6 +37,7 @@ def with_terms(**terms: float) -> Model:
         held_out={},
         wander=0.05,
         speeds=(0.1, 2.0),
+        presliding=presliding,
     )
     model = stated_model(load_robot("manutec-r15"))
     return replace(model, friction_law=FrictionLaw(axes=(law,) * 6))
@@ -47,6 +48,13 @@ def test_a_law_of_coulomb_and_viscous_friction_is_itself() -> None:
     assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))  # per rad/s
     assert first.misfit < 1e-12
     assert first.stribeck.misfit < 1e-12
+
+
+def test_coulomb_friction_of_an_axis_with_presliding_is_not_dropped() -> None:
+    first = simple_friction(with_terms(presliding=2e-3, Coulomb=5.0, viscous=3.0))[0]
+    assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))
+    assert first.misfit < 1e-12
+    assert first.size == pytest.approx(6.7, abs=0.1)
 
 
 def test_what_differs_by_direction_is_left_out_and_counts_as_misfit() -> None:

@@ -69,6 +69,7 @@ def test_a_listener_is_told_of_everything_in_order(
     assert lines[-1]["how"] == "finished"
     assert [joint["unit"] for joint in lines[0]["robot"]["joints"]] == ["rad"] * 6
     assert lines[0]["measurements"] == 3
+    assert lines[0]["simulated"] is True
     events = [(line["name"], line.get("measurement")) for line in lines if line["kind"] == "event"]
     of_each = [(name, m) for m in ("g1", "i1", "c1") for name in ("Travelled", "Recorded")]
     assert events == [("Started", None), *of_each, ("Finished", None)]

@@ -229,7 +229,7 @@ def told(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]:
             topic: store.deserialize_cdr(said.data, TOPICS[topic]) for topic, said in found.items()
         }
 
-    take("start", **lines.start(manutec, small_plan, None))
+    take("start", **lines.start(manutec, small_plan, None, simulated=True))
     return take
 
 

@@ -99,6 +99,15 @@ def test_state_progress_and_axes_are_shown(browser: Chrome, page: Served) -> Non
     assert complaints(browser) == []
 
 
+def test_a_run_of_the_virtual_plant_says_so_and_no_other_does(
+    browser: Chrome, page: Served, manutec: Robot, small_plan: Plan
+) -> None:
+    assert text(browser, "simulated") == "SIMULATED"
+    assert browser.title == "SIMULATED: Run of manutec-r15, live"
+    page.tell("start", **lines.start(manutec, small_plan, None, simulated=False))
+    until(browser, lambda: not browser.find_element(By.ID, "simulated").is_displayed())
+
+
 def test_the_robot_stands_as_it_was_sampled(browser: Chrome, page: Served) -> None:
     assert browser.execute_script("return window.live.scene.q") == pytest.approx(Q)
     moved = tuple(q + 0.1 for q in Q)

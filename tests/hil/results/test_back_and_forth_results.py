@@ -99,9 +99,10 @@ def test_strokes_of_a_robot_whose_limits_are_unknown_are_validated(
 def test_its_bodies_hold_on_a_machine_whose_friction_is_another(run: Run, tmp_path: Path) -> None:
     other = write_free_run(tmp_path / "other", ROBOT, recorded(ROBOT, TRUTH, n=1, seed=9))
     verdict = validate(identify(run), predicted_torques(identify(run), of_run(other)))
-    assert all(each.relative < 0.05 for each in verdict.axes)
-    assert verdict.verdict == "WARN"
-    assert "the rigid bodies hold, the friction that the model states does not" in verdict.reason
+    assert all(each.refitted is not None and each.refitted < 0.05 for each in verdict.axes)
+    assert verdict.verdict == "REFUSE"
+    assert "; with friction fitted in this recording it is off by" in verdict.reason
+    assert "the bodies hold, the friction that the model states does not" in verdict.reason
 
 
 def test_a_whole_and_a_partial_estimate_are_reported(run: Run, partial: Run) -> None:

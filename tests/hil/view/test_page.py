@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from sampled_depth import sampled_depth
-from small_run import SIMULATED
+from small_run import SIMULATED, as_on_hardware
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.errors import FileError, InvalidValue
@@ -24,6 +24,7 @@ from hil.planning.plan import WarmUp
 from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Box, Workspace
 from hil.runs.recording_file import Measured
+from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
 from hil.view import page
 from hil.view.packed import deflated, inflated, packed
@@ -33,7 +34,6 @@ from hil.view.scene import of_plan, of_robot, of_run
 if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
-    from hil.runs.run import Run
 
 ROOT = Path(__file__).parents[3]
 MOST = 20_000
@@ -235,6 +235,12 @@ def test_a_run_shows_what_was_measured_beside_its_set_points(run: Run) -> None:
         track = scene.measured.torque[joint]
         torque = np.interp(time, track.time, track.value)
         assert np.abs(torque - recording.tau[:, joint]).max() < 2e-3 * np.abs(track.value).max()
+
+
+def test_a_run_of_the_virtual_plant_says_so_and_no_other_does(run: Run) -> None:
+    assert '<span class="badge">SIMULATED</span>' in page.html(of_run(run, MOST))
+    as_on_hardware(run.path / "run.json", "socketcan can0")
+    assert ">SIMULATED<" not in page.html(of_run(Run.open(run.path), MOST))
 
 
 def test_a_run_of_many_samples_shows_fewer(run: Run) -> None:

@@ -53,6 +53,16 @@ def test_rows_are_successive_where_positions_change_as_velocities_say() -> None:
     assert not are_successive(q[:1], qd[:1])
 
 
+def test_velocities_without_a_change_of_position_are_no_motion() -> None:
+    _, qd, _ = some_motion(PERIOD * np.arange(500))
+    assert not are_successive(np.zeros_like(qd), qd)
+
+
+def test_rows_in_reverse_are_no_motion() -> None:
+    q, qd, _ = some_motion(PERIOD * np.arange(500))
+    assert not are_successive(q[::-1], qd[::-1])
+
+
 def with_presliding() -> list:
     """Recordings of small motions whose friction follows over `DISTANCE`."""
     data = recorded(arm(), TRUTH, lambda qd: VISCOUS * qd, noise=0.1)
