@@ -122,6 +122,11 @@ def _naive(scores: Sequence[AxisScore]) -> Iterator[Verdict]:
     worst = max(scores, key=lambda s: s.relative / max(s.naive, 1e-12))
     if worst.relative > NAIVE * worst.naive and worst.relative > GOOD:
         why = "the model does not hold for this motion"
+        if worst.uncertain > UNEXCITED:
+            why = (
+                "the recordings that the model was made from do not excite what this motion needs:"
+                f" standard errors amount to {worst.uncertain:.0%} of its torque"
+            )
         if worst.of_bodies < NAIVE * worst.naive and worst.of_bodies < worst.relative:
             why = (
                 f"with friction fitted in this recording it is off by {worst.of_bodies:.0%}: the"
