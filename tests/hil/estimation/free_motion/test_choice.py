@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from free_run import COULOMB, OFFSET, TRUTH, VISCOUS, arm, recorded
@@ -12,6 +14,20 @@ from hypothesis.extra import numpy as arrays
 from hil.estimation.free_motion.choice import folds, simplest
 from hil.estimation.free_motion.friction_terms import LAWS, TERMS
 from hil.estimation.identify import estimate
+from hil.model.dynamics import inverse_dynamics
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+
+def motion_of(recording: Recording) -> tuple[Array, Array, Array]:
+    """Smooth positions of a recording without noise of the position, and their derivatives."""
+    qd = np.gradient(recording.q, recording.time, axis=0)
+    return recording.q, qd, np.gradient(qd, recording.time, axis=0)
 
 
 @given(
@@ -29,6 +45,46 @@ def test_a_richer_alternative_is_chosen_if_it_is_better_by_more_than_chance() ->
     plain = rng.uniform(0.9, 1.1, 30)
     assert simplest({"plain": plain, "rich": plain - 0.3}) == "rich"
     assert simplest({"plain": plain, "rich": plain - rng.normal(0.001, 0.1, 30)}) == "plain"
+
+
+def test_one_bad_block_of_eight_excuses_no_law_that_leaves_much_more() -> None:
+    plain, rich = np.full(8, 6.0), np.full(8, 1.0)
+    plain[3], rich[3] = 1.0, 8.0
+    assert simplest({"plain": plain, "rich": rich}) == "rich"
+
+
+def test_a_difference_that_is_certain_but_negligible_keeps_the_simpler_alternative() -> None:
+    plain = np.random.default_rng(0).uniform(0.9, 1.1, 200)
+    assert simplest({"plain": plain, "rich": 0.99 * plain}) == "plain"
+    assert simplest({"plain": plain, "rich": 0.95 * plain}) == "rich"
+
+
+def test_an_axis_is_judged_by_its_own_residual_however_many_there_are() -> None:
+    others, plain, rich = np.full(8, 6.0), np.full(8, 1.5), np.full(8, 1.0)
+    assert simplest({"plain": others + plain, "rich": others + rich}, n_axes=7) == "rich"
+
+
+@pytest.mark.parametrize("seed", range(60, 66))
+def test_textbook_friction_gets_the_textbook_law(seed: int) -> None:
+    data = recorded(arm(), TRUTH, n=1, duration=60.0, noise=0.5, seed=seed)
+    found = estimate(arm(), data, "free motion").free
+    assert found is not None
+    assert [axis.law for axis in found.axes] == ["Coulomb and viscous"] * 2
+
+
+def test_friction_of_the_load_takes_a_share_of_it_or_is_none() -> None:
+    # a torque that falls with the load is no friction of a gear
+    def tau(share: float) -> list[str]:
+        data = recorded(arm(), TRUTH, n=2)
+        for _, recording in data:
+            load = inverse_dynamics(arm(), TRUTH, *motion_of(recording))
+            recording.tau[:] += share * np.abs(load) * np.sign(motion_of(recording)[1])
+        found = estimate(arm(), data, "free motion").free
+        assert found is not None
+        return [axis.law for axis in found.axes]
+
+    assert any("load" in law for law in tau(0.1))
+    assert not any("load" in law for law in tau(-0.1))
 
 
 @given(n=st.integers(1, 200))

@@ -1,0 +1,65 @@
+"""The first word on imported recordings: columns that are no torques of this motion have failed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, classical, recorded, write_free_run
+
+from hil.results.identification import identify
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.results.model import Model
+    from hil.results.outcome import Outcome
+
+    Array = NDArray[np.float64]
+
+
+def identified(path: Path, change: Callable[[Array], Array]) -> Model:
+    """Identify recordings whose torques were changed."""
+    data = recorded(arm(), TRUTH)
+    for _, recording in data:
+        recording.tau[:] = change(recording.tau)
+    return identify(write_free_run(path / "run", arm(), data))
+
+
+def outcome(path: Path, change: Callable[[Array], Array]) -> Outcome:
+    found = identified(path, change).outcome
+    assert found is not None
+    return found
+
+
+def noise(tau: Array) -> Array:
+    return np.random.default_rng(0).normal(0.0, 10.0, tau.shape)
+
+
+def constant(tau: Array) -> Array:
+    return np.column_stack([tau[:, 0], np.full(len(tau), 7.0)])
+
+
+@pytest.mark.parametrize("wrong", [noise, constant])
+def test_what_the_mean_torque_explains_as_well_has_failed(
+    wrong: Callable[[Array], Array], tmp_path: Path
+) -> None:
+    found = outcome(tmp_path, wrong)
+    assert found.word == "failed"
+
+
+def test_right_columns_are_good_and_how_good_is_stated(tmp_path: Path) -> None:
+    found = outcome(tmp_path, lambda tau: tau)
+    assert found.word == "good"
+    assert "within" in found.reason
+
+
+def test_friction_that_gives_power_is_doubted_by_its_axis(tmp_path: Path) -> None:
+    data = recorded(arm(), TRUTH, lambda qd: classical(qd) * np.array([1.0, -1.0]))
+    found = identify(write_free_run(tmp_path / "run", arm(), data)).friction
+    assert found is not None
+    assert found.driving == (2,)
