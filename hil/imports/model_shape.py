@@ -63,19 +63,16 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
         array[::step] for array in (evidence.q, evidence.qd, evidence.qdd, evidence.tau)
     )
     moving = np.ptp(q, axis=0) > np.maximum(0.01 * np.nan_to_num(robot.q_max - robot.q_min), 1e-3)
-    scatter = np.std(tau, axis=0)
-    scale = np.maximum(scatter, _LEAST * scatter.max())
-    if len(q) < POINTS // 2 or not moving.any() or not scale.all():
+    if len(q) < POINTS // 2 or not moving.any() or not np.std(tau, axis=0).any():
         return
     motion = (q, qd, qdd)
-    design = _design(robot, motion, scale)
-    own = _unexplained(design, tau, scale, qd)
+    columns = _columns(robot, motion)
+    own = _unexplained(columns, tau, qd)
     found: list[tuple[float, _Reading | None]] = [(own, None)]
     for reading in _readings(robot, motion, tau, moving):
         same = reading.motion is motion
-        its_design = design if same else _design(robot, reading.motion, scale)
-        unexplained = _unexplained(its_design, reading.tau, scale, reading.motion[1])
-        found.append((unexplained, reading))
+        its_columns = columns if same else _columns(robot, reading.motion)
+        found.append((_unexplained(its_columns, reading.tau, reading.motion[1]), reading))
     least, best = min(found, key=lambda each: each[0])
     ratio = own / max(least, 1e-6)
     if best is not None and ratio > BETTER and least < _EXPLAINED:
@@ -88,11 +85,8 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
         )
 
 
-def _design(robot: Robot, motion: Motion, scale: Array) -> Array:
-    """Columns of the base parameters, inertia, friction and offset, each of norm 1.
-
-    A joint's rows are divided by `scale`, the scatter of its torques as far as it is notable.
-    """
+def _columns(robot: Robot, motion: Motion) -> Array:
+    """Columns of the base parameters, inertia, friction and offset, shape (n, joints, columns)."""
     rigid = regressor(robot, *motion)
     n, joints, n_base = rigid.shape
     columns = np.zeros((n, joints, n_base + 4 * joints + 4 * len(robot.couplings)))
@@ -104,9 +98,7 @@ def _design(robot: Robot, motion: Motion, scale: Array) -> Array:
         at = n_base + 4 * (joints + number)
         both = (motion[k][:, motor] + motion[k][:, joint] for k in (1, 2))
         columns[:, [motor, joint], at : at + 4] = _own_columns(*both)[:, None]
-    flat = (columns / scale[:, None]).reshape(n * joints, -1)
-    normed: Array = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
-    return normed
+    return columns
 
 
 def _own_columns(qd: Array, qdd: Array) -> Array:
@@ -114,11 +106,18 @@ def _own_columns(qd: Array, qdd: Array) -> Array:
     return np.stack([np.tanh(qd / (0.05 * speed)), qd, qdd, np.ones_like(qd)], axis=1)
 
 
-def _unexplained(design: Array, tau: Array, scale: Array, qd: Array) -> float:
+def _unexplained(columns: Array, tau: Array, qd: Array) -> float:
     """Share of the torques' scatter that the model leaves, over all joints that are not too slow.
 
-    Near a reversal friction is no function of velocity, and what is left there hides the rest.
+    A joint's rows are divided by the scatter of the torques that this reading gives it, as far as
+    it is notable: a torque weighs the same whichever joint it is read as, so that no reading gains
+    by giving a large torque to a joint that weighs little. Near a reversal friction is no function
+    of velocity, and what is left there hides the rest.
     """
+    scatter = np.std(tau, axis=0)
+    scale = np.maximum(scatter, _LEAST * scatter.max())
+    flat = (columns / scale[:, None]).reshape(tau.size, -1)
+    design = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
     fast = (np.abs(qd) >= _SLOW * np.abs(qd).max(axis=0)).ravel()
     wanted = ((tau - tau.mean(axis=0)) / scale).ravel()[fast]
     used = design[fast]

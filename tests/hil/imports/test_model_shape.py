@@ -37,6 +37,15 @@ def test_the_right_map_raises_no_suspicion(evidence, manutec):
     assert found(evidence, manutec) == []
 
 
+def test_a_light_joint_of_noisy_torques_is_not_taken_for_one_of_great_friction(evidence, manutec):
+    friction = np.array([90, 90, 20, 0, 0, -5]) * np.tanh(evidence.qd / 0.03)
+    tau = evidence.tau + friction
+    tau[:, 5] += np.random.default_rng(2).normal(0, 0.5 * tau[:, 5].std(), len(tau))
+    assert found(evidence, manutec, tau=tau) == []
+    (message,) = found(evidence, manutec, tau=tau[:, [5, 1, 2, 3, 4, 0]])
+    assert message.endswith("if, say, the torques of joints 1 and 6 are exchanged")
+
+
 @pytest.mark.parametrize(("turn", "words"), [(np.pi / 2, "-pi/2"), (-np.pi / 2, "pi/2")])
 def test_a_zero_that_is_a_quarter_turn_off(evidence, manutec, turn, words):
     shift = np.array([0, 0, turn, 0, 0, 0])
