@@ -62,7 +62,8 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
     q, qd, qdd, tau = (
         array[::step] for array in (evidence.q, evidence.qd, evidence.qdd, evidence.tau)
     )
-    moving = np.ptp(q, axis=0) > np.maximum(0.01 * np.nan_to_num(robot.q_max - robot.q_min), 1e-3)
+    notable = np.ptp(q, axis=0) > 0.01 * np.nan_to_num(robot.q_max - robot.q_min)
+    moving = evidence.moves & notable
     if len(q) < POINTS // 2 or not moving.any() or not np.std(tau, axis=0).any():
         return
     motion = (q, qd, qdd)
