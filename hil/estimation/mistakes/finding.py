@@ -30,6 +30,7 @@ from hil.estimation.mistakes.reading import Reading
 from hil.estimation.mistakes.saturation import saturated
 from hil.estimation.mistakes.search import linear, tried
 from hil.estimation.signals import signals
+from hil.model.robot import Robot
 from hil.planning.measurement import shows_parameters
 
 if TYPE_CHECKING:
@@ -39,12 +40,16 @@ if TYPE_CHECKING:
     from hil.estimation.mistakes.misfit import Explanation
     from hil.estimation.mistakes.search import Tried
     from hil.estimation.signals import Signals
-    from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
 
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
+REACHED = 0.99
+"""Share of a recording's samples below the limit that counts where none is stated: a few are beyond
+what was meant, in noise and at its ends."""
+SMALLEST = 1e-6
+"""Such a limit of an axis that stands, by which is divided."""
 AGREES = 1.15
 """Misfit of an axis up to which recordings agree with each other."""
 CONTRADICTS = 3.0
@@ -66,13 +71,10 @@ def find_mistake(
 ) -> Mistake | None:
     """Find the likeliest mistake behind recordings; None where they agree with the robot.
 
-    None too for a robot whose limits are unknown, and where too little was recorded to contradict
-    itself.
+    None too where too little was recorded to contradict itself.
     """
-    limits = (robot.velocity_limit, robot.acceleration_limit, robot.torque_limit)
-    if not all(np.isfinite(limit).all() for limit in limits):
-        return None
     prepared = list(_prepared(recorded))
+    robot = _limited(robot, [s for _, s in prepared])
     found = channels(robot, prepared)
     if not found:
         return None
@@ -93,6 +95,25 @@ def _prepared(
                 yield measurement, signals(recording)
             except NotEnoughData:
                 continue
+
+
+def _limited(robot: Robot, recorded: Sequence[Signals]) -> Robot:
+    """The robot, its unknown limits those that were reached.
+
+    Limits say here only what is slow, what is a corner and what is little torque.
+    """
+    limits = {
+        "velocity_limit": [np.abs(s.smoothed(s.qd)) for s in recorded],
+        "acceleration_limit": [np.abs(s.smoothed(s.qdd)) for s in recorded],
+        "torque_limit": [np.abs(s.tau) for s in recorded],
+    }
+    joints = list(robot.file.joints)
+    for name, values in limits.items():
+        unknown = np.flatnonzero(~np.isfinite(getattr(robot, name)))
+        for axis in unknown if values else ():
+            reached = max(float(np.quantile(each[:, axis], REACHED)) for each in values)
+            joints[axis] = joints[axis].model_copy(update={name: max(reached, SMALLEST)})
+    return Robot(robot.file.model_copy(update={"joints": tuple(joints)}), robot.source, robot.text)
 
 
 def _off(campaign: Campaign, stated: Reading, explained: Explanation) -> bool:
