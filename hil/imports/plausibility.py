@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.imports.misread_torques import misread_torques
 from hil.imports.model_shape import shape_suspicions
 from hil.imports.ranges import range_suspicions, small_motion
 from hil.imports.suspicion import Suspicion
@@ -39,6 +40,8 @@ _NOISE = 1.0 - FITS
 _AGREES = 0.1
 _FRICTION_T = 6.0
 _NOTABLE = 0.02
+_ROUNDING = 1e-9
+"""Relative difference of values that interpolation has left alike."""
 _RANK = 1e-8
 
 
@@ -93,6 +96,7 @@ def suspicions(
     """
     evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
+    found += misread_torques(excerpts, evidence, robot, unknown_gains)
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
     if alone is None and not any(suspicion.certain for suspicion in found):
@@ -105,7 +109,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
     ways = np.ptp(evidence.q, axis=0)
     for joint, (way, moves) in enumerate(zip(ways, evidence.moves, strict=True)):
         at = ("joints", joint)
-        if np.ptp(evidence.tau[:, joint]) == 0 and moves:
+        if np.ptp(evidence.tau[:, joint]) <= _ROUNDING * np.abs(evidence.tau[0, joint]) and moves:
             torque = evidence.tau[0, joint]
             yield Suspicion(
                 "still", (*at, "torque"), f"is {torque:g} throughout; name the column of its torque"
