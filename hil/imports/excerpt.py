@@ -38,7 +38,8 @@ _SAME = 1e-3
 class Local:
     """Motion and torques at some instants, fitted over the samples about each: (n, n_joints).
 
-    `noise_qd`, shape (n_joints,), is the standard deviation that noise of positions gives `qd`.
+    `noise_qd` and `noise_qdd`, shape (n_joints,), are the standard deviations that noise of
+    positions gives `qd` and `qdd`.
     """
 
     q: Array
@@ -47,6 +48,7 @@ class Local:
     tau: Array
     recorded_qd: Array
     noise_qd: Array
+    noise_qdd: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +74,8 @@ class Excerpt:
         fit = np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
         q, qd, qdd = (np.einsum("w,pwj->pj", row, self.q[about]) for row in fit)
         tau, recorded_qd = self.tau[about].mean(axis=1), self.qd[about].mean(axis=1)
-        noise_qd = float(np.linalg.norm(fit[1])) * self.extent.noise
-        return Local(q, qd, qdd, tau, recorded_qd, noise_qd)
+        of_noise = np.linalg.norm(fit, axis=1)[:, None] * self.extent.noise
+        return Local(q, qd, qdd, tau, recorded_qd, of_noise[1], of_noise[2])
 
     @cached_property
     def extent(self) -> Extent:

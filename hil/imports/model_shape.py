@@ -2,8 +2,9 @@
 
 A small regression of the base parameters, rotor inertia and friction of each joint says how much of
 the torques the model explains. Then the same with one thing of the map changed: a sign, two joints
-exchanged, degrees for radians, a zero shifted by a quarter turn. A change that explains far more is
-what the map has wrong; a coupling or a load that the model lacks changes none of these.
+exchanged, degrees for radians, a zero shifted by a quarter turn, gravity from another side. A
+change that explains far more is what the map has wrong; a coupling or a load that the model lacks
+changes none of these. Where next to nothing is explained the torques are none of this robot.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ BETTER = 1.3
 """Ratio of residuals from which on another reading of the map is stated."""
 CERTAIN = 3.0
 """And from which on it refuses the import."""
+NOTHING = 0.9
+"""Share of the scatter of torques that is unexplained where they are not of this motion: less than
+a fifth of their variance is explained. Public recordings of five machines have 0.24 at most."""
 _EXPLAINED = 0.7
 _WELL = 0.35
 _WIDEST = 20.0
@@ -54,6 +58,7 @@ class _Reading:
     message: str
     motion: Motion
     tau: Array
+    gravity: Array | None = None
 
 
 def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
@@ -71,8 +76,8 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
     own = _unexplained(columns, tau, qd)
     found: list[tuple[float, _Reading | None]] = [(own, None)]
     for reading in _readings(robot, motion, tau, moving):
-        same = reading.motion is motion
-        its_columns = columns if same else _columns(robot, reading.motion)
+        same = reading.motion is motion and reading.gravity is None
+        its_columns = columns if same else _columns(robot, reading.motion, reading.gravity)
         found.append((_unexplained(its_columns, reading.tau, reading.motion[1]), reading))
     least, best = min(found, key=lambda each: each[0])
     ratio = own / max(least, 1e-6)
@@ -84,11 +89,19 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             f" {100 * least:.3g} % if, say, {best.message}",
             certain=ratio > CERTAIN and least < _WELL,
         )
+    elif own > NOTHING:
+        yield Suspicion(
+            "shape",
+            ("joints", 0, "torque"),
+            f"the model, friction and all, leaves {100 * own:.3g} % of the torques of all joints"
+            " unexplained: they do not follow this motion; name the columns of torques, of the same"
+            " recording and of this robot",
+        )
 
 
-def _columns(robot: Robot, motion: Motion) -> Array:
+def _columns(robot: Robot, motion: Motion, gravity: Array | None = None) -> Array:
     """Columns of the base parameters, inertia, friction and offset, shape (n, joints, columns)."""
-    rigid = regressor(robot, *motion)
+    rigid = regressor(robot, *motion, gravity=gravity)
     n, joints, n_base = rigid.shape
     columns = np.zeros((n, joints, n_base + 4 * joints + 4 * len(robot.couplings)))
     columns[:, :, :n_base] = rigid
@@ -139,6 +152,7 @@ def _readings(
             q, qd, qdd = (array * scaled for array in motion)
             message = f"the positions of all joints that turn were {unit}"
             yield _Reading(("joints", 0, "position", "unit"), message, (q, qd, qdd), tau)
+    yield from _of_gravity(robot, motion, tau)
     for i, j in combinations(range(robot.n_joints), 2):
         if robot.revolute[i] != robot.revolute[j]:
             continue
@@ -152,6 +166,19 @@ def _readings(
             yield _Reading(at, f"{pair} are exchanged", (q, qd, qdd), exchanged)
             message = f"the positions of {pair} are exchanged"
             yield _Reading((*at, "position"), message, (q, qd, qdd), tau)
+
+
+def _of_gravity(robot: Robot, motion: Motion, tau: Array) -> Iterator[_Reading]:
+    """Gravity along another axis of the base."""
+    stated = np.array(robot.gravity)
+    size = float(np.linalg.norm(stated))
+    for direction in (*np.eye(3), *-np.eye(3)) if size else ():
+        if direction @ stated < 0.9 * size:
+            along = size * direction + 0.0
+            message = (
+                f"gravity were [{', '.join(f'{g:.3g}' for g in along)}] m/s² in the base frame"
+            )
+            yield _Reading(("robot",), message, motion, tau, along)
 
 
 def _of_one_joint(robot: Robot, motion: Motion, tau: Array, joint: int) -> Iterator[_Reading]:

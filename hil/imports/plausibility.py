@@ -49,8 +49,8 @@ _RANK = 1e-8
 class Evidence:
     """Motion and torques of all excerpts together: arrays (n, n_joints), SI, joint side.
 
-    Of each joint besides, shape (n_joints,): the standard deviation that noise of positions gives
-    `qd`, and whether it moves by more than this noise.
+    Of each joint besides, shape (n_joints,): the standard deviations that noise of positions gives
+    `qd` and `qdd`, and whether it moves by more than this noise.
     """
 
     q: Array
@@ -59,6 +59,7 @@ class Evidence:
     tau: Array
     recorded_qd: Array
     noise_qd: Array
+    noise_qdd: Array
     moves: NDArray[np.bool_]
 
     @classmethod
@@ -72,6 +73,7 @@ class Evidence:
             tau=np.concatenate([part.tau for part in parts]),
             recorded_qd=np.concatenate([part.recorded_qd for part in parts]),
             noise_qd=np.max([part.noise_qd for part in parts], axis=0),
+            noise_qdd=np.max([part.noise_qdd for part in parts], axis=0),
             moves=moving([excerpt.extent for excerpt in excerpts]),
         )
 
@@ -96,9 +98,11 @@ def suspicions(
     """
     evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
-    found += misread_torques(excerpts, evidence, robot, unknown_gains)
+    if not any(suspicion.certain for suspicion in found):
+        found += misread_torques(excerpts, evidence, robot, unknown_gains)
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
+        found += _coarse(evidence, robot)
     if alone is None and not any(suspicion.certain for suspicion in found):
         found += small_motion(evidence, robot)
         found += [] if unknown_gains else shape_suspicions(evidence, robot)
@@ -154,6 +158,21 @@ def _velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
                 f" {reason}",
                 certain=scale < 0 or abs(np.log(scale)) > np.log(1.5),
             )
+
+
+def _coarse(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+    """Positions whose noise makes more of the accelerations than the motion does."""
+    power = np.mean(evidence.qdd**2, axis=0)
+    for joint in np.flatnonzero(evidence.moves & (evidence.noise_qdd**2 > power / 2)).tolist():
+        unit = robot.position_unit(joint)
+        yield Suspicion(
+            "velocity",
+            ("joints", joint, "position"),
+            f"scatters so far that accelerations are known to ±{evidence.noise_qdd[joint]:.2g}"
+            f" {unit}/s² only, more than the motion has; take the encoder's own resolution, or"
+            " record faster motion",
+            certain=False,
+        )
 
 
 def _fits_none(evidence: Evidence, joint: int, correlation: float) -> str:

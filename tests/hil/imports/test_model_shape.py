@@ -21,7 +21,7 @@ def evidence(manutec):
     motors = manutec.reflected_inertia * qdd
     tau = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd) + motors + 10 * np.tanh(qd / 0.03)
     tau += np.random.default_rng(1).normal(0, 0.3, tau.shape)
-    return Evidence(q, qd, qdd, tau, np.full_like(q, np.nan), np.zeros(6), np.ones(6, bool))
+    return Evidence(q, qd, qdd, tau, np.full_like(q, np.nan), *np.zeros((2, 6)), np.ones(6, bool))
 
 
 def found(evidence, manutec, **changes):
