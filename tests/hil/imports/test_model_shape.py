@@ -1,5 +1,6 @@
 """Gravity and inertia show signs, order, zeros and units that the map has wrong."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from synthetic import TABLE_3_A
 from hil.imports.model_shape import shape_suspicions
 from hil.imports.plausibility import Evidence, friction_suspicions
 from hil.model.dynamics import inverse_dynamics
+from hil.model.robot import parse_robot
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +76,14 @@ def test_degrees_of_all_joints_that_are_stated_as_radians(evidence, manutec):
     (suspicion,) = shape_suspicions(replace(evidence, **changed), manutec)
     assert suspicion.certain
     assert "all joints that turn were in degrees, stated as rad" in suspicion.message
+
+
+@pytest.mark.parametrize("stated", ["[0, 0, 9.81]", "[9.81, 0, 0]", "[0, -9.81, 0]"])
+def test_gravity_from_another_side(evidence, manutec, stated):
+    text = re.sub(r"^gravity: \[.*?\]", f"gravity: {stated}", manutec.text, flags=re.MULTILINE)
+    (suspicion,) = shape_suspicions(evidence, parse_robot(text, "tilted.yaml"))
+    assert suspicion.message.endswith("if, say, gravity were [0, 0, -9.81] m/s² in the base frame")
+    assert suspicion.location == ("robot",)
 
 
 def test_friction_at_reversals_does_not_hide_joints_in_another_order(evidence, manutec):
