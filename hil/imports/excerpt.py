@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.imports.resampling import resampled
 from hil.imports.segments import Piece
+from hil.regression.standstill import extent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.imports.samples import Samples
+    from hil.regression.standstill import Extent
 
     Array = NDArray[np.float64]
 
@@ -34,13 +36,19 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """Motion and torques at some instants, fitted over the samples about each: (n, n_joints)."""
+    """Motion and torques at some instants, fitted over the samples about each: (n, n_joints).
+
+    `noise_qd` and `noise_qdd`, shape (n_joints,), are the standard deviations that noise of
+    positions gives `qd` and `qdd`.
+    """
 
     q: Array
     qd: Array
     qdd: Array
     tau: Array
     recorded_qd: Array
+    noise_qd: Array
+    noise_qdd: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +73,14 @@ class Excerpt:
         t = np.arange(-half, half + 1) * self.period
         fit = np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
         q, qd, qdd = (np.einsum("w,pwj->pj", row, self.q[about]) for row in fit)
-        return Local(q, qd, qdd, self.tau[about].mean(axis=1), self.qd[about].mean(axis=1))
+        tau, recorded_qd = self.tau[about].mean(axis=1), self.qd[about].mean(axis=1)
+        of_noise = np.linalg.norm(fit, axis=1)[:, None] * self.extent.noise
+        return Local(q, qd, qdd, tau, recorded_qd, of_noise[1], of_noise[2])
+
+    @cached_property
+    def extent(self) -> Extent:
+        """Range and noise of the positions."""
+        return extent(self.q, self.period)
 
 
 def even_samples(samples: Samples, piece: Piece) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, p
 from hil.imports.units import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 from hil.model.drive_train_file import UNKNOWN, Unknown
 
-Check = Literal["range", "velocity", "friction", "shape", "still"]
+Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
 """Checks of plausibility whose refusal a map may overrule."""
 _MOST_PER_COUNT = 0.5
 

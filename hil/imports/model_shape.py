@@ -2,8 +2,9 @@
 
 A small regression of the base parameters, rotor inertia and friction of each joint says how much of
 the torques the model explains. Then the same with one thing of the map changed: a sign, two joints
-exchanged, degrees for radians, a zero shifted by a quarter turn. A change that explains far more is
-what the map has wrong; a coupling or a load that the model lacks changes none of these.
+exchanged, degrees for radians, a zero shifted by a quarter turn, gravity from another side. A
+change that explains far more is what the map has wrong; a coupling or a load that the model lacks
+changes none of these. Where next to nothing is explained the torques are none of this robot.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ BETTER = 1.3
 """Ratio of residuals from which on another reading of the map is stated."""
 CERTAIN = 3.0
 """And from which on it refuses the import."""
+NOTHING = 0.9
+"""Share of the scatter of torques that is unexplained where they are not of this motion: less than
+a fifth of their variance is explained. Public recordings of five machines have 0.24 at most."""
 _EXPLAINED = 0.7
 _WELL = 0.35
 _WIDEST = 20.0
@@ -54,6 +58,7 @@ class _Reading:
     message: str
     motion: Motion
     tau: Array
+    gravity: Array | None = None
 
 
 def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
@@ -62,20 +67,18 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
     q, qd, qdd, tau = (
         array[::step] for array in (evidence.q, evidence.qd, evidence.qdd, evidence.tau)
     )
-    moving = np.ptp(q, axis=0) > np.maximum(0.01 * np.nan_to_num(robot.q_max - robot.q_min), 1e-3)
-    scatter = np.std(tau, axis=0)
-    scale = np.maximum(scatter, _LEAST * scatter.max())
-    if len(q) < POINTS // 2 or not moving.any() or not scale.all():
+    notable = np.ptp(q, axis=0) > 0.01 * np.nan_to_num(robot.q_max - robot.q_min)
+    moving = evidence.moves & notable
+    if len(q) < POINTS // 2 or not moving.any() or not np.std(tau, axis=0).any():
         return
     motion = (q, qd, qdd)
-    design = _design(robot, motion, scale)
-    own = _unexplained(design, tau, scale, qd)
+    columns = _columns(robot, motion)
+    own = _unexplained(columns, tau, qd)
     found: list[tuple[float, _Reading | None]] = [(own, None)]
     for reading in _readings(robot, motion, tau, moving):
-        same = reading.motion is motion
-        its_design = design if same else _design(robot, reading.motion, scale)
-        unexplained = _unexplained(its_design, reading.tau, scale, reading.motion[1])
-        found.append((unexplained, reading))
+        same = reading.motion is motion and reading.gravity is None
+        its_columns = columns if same else _columns(robot, reading.motion, reading.gravity)
+        found.append((_unexplained(its_columns, reading.tau, reading.motion[1]), reading))
     least, best = min(found, key=lambda each: each[0])
     ratio = own / max(least, 1e-6)
     if best is not None and ratio > BETTER and least < _EXPLAINED:
@@ -86,14 +89,19 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             f" {100 * least:.3g} % if, say, {best.message}",
             certain=ratio > CERTAIN and least < _WELL,
         )
+    elif own > NOTHING:
+        yield Suspicion(
+            "shape",
+            ("joints", 0, "torque"),
+            f"the model, friction and all, leaves {100 * own:.3g} % of the torques of all joints"
+            " unexplained: they do not follow this motion; name the columns of torques, of the same"
+            " recording and of this robot",
+        )
 
 
-def _design(robot: Robot, motion: Motion, scale: Array) -> Array:
-    """Columns of the base parameters, inertia, friction and offset, each of norm 1.
-
-    A joint's rows are divided by `scale`, the scatter of its torques as far as it is notable.
-    """
-    rigid = regressor(robot, *motion)
+def _columns(robot: Robot, motion: Motion, gravity: Array | None = None) -> Array:
+    """Columns of the base parameters, inertia, friction and offset, shape (n, joints, columns)."""
+    rigid = regressor(robot, *motion, gravity=gravity)
     n, joints, n_base = rigid.shape
     columns = np.zeros((n, joints, n_base + 4 * joints + 4 * len(robot.couplings)))
     columns[:, :, :n_base] = rigid
@@ -104,9 +112,7 @@ def _design(robot: Robot, motion: Motion, scale: Array) -> Array:
         at = n_base + 4 * (joints + number)
         both = (motion[k][:, motor] + motion[k][:, joint] for k in (1, 2))
         columns[:, [motor, joint], at : at + 4] = _own_columns(*both)[:, None]
-    flat = (columns / scale[:, None]).reshape(n * joints, -1)
-    normed: Array = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
-    return normed
+    return columns
 
 
 def _own_columns(qd: Array, qdd: Array) -> Array:
@@ -114,11 +120,18 @@ def _own_columns(qd: Array, qdd: Array) -> Array:
     return np.stack([np.tanh(qd / (0.05 * speed)), qd, qdd, np.ones_like(qd)], axis=1)
 
 
-def _unexplained(design: Array, tau: Array, scale: Array, qd: Array) -> float:
+def _unexplained(columns: Array, tau: Array, qd: Array) -> float:
     """Share of the torques' scatter that the model leaves, over all joints that are not too slow.
 
-    Near a reversal friction is no function of velocity, and what is left there hides the rest.
+    A joint's rows are divided by the scatter of the torques that this reading gives it, as far as
+    it is notable: a torque weighs the same whichever joint it is read as, so that no reading gains
+    by giving a large torque to a joint that weighs little. Near a reversal friction is no function
+    of velocity, and what is left there hides the rest.
     """
+    scatter = np.std(tau, axis=0)
+    scale = np.maximum(scatter, _LEAST * scatter.max())
+    flat = (columns / scale[:, None]).reshape(tau.size, -1)
+    design = flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
     fast = (np.abs(qd) >= _SLOW * np.abs(qd).max(axis=0)).ravel()
     wanted = ((tau - tau.mean(axis=0)) / scale).ravel()[fast]
     used = design[fast]
@@ -139,6 +152,7 @@ def _readings(
             q, qd, qdd = (array * scaled for array in motion)
             message = f"the positions of all joints that turn were {unit}"
             yield _Reading(("joints", 0, "position", "unit"), message, (q, qd, qdd), tau)
+    yield from _of_gravity(robot, motion, tau)
     for i, j in combinations(range(robot.n_joints), 2):
         if robot.revolute[i] != robot.revolute[j]:
             continue
@@ -152,6 +166,19 @@ def _readings(
             yield _Reading(at, f"{pair} are exchanged", (q, qd, qdd), exchanged)
             message = f"the positions of {pair} are exchanged"
             yield _Reading((*at, "position"), message, (q, qd, qdd), tau)
+
+
+def _of_gravity(robot: Robot, motion: Motion, tau: Array) -> Iterator[_Reading]:
+    """Gravity along another axis of the base."""
+    stated = np.array(robot.gravity)
+    size = float(np.linalg.norm(stated))
+    for direction in (*np.eye(3), *-np.eye(3)) if size else ():
+        if direction @ stated < 0.9 * size:
+            along = size * direction + 0.0
+            message = (
+                f"gravity were [{', '.join(f'{g:.3g}' for g in along)}] m/s² in the base frame"
+            )
+            yield _Reading(("robot",), message, motion, tau, along)
 
 
 def _of_one_joint(robot: Robot, motion: Motion, tau: Array, joint: int) -> Iterator[_Reading]:

@@ -11,18 +11,20 @@ from hil.imports.motions import measured_motions, numbered_pieces
 from hil.imports.plausibility import suspicions
 from hil.imports.samples import read_samples
 from hil.imports.segments import chosen_rows
+from hil.imports.spikes import spike_suspicions
 from hil.imports.stamps import WrongStamps, timing_of
 from hil.imports.statement import Statement
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording_file import write_measured
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from hil.imports.map_file import MapFile
     from hil.imports.samples import Samples
     from hil.imports.stamps import Timing
+    from hil.imports.suspicion import Suspicion
     from hil.model.robot import Robot
     from hil.runs.recording_file import Measured
 
@@ -71,19 +73,26 @@ def import_one(
     samples = read_samples(the_map, robot, scratch, progress)
     scratch.unlink()  # what is mapped stays until it is no longer used
     timing = _timing(the_map, samples)
+    spikes = list(spike_suspicions(samples, timing.stretches, robot))
+    _refuse(the_map, spikes)
     numbered = numbered_pieces(the_map, samples, timing)
     excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
     alone = the_map.content.kind
     found = suspicions(excerpts, robot, None if alone is None else alone - 1, the_map.unknown_gains)
+    _refuse(the_map, found)
+    recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
+    measured = measured_motions(the_map, samples, numbered, job.stem)
+    motions = tuple(_written(each, job.folder, job.robot) for each in measured)
+    return Statement(the_map, timing.summary(), samples.wraps, recorded, motions, (*spikes, *found))
+
+
+def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
+    """Refuse what contradicts itself for certain, unless the map accepts it."""
     refusing = [s for s in found if s.certain and s.check not in the_map.content.accept]
     if refusing:
         remedy = "; if it is right as it is, write accept: [{}]"
         lines = (the_map.wrong(s.location, s.message + remedy.format(s.check)) for s in refusing)
         raise FileError("\n".join(map(str, lines)))
-    recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
-    measured = measured_motions(the_map, samples, numbered, job.stem)
-    motions = tuple(_written(each, job.folder, job.robot) for each in measured)
-    return Statement(the_map, timing.summary(), samples.wraps, recorded, motions, tuple(found))
 
 
 def _timing(the_map: MapFile, samples: Samples) -> Timing:

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.imports.misread_torques import misread_torques
 from hil.imports.model_shape import shape_suspicions
-from hil.imports.ranges import MOVES, range_suspicions, small_motion
+from hil.imports.ranges import range_suspicions, small_motion
 from hil.imports.suspicion import Suspicion
 from hil.model.dynamics import regressor
+from hil.regression.standstill import moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,28 +35,47 @@ POINTS = 400
 """Instants at which friction is looked for, as far as there are so many."""
 FITS = 0.9
 """Correlation from which on two velocities count as of one joint."""
+_NOISE = 1.0 - FITS
+"""Share of noise in the power of both velocities that takes their correlation below `FITS`."""
 _AGREES = 0.1
 _FRICTION_T = 6.0
 _NOTABLE = 0.02
+_ROUNDING = 1e-9
+"""Relative difference of values that interpolation has left alike."""
 _RANK = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Motion and torques of all excerpts together: arrays (n, n_joints), SI, joint side."""
+    """Motion and torques of all excerpts together: arrays (n, n_joints), SI, joint side.
+
+    Of each joint besides, shape (n_joints,): the standard deviations that noise of positions gives
+    `qd` and `qdd`, and whether it moves by more than this noise.
+    """
 
     q: Array
     qd: Array
     qdd: Array
     tau: Array
     recorded_qd: Array
+    noise_qd: Array
+    noise_qdd: Array
+    moves: NDArray[np.bool_]
 
     @classmethod
     def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:
         """Join what the excerpts show."""
         parts = [excerpt.local() for excerpt in excerpts]
-        names = ("q", "qd", "qdd", "tau", "recorded_qd")
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return cls(
+            q=np.concatenate([part.q for part in parts]),
+            qd=np.concatenate([part.qd for part in parts]),
+            qdd=np.concatenate([part.qdd for part in parts]),
+            tau=np.concatenate([part.tau for part in parts]),
+            recorded_qd=np.concatenate([part.recorded_qd for part in parts]),
+            noise_qd=np.max([part.noise_qd for part in parts], axis=0),
+            noise_qdd=np.max([part.noise_qdd for part in parts], axis=0),
+            moves=moving([excerpt.extent for excerpt in excerpts]),
+        )
 
 
 def suspicions(
@@ -77,8 +98,11 @@ def suspicions(
     """
     evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
+    if not any(suspicion.certain for suspicion in found):
+        found += misread_torques(excerpts, evidence, robot, unknown_gains)
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
+        found += _coarse(evidence, robot)
     if alone is None and not any(suspicion.certain for suspicion in found):
         found += small_motion(evidence, robot)
         found += [] if unknown_gains else shape_suspicions(evidence, robot)
@@ -87,23 +111,24 @@ def suspicions(
 
 def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Suspicion]:
     ways = np.ptp(evidence.q, axis=0)
-    for joint, way in enumerate(ways):
+    for joint, (way, moves) in enumerate(zip(ways, evidence.moves, strict=True)):
         at = ("joints", joint)
-        if np.ptp(evidence.tau[:, joint]) == 0 and way > MOVES:
+        if np.ptp(evidence.tau[:, joint]) <= _ROUNDING * np.abs(evidence.tau[0, joint]) and moves:
             torque = evidence.tau[0, joint]
             yield Suspicion(
                 "still", (*at, "torque"), f"is {torque:g} throughout; name the column of its torque"
             )
-        if way < MOVES and (alone is None or joint == alone):
+        if not moves and (alone is None or joint == alone):
             unit = robot.position_unit(joint)
             yield Suspicion(
                 "still",
                 (*at, "position"),
-                f"moves by {way:.2g} {unit} only: nothing can be found of joint {joint + 1} save"
-                " what gravity shows; is it the right column, in the right unit?",
+                f"moves by {way:.2g} {unit} only, no more than noise or other joints make it:"
+                f" nothing can be found of joint {joint + 1} save what gravity shows; is it the"
+                " right column, in the right unit?",
                 certain=alone is not None,
             )
-        if alone is not None and joint != alone and way > max(MOVES, 0.02 * ways[alone]):
+        if alone is not None and joint != alone and moves and way > 0.02 * ways[alone]:
             yield Suspicion(
                 "still",
                 ("kind",),
@@ -113,12 +138,11 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
 
 
 def _velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
-    """Recorded velocities against the derivatives of the positions."""
-    recorded = [j for j in range(robot.n_joints) if np.isfinite(evidence.recorded_qd[:, j]).all()]
-    for joint in recorded:
+    """Recorded velocities against the derivatives of the positions, where these are no noise."""
+    noisy = evidence.noise_qd**2 > _NOISE * np.mean(evidence.qd**2, axis=0)
+    recorded = np.isfinite(evidence.recorded_qd).all(axis=0)
+    for joint in np.flatnonzero(recorded & evidence.moves & ~noisy).tolist():
         own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
-        if np.ptp(evidence.q[:, joint]) < MOVES:
-            continue
         at = ("joints", joint, "velocity")
         correlation = _correlation(own, other)
         if abs(correlation) < FITS:
@@ -134,6 +158,21 @@ def _velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
                 f" {reason}",
                 certain=scale < 0 or abs(np.log(scale)) > np.log(1.5),
             )
+
+
+def _coarse(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+    """Positions whose noise makes more of the accelerations than the motion does."""
+    power = np.mean(evidence.qdd**2, axis=0)
+    for joint in np.flatnonzero(evidence.moves & (evidence.noise_qdd**2 > power / 2)).tolist():
+        unit = robot.position_unit(joint)
+        yield Suspicion(
+            "velocity",
+            ("joints", joint, "position"),
+            f"scatters so far that accelerations are known to ±{evidence.noise_qdd[joint]:.2g}"
+            f" {unit}/s² only, more than the motion has; take the encoder's own resolution, or"
+            " record faster motion",
+            certain=False,
+        )
 
 
 def _fits_none(evidence: Evidence, joint: int, correlation: float) -> str:
@@ -186,7 +225,7 @@ def friction_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]
     rigid = regressor(robot, evidence.q[some], evidence.qd[some], evidence.qdd[some])
     for joint in range(robot.n_joints):
         scatter = float(np.std(evidence.tau[:, joint]))
-        if np.ptp(evidence.q[:, joint]) < MOVES or not scatter:
+        if not evidence.moves[joint] or not scatter:
             continue
         qd, qdd, tau = (getattr(evidence, name)[some, joint] for name in ("qd", "qdd", "tau"))
         coefficient, t = _direction(rigid[:, joint], qd, qdd, tau)

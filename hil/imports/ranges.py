@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MOVES = 1e-4
-"""Range of positions from which on a joint counts as moving [rad or m]."""
 _BEYOND = 1.05
 _FAR_BEYOND = 3.0
 _SMALL = 0.03
@@ -71,7 +69,7 @@ def small_motion(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
     """All joints move very little, like radians taken for degrees or for angles of motors."""
     shares = np.ptp(evidence.q, axis=0) / (robot.q_max - robot.q_min)
     widest = int(np.argmax(shares))
-    if np.ptp(evidence.q[:, widest]) > MOVES and shares[widest] < _SMALL:
+    if evidence.moves[widest] and shares[widest] < _SMALL:
         way, unit = float(np.ptp(evidence.q[:, widest])), robot.position_unit(widest)
         yield Suspicion(
             "range",

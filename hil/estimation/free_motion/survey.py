@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
+from hil.regression.standstill import extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -25,8 +26,8 @@ LEAST_STRETCH = 5.0
 """Of one recording, where it is as long [s]."""
 OFTEN = 0.99
 """Share of the samples that are slower than the speed of an axis."""
-MOVES = 1e-5
-"""Range of positions from which on an axis moves [rad or m]."""
+SLOWEST = 1e-5
+"""Least speed of an axis that moves, by which speeds are divided [rad/s or m/s]."""
 SPAN = 0.05
 """Over which speeds are means [s]."""
 CONFIGURATIONS = 200
@@ -104,7 +105,7 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         The gain of an axis is known in some recordings and unknown in others.
     """
     unknown: dict[str, tuple[int, ...]] = {}
-    stretches, speeds, ends, stated, short = _Stretches(), [], [], [], []
+    stretches, speeds, extents, stated, short = _Stretches(), [], [], [], []
     duration, n_samples = 0.0, 0
     for motion, recording in recorded:
         unknown[motion.id] = motion.unknown_gains or ()
@@ -115,17 +116,16 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         n_samples += recording.n_samples
         stretches.add(recording)
         speeds.append(_speed(recording))
-        ends.append((recording.q.min(axis=0), recording.q.max(axis=0)))
+        extents.append(extent(recording.q, recording.period))
         stated += [] if motion.cut_off is None else [motion.cut_off]
     if not speeds:
         raise NotEnoughData(
             f"no recording has {FEWEST} samples or more; import longer ones without gaps"
         )
-    lowest, highest = np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]
-    still = highest - lowest < MOVES
+    still = ~moving(extents)
     return Survey(
         stretches=tuple(stretches.kept),
-        speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), MOVES)),
+        speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), SLOWEST)),
         still=tuple(int(axis) for axis in np.flatnonzero(still)),
         duration=duration,
         n_recordings=len(speeds),

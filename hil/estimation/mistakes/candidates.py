@@ -234,10 +234,8 @@ def _length(turns: bool, theta: Array, error: Array) -> str:
 
 def _ratio(stated: float, theta: Array, error: Array) -> str:
     ratio = float(np.exp(theta[0]))
-    return (
-        f"its gear ratio is {ratio:.4g} ± {ratio * error[0]:.1g} times the stated one:"
-        f" {stated * ratio:.5g} for {stated:g}"
-    )
+    sizes = f": {stated * ratio:.5g} for {stated:g}" if np.isfinite(stated) else ""
+    return f"its gear ratio is {ratio:.4g} ± {ratio * error[0]:.1g} times the stated one{sizes}"
 
 
 def _torque(theta: Array, error: Array) -> str:

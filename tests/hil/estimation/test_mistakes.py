@@ -144,7 +144,16 @@ def test_gravity_that_comes_from_elsewhere_is_named(robot: Robot, good: FreeReco
     assert re.search(r"off by (58|59|60|61)\.\d ± ", found.detail), found.detail
 
 
-def test_a_robot_of_unknown_limits_is_not_judged(robot: Robot, good: FreeRecorded) -> None:
-    without = re.sub(r"(acceleration_limit): .*", r"\1: unknown", robot.text)
-    wrong = changed(good, torque_sign)
-    assert find_mistake(parse_robot(without, "arm.yaml"), wrong) is None
+@pytest.mark.parametrize("key", ["acceleration_limit", r"\w+_limit"])
+def test_a_robot_of_unknown_limits_is_judged_by_what_was_reached(
+    robot: Robot, good: FreeRecorded, key: str
+) -> None:
+    without = parse_robot(re.sub(rf"({key}): .*", r"\1: unknown", robot.text), "arm.yaml")
+    assert not np.isfinite(without.acceleration_limit).any()
+    assert find_mistake(without, good) is None
+    for change, name in (
+        (torque_sign, Name.TORQUE_SIGN), (zero, Name.ZERO), (gear, Name.GEAR), (slip, Name.SLIP),
+    ):  # fmt: skip
+        found = find_mistake(without, changed(good, change))
+        assert found is not None
+        assert found.name == name

@@ -1,5 +1,8 @@
 """Gravity and inertia show signs, order, zeros and units that the map has wrong."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import TABLE_3_A
@@ -7,6 +10,7 @@ from synthetic import TABLE_3_A
 from hil.imports.model_shape import shape_suspicions
 from hil.imports.plausibility import Evidence, friction_suspicions
 from hil.model.dynamics import inverse_dynamics
+from hil.model.robot import parse_robot
 
 
 @pytest.fixture(scope="module")
@@ -19,22 +23,24 @@ def evidence(manutec):
     motors = manutec.reflected_inertia * qdd
     tau = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd) + motors + 10 * np.tanh(qd / 0.03)
     tau += np.random.default_rng(1).normal(0, 0.3, tau.shape)
-    return Evidence(q, qd, qdd, tau, np.full_like(q, np.nan))
+    return Evidence(q, qd, qdd, tau, np.full_like(q, np.nan), *np.zeros((2, 6)), np.ones(6, bool))
 
 
-def found(evidence, manutec, q=None, qd=None, tau=None):
-    changed = Evidence(
-        evidence.q if q is None else q,
-        evidence.qd if qd is None else qd,
-        evidence.qdd,
-        evidence.tau if tau is None else tau,
-        evidence.recorded_qd,
-    )
-    return [s.message for s in shape_suspicions(changed, manutec)]
+def found(evidence, manutec, **changes):
+    return [s.message for s in shape_suspicions(replace(evidence, **changes), manutec)]
 
 
 def test_the_right_map_raises_no_suspicion(evidence, manutec):
     assert found(evidence, manutec) == []
+
+
+def test_a_light_joint_of_noisy_torques_is_not_taken_for_one_of_great_friction(evidence, manutec):
+    friction = np.array([90, 90, 20, 0, 0, -5]) * np.tanh(evidence.qd / 0.03)
+    tau = evidence.tau + friction
+    tau[:, 5] += np.random.default_rng(2).normal(0, 0.5 * tau[:, 5].std(), len(tau))
+    assert found(evidence, manutec, tau=tau) == []
+    (message,) = found(evidence, manutec, tau=tau[:, [5, 1, 2, 3, 4, 0]])
+    assert message.endswith("if, say, the torques of joints 1 and 6 are exchanged")
 
 
 @pytest.mark.parametrize(("turn", "words"), [(np.pi / 2, "-pi/2"), (-np.pi / 2, "pi/2")])
@@ -47,8 +53,7 @@ def test_a_zero_that_is_a_quarter_turn_off(evidence, manutec, turn, words):
 def test_a_robot_without_friction_raises_no_suspicion_of_it(evidence, manutec):
     q, qd, qdd = evidence.q, evidence.qd, evidence.qdd
     frictionless = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd)
-    bare = Evidence(q, qd, qdd, frictionless, evidence.recorded_qd)
-    assert list(friction_suspicions(bare, manutec)) == []
+    assert list(friction_suspicions(replace(evidence, tau=frictionless), manutec)) == []
 
 
 def test_torques_in_another_order(evidence, manutec):
@@ -58,33 +63,34 @@ def test_torques_in_another_order(evidence, manutec):
 
 def test_joints_in_another_order(evidence, manutec):
     order = [0, 2, 1, 3, 4, 5]
-    changed = Evidence(*(getattr(evidence, name)[:, order]
-                         for name in ("q", "qd", "qdd", "tau", "recorded_qd")))  # fmt: skip
-    (suspicion,) = shape_suspicions(changed, manutec)
+    names = ("q", "qd", "qdd", "tau")
+    changed = {name: getattr(evidence, name)[:, order] for name in names}
+    (suspicion,) = shape_suspicions(replace(evidence, **changed), manutec)
     assert suspicion.message.endswith("if, say, joints 2 and 3 are exchanged")
     assert suspicion.location == ("joints", 1)
 
 
 def test_degrees_of_all_joints_that_are_stated_as_radians(evidence, manutec):
     factor = np.degrees(1.0)
-    changed = Evidence(
-        *(factor * getattr(evidence, name) for name in ("q", "qd", "qdd")),
-        evidence.tau,
-        evidence.recorded_qd,
-    )
-    (suspicion,) = shape_suspicions(changed, manutec)
+    changed = {name: factor * getattr(evidence, name) for name in ("q", "qd", "qdd")}
+    (suspicion,) = shape_suspicions(replace(evidence, **changed), manutec)
     assert suspicion.certain
     assert "all joints that turn were in degrees, stated as rad" in suspicion.message
+
+
+@pytest.mark.parametrize("stated", ["[0, 0, 9.81]", "[9.81, 0, 0]", "[0, -9.81, 0]"])
+def test_gravity_from_another_side(evidence, manutec, stated):
+    text = re.sub(r"^gravity: \[.*?\]", f"gravity: {stated}", manutec.text, flags=re.MULTILINE)
+    (suspicion,) = shape_suspicions(evidence, parse_robot(text, "tilted.yaml"))
+    assert suspicion.message.endswith("if, say, gravity were [0, 0, -9.81] m/s² in the base frame")
+    assert suspicion.location == ("robot",)
 
 
 def test_friction_at_reversals_does_not_hide_joints_in_another_order(evidence, manutec):
     sticky = evidence.tau + 60 * np.tanh(evidence.qd / 0.1) * np.exp(-np.abs(evidence.qd) / 0.02)
     order = [0, 2, 1, 3, 4, 5]
-    changed = Evidence(
-        *(getattr(evidence, name)[:, order] for name in ("q", "qd", "qdd")),
-        sticky[:, order],
-        evidence.recorded_qd,
-    )
-    (suspicion,) = shape_suspicions(changed, manutec)
+    changed = {name: getattr(evidence, name)[:, order] for name in ("q", "qd", "qdd")}
+    changed["tau"] = sticky[:, order]
+    (suspicion,) = shape_suspicions(replace(evidence, **changed), manutec)
     assert suspicion.certain
     assert suspicion.message.endswith("if, say, joints 2 and 3 are exchanged")

@@ -255,6 +255,19 @@ def test_what_the_map_accepts_is_stated_all_the_same(tmp_path):
     assert "joints.0.torque: decreases with the direction of motion" in "\n".join(lines)
 
 
+def test_a_locked_joint_of_a_noisy_encoder_stands_still(tmp_path):
+    rng = np.random.default_rng(1)
+    noisy = {name: size * rng.standard_normal(len(Q)) for name, size in (("q2", 4e-4), ("v2", 0.1))}
+    write_csv(tmp_path / "data.csv", LONG | noisy | {"m2": 8 + 0.1 * rng.standard_normal(len(Q))})
+    stated = []
+    the_map = write_map(tmp_path, a_map(velocity=True))
+    import_recordings([the_map], tmp_path / "run", stated.append)
+    (suspicion,) = stated[0].suspicions
+    assert suspicion.message.endswith("is it the right column, in the right unit?")
+    assert "nothing can be found of joint 2" in suspicion.message
+    assert not suspicion.certain
+
+
 def test_a_right_recording_raises_no_suspicion(tmp_path):
     write_csv(tmp_path / "data.csv", LONG)
     found = []

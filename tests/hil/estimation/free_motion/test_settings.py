@@ -46,3 +46,11 @@ def test_stretches_of_a_long_run_stay_few_and_come_from_all_of_it() -> None:
     assert found.n_recordings == 120
     assert found.duration == pytest.approx(120 * 20.0)
     assert np.isfinite(found.speed).all()
+
+
+@pytest.mark.parametrize("sigma", [0.0, 2e-4, 5e-4])
+def test_an_axis_that_shows_noise_alone_stands_still(sigma: float) -> None:
+    rng = np.random.default_rng(5)
+    for _, recording in (data := recorded(arm(), TRUTH)):
+        recording.q[:, 1] = 0.4 + sigma * rng.standard_normal(recording.n_samples)
+    assert survey(data).still == (1,)

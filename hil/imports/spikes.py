@@ -1,0 +1,127 @@
+"""Samples that stand out: values that no joint can have had between those before and after them.
+
+A spike is over within a few samples, as nothing is that a robot does. It stands out against the
+samples `REACH` before and after it by far more than values ordinarily change within as many, and by
+a part of the whole range that the column has. Noise does not, nor does a step, which stays. Angles
+are looked at once whole turns are undone; a step of several turns that is undone at once was no
+turn either.
+
+Recorders drop a sample now and then, and few small spikes spoil nothing. Least squares counts
+squares: spikes refuse the import where they outweigh all else, of torques and velocities as they
+are, of positions as second differences, since these are differentiated twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.imports.suspicion import Suspicion
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.imports.instants import Stretch
+    from hil.imports.samples import Samples
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+REACH = 3
+"""Samples after which a spike is over."""
+OFTEN = 0.95
+"""Share of the samples that are ordinary."""
+MIDDLE = (0.5 - OFTEN / 2, 0.5 + OFTEN / 2)
+"""Quantiles between which they are."""
+FAR = 10.0
+"""Ordinary changes that a spike exceeds: 28 standard deviations of white noise, as an ordinary
+change of it is 1.96 times the square root of two of them."""
+NOTABLE = 0.01
+"""And share of the ordinary range: where a joint hardly ever moves, its turns are as quick."""
+TURNS = 3 * np.pi
+"""Excursion that no angle makes: at the end of its turn it jumps by one turn, to and fro."""
+STATED, REFUSED = 0.01, 0.5
+"""Shares of the sum of squares: a tenth of the column, as rms, and more than all else."""
+GREATEST = 1e100
+"""Value up to which squares can be added up."""
+_AT_ONCE = 1 << 16
+
+
+@dataclass
+class _Spikes:
+    """Of one column: samples that stand out, the first of them, and the sums of squares."""
+
+    count: int = 0
+    first: int = -1
+    of_spikes: float = 0.0
+    of_all: float = 0.0
+
+
+def spike_suspicions(
+    samples: Samples, stretches: Sequence[Stretch], robot: Robot
+) -> Iterator[Suspicion]:
+    """Columns with spikes, each with how many samples stand out, and where the first one is."""
+    n = robot.n_joints
+    found = [_Spikes() for _ in range(3 * n)]
+    for stretch in stretches:
+        for begin in range(0, len(stretch.rows), _AT_ONCE):
+            rows = stretch.rows[begin : begin + _AT_ONCE]
+            if len(rows) > 2 * REACH:
+                for column, x in enumerate(samples.read(rows).T):
+                    _add(found[column], samples, rows, column, x)
+    for column, spikes in enumerate(found):
+        share = min(spikes.of_spikes / spikes.of_all, 1.0) if spikes.count else 0.0
+        if share < STATED:
+            continue
+        kind, joint = divmod(column, n)
+        unit = robot.position_unit(joint)
+        units = (unit, "N m" if unit == "rad" else "N", f"{unit}/s")
+        value = float(samples.values[spikes.first, column])
+        file = int(np.searchsorted(samples.begins, spikes.first, side="right")) - 1
+        many = "samples stand" if spikes.count > 1 else "sample stands"
+        yield Suspicion(
+            "spikes",
+            ("joints", joint, ("position", "torque", "velocity")[kind]),
+            f"{spikes.count} {many} out from those just before and after, the first with"
+            f" {value:.4g} {units[kind]} in row {spikes.first - samples.begins[file] + 1} of its"
+            f" file: {100 * share:.2g} % of the sum of squares of all"
+            f" {'accelerations' if kind == 0 else 'values'}; remove these rows, or choose others",
+            certain=share > REFUSED,
+        )
+
+
+def _add(spikes: _Spikes, samples: Samples, rows: NDArray[np.int64], column: int, x: Array) -> None:
+    """Add what a part `x` of a column, whole turns undone, has of spikes."""
+    if not np.isfinite(x).all():
+        return
+    x, position = x.clip(-GREATEST, GREATEST), column < samples.n_joints
+    excursion = _excursion(x)
+    out = excursion > max(_ordinary(x), NOTABLE * np.ptp(np.quantile(x, MIDDLE)))
+    if position and samples.wraps:
+        recorded = samples.values[rows, column].clip(-GREATEST, GREATEST)
+        turned = _excursion(recorded)
+        turns = turned > max(_ordinary(recorded), TURNS)
+        excursion, out = np.where(turns, turned, excursion), out | turns
+    if out.any() and not spikes.count:
+        spikes.first = int(rows[REACH + np.argmax(out)])
+    spikes.count += int(out.sum())
+    spikes.of_spikes += float((excursion[out] ** 2).sum())
+    bent = x[REACH:-REACH] - (x[: -2 * REACH] + x[2 * REACH :]) / 2
+    spikes.of_all += float((bent**2).sum() if position else ((x - x.mean()) ** 2).sum())
+
+
+def _ordinary(x: Array) -> float:
+    """Excursion up to which samples are ordinary; rounding, too, is ordinary."""
+    steps = np.abs(x[REACH:] - x[:-REACH])
+    return float(max(FAR * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max()))
+
+
+def _excursion(x: Array) -> Array:
+    """How far each sample but those at the ends stands out to one side, shape (n - 2 REACH,)."""
+    before, at, after = x[: -2 * REACH], x[REACH:-REACH], x[2 * REACH :]
+    up, down = np.minimum(at - before, at - after), np.minimum(before - at, after - at)
+    return np.maximum(up, down)

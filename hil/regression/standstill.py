@@ -1,0 +1,67 @@
+"""Which axes move: ranges of positions against the noise that they were measured with.
+
+Noise is what positions scatter about parabolas over spans so short that no robot turns round within
+them, or what an encoder's increments leave. An axis moves where its range, with noise averaged over
+these spans, is wider than the band that noise alone fills; a locked axis of a noisy encoder stands.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SPAN = 0.1
+"""Of a parabola [s]: motion up to 3 Hz, led by hand or by a trajectory, departs from it by 2 %."""
+FEWEST = 5
+"""Samples of a span: two more than a parabola takes up."""
+BAND = 10.0
+"""Width of the band that noise alone fills, in standard deviations: 5 to either side, which one of
+two million samples exceeds."""
+CARRIED = 1e-4
+"""Share of the widest range of all axes that an axis which stands yields to what others do: servos
+hold arms to some 0.1 mrad while others move by some rad (the twins of `tests/robots`)."""
+
+
+class Extent(NamedTuple):
+    """Of some samples: least and greatest mean over a span, and noise, each (n_joints,)."""
+
+    low: Array
+    high: Array
+    noise: Array
+
+
+def extent(q: Array, period: float) -> Extent:
+    """Extent of positions (n, n_joints) that follow each other every `period` [s]."""
+    span = max(FEWEST, round(SPAN / period))
+    if len(q) < span:
+        return Extent(q.min(axis=0), q.max(axis=0), np.zeros(q.shape[1]))
+    spans = q[: len(q) // span * span].reshape(-1, span, q.shape[1])
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, span), 3))
+    left = spans - np.einsum("tb,sb,nsj->ntj", basis, basis, spans, optimize=True)
+    size = max(float(np.abs(left).max()), np.finfo(float).tiny)  # whose square may be no number
+    scatter = size * np.sqrt(((left / size) ** 2).sum(axis=(0, 1)) / (len(spans) * (span - 3)))
+    means = spans.mean(axis=1)
+    noise = np.maximum(scatter, [_increment(each) / np.sqrt(12.0) for each in q.T])
+    return Extent(means.min(axis=0), means.max(axis=0), noise)
+
+
+def moving(extents: Sequence[Extent]) -> NDArray[np.bool_]:
+    """Axes that move, of the extents of all recordings: shape (n_joints,)."""
+    low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
+    reach = high.max(axis=0) - low.min(axis=0)
+    return np.asarray(reach > np.maximum(BAND * noise.max(axis=0), CARRIED * reach.max()))
+
+
+def _increment(x: Array) -> float:
+    """Least difference between values that differ; rounding of converted counts is none."""
+    steps = np.diff(np.unique(x))
+    real = steps[steps > 1e-9 * max(1.0, float(np.abs(x).max()))]
+    return float(real.min(initial=np.inf)) if len(real) else 0.0

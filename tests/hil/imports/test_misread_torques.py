@@ -1,0 +1,84 @@
+"""Columns that are not what the map calls them are named before anything is estimated."""
+
+import numpy as np
+import pytest
+from small_recording import ROBOT, a_map, motion, table, write_csv, write_map
+
+from checked_files.yaml_file import FileError
+from hil.imports.excerpt import Excerpt
+from hil.imports.importing import import_recordings
+from hil.imports.misread_torques import misread_torques
+from hil.imports.plausibility import Evidence
+from hil.model.robot import parse_robot
+
+PAIR = parse_robot(ROBOT, "pair.yaml")
+T = 0.004
+TIME = np.arange(0, 60, T)
+Q, QD, _ = motion(TIME)
+
+
+def found(tau):
+    excerpts = [Excerpt(T, Q, tau, np.full_like(Q, np.nan), 3000)]
+    return list(misread_torques(excerpts, Evidence.of(excerpts), PAIR, ()))
+
+
+def sines(seed):
+    """Torques of two joints with noise of 1 N m."""
+    noise = np.random.default_rng(seed).standard_normal((len(TIME), 2))
+    return 12 * np.sin(np.outer(TIME, [2.1, 3.3])) + noise
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_torques_that_lost_their_signs_are_named(seed):
+    (suspicion,) = found(np.abs(sines(seed)))
+    assert suspicion.message.startswith("torques of joints 1, 2 come to zero")
+    assert found(sines(seed)) == []
+
+
+@pytest.mark.parametrize("above", [2.5, 3, 4, 5, 8])
+def test_torques_that_stay_on_one_side_of_zero_are_not(above):
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal((len(TIME), 2))
+        assert found(above + 3 + 3 * np.sin(np.outer(TIME, [2.1, 3.3])) + noise) == []
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1, "rad/s"), (180 / np.pi, "deg/s")])
+def test_velocities_are_no_torques(factor, unit):
+    first, second = found(factor * QD)
+    assert f"is the velocity of joint 1 in {unit}" in first.message
+    assert second.certain
+
+
+def test_one_column_of_two_joints_is_named():
+    (suspicion,) = found(sines(1)[:, [0, 0]])
+    assert suspicion.message.startswith("is the same as that of joint 1 in all samples")
+
+
+def test_torques_of_motors_taken_for_those_of_joints_are_remarked():
+    (suspicion,) = found(sines(1) / 50)
+    assert "are unit, gain and torque_side right?" in suspicion.message
+    assert not suspicion.certain
+
+
+def refusal(folder, columns, **changes):
+    write_csv(folder / "data.csv", columns)
+    with pytest.raises(FileError) as refused:
+        import_recordings([write_map(folder, a_map(**changes))], folder / "run")
+    return str(refused.value)
+
+
+def test_noise_is_no_torque(tmp_path):
+    columns = table(20.0, rate=100.0)
+    rng = np.random.default_rng(1)
+    noise = {name: 10 * rng.standard_normal(len(columns["t"])) for name in ("m1", "m2")}
+    message = refusal(tmp_path, columns | noise)
+    assert "of the torques of all joints unexplained: they do not follow this motion" in message
+
+
+def test_positions_too_coarse_to_be_differentiated_are_remarked(tmp_path):
+    columns = table(20.0, rate=250.0)
+    coarse = {name: np.round(columns[name], 2) for name in ("q1", "q2")}
+    write_csv(tmp_path / "data.csv", columns | coarse)
+    stated = []
+    import_recordings([write_map(tmp_path, a_map())], tmp_path / "run", stated.append)
+    assert "scatters so far that accelerations are known to" in stated[0].suspicions[0].message

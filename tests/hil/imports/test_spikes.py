@@ -1,0 +1,75 @@
+"""Samples that stand out are refused where they outweigh all else, and stated where they do not."""
+
+import numpy as np
+import pytest
+from small_recording import a_map, table, write_csv, write_map
+
+from checked_files.yaml_file import FileError
+from hil.imports.importing import import_recordings
+
+COLUMNS = table(20.0, rate=100.0)
+AT = [211, 702, 1100, 1555, 1801]
+
+
+def with_spikes(column, value, at=AT):
+    """The recording with some samples of a column replaced, or added to where they are relative."""
+    changed = COLUMNS[column].copy()
+    changed[at] = value
+    return COLUMNS | {column: changed}
+
+
+def statement(folder, columns, **changes):
+    write_csv(folder / "data.csv", columns)
+    stated = []
+    the_map = write_map(folder, a_map(velocity=True, **changes))
+    import_recordings([the_map], folder / "run", stated.append)
+    return stated[0]
+
+
+@pytest.mark.parametrize(("column", "key", "value"), [
+    ("q1", "position", 1e9), ("q1", "position", 2 * np.pi * 1e4), ("q2", "position", -2.6),
+    ("m2", "torque", -3e3), ("v1", "velocity", 1e3),
+])  # fmt: skip
+def test_five_samples_of_no_joint_are_refused(tmp_path, column, key, value):
+    with pytest.raises(FileError) as refused:
+        statement(tmp_path, with_spikes(column, value))
+    (message,) = str(refused.value).splitlines()
+    assert f"joints.{int(column[1]) - 1}.{key}: 5 samples stand out from those" in message
+    assert "in row 212 of its file" in message
+    assert "remove these rows, or choose others" in message
+
+
+def test_spikes_of_three_samples_are_spikes_too(tmp_path):
+    at = [k + j for k in AT for j in range(3)]
+    with pytest.raises(FileError, match="15 samples stand out"):
+        statement(tmp_path, with_spikes("m1", 5e3, at))
+
+
+def test_a_few_small_ones_are_stated_and_do_no_harm(tmp_path):
+    (suspicion,) = statement(tmp_path, with_spikes("m1", 150.0, AT[:2])).suspicions
+    assert suspicion.message.startswith("2 samples stand out")
+    assert not suspicion.certain
+
+
+def test_spikes_that_the_map_accepts_are_stated(tmp_path):
+    suspicions = statement(tmp_path, with_spikes("m2", -3e3), accept=["spikes", "range"]).suspicions
+    assert "spikes" in [each.check for each in suspicions]
+
+
+def test_steps_that_stay_and_noise_are_no_spikes(tmp_path):
+    rng, n = np.random.default_rng(3), len(COLUMNS["t"])
+    steps = 5.0 * (np.arange(n) // 37 % 2)
+    noisy = {"m1": COLUMNS["m1"] + steps, "m2": COLUMNS["m2"] + 2 * rng.standard_normal(n)}
+    assert statement(tmp_path, COLUMNS | noisy).suspicions == ()
+
+
+def test_an_angle_that_hesitates_at_the_end_of_its_turn_has_no_spikes(tmp_path):
+    end = COLUMNS["q1"][500]
+    around = (COLUMNS["q1"] - end + 2 * np.pi) % (2 * np.pi)
+    noise = 1e-4 * np.random.default_rng(4).standard_normal(len(around))
+    columns = COLUMNS | {"q1": (around + noise) % (2 * np.pi)}
+    content = a_map(velocity=True)
+    content["joints"][0]["position"]["offset"] = float(end)
+    found = statement(tmp_path, columns, joints=content["joints"])
+    assert found.wraps > 3
+    assert not [each for each in found.suspicions if each.check == "spikes"]
