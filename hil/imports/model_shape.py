@@ -38,6 +38,9 @@ CERTAIN = 3.0
 NOTHING = 0.9
 """Share of the scatter of torques that is unexplained where they are not of this motion: less than
 a fifth of their variance is explained. Public recordings of five machines have 0.24 at most."""
+EXPLAINED = 0.1
+"""Unexplained share, a hundredth of the variance, up to which the map's own reading is not refused:
+all joints weigh alike, so one that is read wrong leaves more, 1 / sqrt(40) = 0.16 of 40 joints."""
 _EXPLAINED = 0.7
 _WELL = 0.35
 _WIDEST = 20.0
@@ -87,7 +90,7 @@ def shape_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             best.location,
             f"the model leaves {100 * own:.3g} % of the torques unexplained, and"
             f" {100 * least:.3g} % if, say, {best.message}",
-            certain=ratio > CERTAIN and least < _WELL,
+            certain=ratio > CERTAIN and least < _WELL and own > EXPLAINED,
         )
     elif own > NOTHING:
         yield Suspicion(

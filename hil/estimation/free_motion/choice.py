@@ -1,11 +1,13 @@
 """What the data choose: the law of friction of each axis, and the dead zone at low speed.
 
-Alternatives are compared by the error of prediction on blocks that were held out, in turn. Chosen
-is the simplest that is not worse than the best, judged by the residual of the axis concerned. Up to
-`NEGLIGIBLE` it is not worse; beyond `MATERIAL` it is, however much blocks differ, for one bad block
-would excuse anything. In between chance decides: the difference of squared errors has a mean and a
-standard error over blocks, and is no chance where Student's t says so with `CHANCE` for all
-alternatives together (Bonferroni). If one that is simpler still predicts as well, it is chosen.
+Alternatives are compared by the error of prediction on blocks that were held out, in turn. What is
+usual, weighted least squares with the classical law, stands unless another is certainly better: the
+difference of squared errors has a mean and a standard error over blocks, which by Student's t is no
+chance (`CHANCE`, for all alternatives together: Bonferroni), and the residual of the axis concerned
+shrinks by `NEGLIGIBLE`. A few blocks show nothing with certainty, so what is simpler than the usual
+may leave no more than `MATERIAL` beyond it, however much blocks differ: one bad block would excuse
+anything. Of what is left the simplest is chosen; if one that is simpler still predicts as well,
+that is.
 
 Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
 spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
@@ -41,13 +43,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+USUAL = "Coulomb and viscous"
+"""Law that stands unless the data call for another."""
 FOLDS = 12
 """Parts of the pieces that are held out in turn."""
 CHANCE = 0.05
 """Probability of a difference, by chance and among all alternatives, below which it is none."""
 NEGLIGIBLE = 0.01
-"""Growth of the held-out residual (rms) that tells nothing: up to .008 come of the filters' corners
-where friction is Coulomb's and viscous exactly (two axes, white noise; `tests/support`)."""
+"""Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
+where friction is Coulomb's and viscous exactly (two axes, white noise)."""
 MATERIAL = 0.05
 """Growth of the held-out residual (rms) that no simplification is worth: what the default may leave
 more than weighted least squares does."""
@@ -105,7 +109,7 @@ def choose(products: Products) -> Choice:
                 for law, kept in others
                 if _locks_nowhere(products, system.only(kept).solution(), kept, axis)
             }
-            laws[axis] = simplest(found, products.n_joints)
+            laws[axis] = simplest(found, products.n_joints, USUAL)
             errors.append(_relative(found, laws[axis]))
         kept = _kept(products, laws)
         if held_out.error(kept).sum() <= (1.0 + MATERIAL) ** 2 * least:
@@ -116,7 +120,7 @@ def choose(products: Products) -> Choice:
 
 def without_choice(products: Products, *, weighted: bool) -> Choice:
     """Coulomb's and viscous friction at all speeds; rows alike, or by residual variance."""
-    n, law = products.n_joints, "Coulomb and viscous"
+    n, law = products.n_joints, USUAL
     weights = np.ones(n)
     if weighted:
         kept = _kept(products, [law] * n)
@@ -136,8 +140,8 @@ def _locks_nowhere(products: Products, x: Array, kept: NDArray[np.intp], axis: i
     return bool(np.all((share >= 0.0) & (share < 1.0)))
 
 
-def simplest(errors: Mapping[str, Array], n_axes: int = 1) -> str:
-    """Name of the first alternative that is not worse than the best.
+def simplest(errors: Mapping[str, Array], n_axes: int = 1, usual: str | None = None) -> str:
+    """Name of the first alternative that is not worse than others.
 
     Parameters
     ----------
@@ -146,11 +150,19 @@ def simplest(errors: Mapping[str, Array], n_axes: int = 1) -> str:
     n_axes : int
         Axes that the errors are of, weighted alike, where the alternatives are of one of them: its
         own residual is an n-th of theirs.
+    usual : str, optional
+        The alternative that is usual; by default the simplest of all.
     """
-    best = errors[min(errors, key=lambda name: float(errors[name].sum()))]
-    others = max(len(errors) - 1, 1)
-    found = next(name for name in errors if not _worse(errors[name], best, n_axes, others))
-    return next(name for name in errors if errors[name].sum() <= errors[found].sum())
+    names = list(errors)
+    best = errors[min(names, key=lambda name: float(errors[name].sum()))]
+    simpler = names[: names.index(usual)] if usual else []
+    found = next(
+        name
+        for name in names
+        if not _certainly_worse(errors[name], best, n_axes, len(names) - 1)
+        and not (name in simpler and _grown(errors[name], errors[usual or name], n_axes) > MATERIAL)
+    )
+    return next(name for name in names if errors[name].sum() <= errors[found].sum())
 
 
 class HeldOut:
@@ -204,15 +216,20 @@ def _kept(products: Products, laws: Sequence[str]) -> NDArray[np.intp]:
     return kept_unknowns(products.n_shared, [LAWS[law] for law in laws])
 
 
-def _worse(errors: Array, best: Array, n_axes: int, alternatives: int) -> bool:
+def _certainly_worse(errors: Array, best: Array, n_axes: int, alternatives: int) -> bool:
     difference, n = errors - best, len(best)
-    more, own = float(difference.sum()), float(best.sum()) / n_axes
-    if more > ((1.0 + MATERIAL) ** 2 - 1.0) * own:
-        return True
-    if more <= ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * own or n < 2:
+    if n < 2 or _grown(errors, best, n_axes) <= NEGLIGIBLE:
         return False
     sure = special.stdtrit(n - 1, 1.0 - CHANCE / alternatives)
     return bool(difference.mean() > sure * difference.std(ddof=1) / np.sqrt(n))
+
+
+def _grown(errors: Array, others: Array, n_axes: int) -> float:
+    """Growth of the residual (rms) of the axis concerned from other errors to these."""
+    more, own = float((errors - others).sum()), float(others.sum()) / n_axes
+    if more <= 0:
+        return 0.0
+    return float(np.sqrt(1.0 + more / own)) - 1.0 if more < own / np.finfo(float).eps else np.inf
 
 
 def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:

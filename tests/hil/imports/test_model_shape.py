@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from synthetic import TABLE_3_A
 from hil.imports.model_shape import shape_suspicions
 from hil.imports.plausibility import Evidence, friction_suspicions
 from hil.model.dynamics import inverse_dynamics
-from hil.model.robot import parse_robot
+from hil.model.robot import load_robot, parse_robot
+
+ROBOTS = Path(__file__).parents[2] / "robots"
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +97,17 @@ def test_friction_at_reversals_does_not_hide_joints_in_another_order(evidence, m
     (suspicion,) = shape_suspicions(replace(evidence, **changed), manutec)
     assert suspicion.certain
     assert suspicion.message.endswith("if, say, joints 2 and 3 are exchanged")
+
+
+def test_a_map_that_explains_nearly_all_is_not_refused_for_one_that_explains_more():
+    portal = load_robot(str(ROBOTS / "cartesian.yaml"))
+    t = np.arange(0, 30, 0.1)
+    w = 2 * np.pi * np.array([0.11, 0.13, 0.17])
+    q, qd = 0.2 * np.sin(np.outer(t, w)), 0.2 * w * np.cos(np.outer(t, w))
+    qdd = -(w**2) * q
+    masses = np.array([4.0, 8.0, 12.0])  # in no order that links can have
+    tau = masses * qdd + np.array([30.0, 40.0, 50.0]) * np.tanh(qd / 0.01)
+    tau[:, 2] += 9.81 * masses[2]
+    tau += np.random.default_rng(3).normal(0, 0.01, tau.shape) * np.std(tau, axis=0)
+    seen = Evidence(q, qd, qdd, tau, np.full_like(q, np.nan), *np.zeros((2, 3)), np.ones(3, bool))
+    assert not any(each.certain for each in shape_suspicions(seen, portal))

@@ -47,10 +47,16 @@ def test_a_richer_alternative_is_chosen_if_it_is_better_by_more_than_chance() ->
     assert simplest({"plain": plain, "rich": plain - rng.normal(0.001, 0.1, 30)}) == "plain"
 
 
-def test_one_bad_block_of_eight_excuses_no_law_that_leaves_much_more() -> None:
-    plain, rich = np.full(8, 6.0), np.full(8, 1.0)
-    plain[3], rich[3] = 1.0, 8.0
-    assert simplest({"plain": plain, "rich": rich}) == "rich"
+def test_one_bad_block_of_eight_excuses_nothing_simpler_than_the_usual() -> None:
+    none, usual = np.full(8, 6.0), np.full(8, 1.0)
+    none[3], usual[3] = 1.0, 8.0
+    errors = {"none": none, "usual": usual, "rich": 0.97 * usual}
+    assert simplest(errors, usual="usual") == "usual"
+
+
+def test_a_few_blocks_call_for_nothing_richer_than_the_usual() -> None:
+    usual, rich = np.array([1.0, 1.2, 0.8, 3.0]), np.array([0.9, 1.1, 0.8, 1.0])
+    assert simplest({"none": 9.0 * usual, "usual": usual, "rich": rich}, usual="usual") == "usual"
 
 
 def test_a_difference_that_is_certain_but_negligible_keeps_the_simpler_alternative() -> None:
@@ -60,8 +66,12 @@ def test_a_difference_that_is_certain_but_negligible_keeps_the_simpler_alternati
 
 
 def test_an_axis_is_judged_by_its_own_residual_however_many_there_are() -> None:
-    others, plain, rich = np.full(8, 6.0), np.full(8, 1.5), np.full(8, 1.0)
-    assert simplest({"plain": others + plain, "rich": others + rich}, n_axes=7) == "rich"
+    others, plain, usual = np.full(8, 6.0), np.full(8, 1.2), np.full(8, 1.0)
+    plain[0] = 0.0
+    errors = {"plain": others + plain, "usual": others + usual}
+    assert simplest(errors, 1, "usual") == "plain"
+    assert simplest(errors, 7, "usual") == "plain"
+    assert simplest({"plain": others + 2 * plain, "usual": others + usual}, 7, "usual") == "usual"
 
 
 @pytest.mark.parametrize("seed", range(60, 66))

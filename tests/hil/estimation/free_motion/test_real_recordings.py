@@ -12,17 +12,22 @@ from scipy import signal
 
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import estimate
+from hil.imports.importing import import_recordings
 from hil.model.robot import load_robot
 from hil.planning.free_motion import FreeMotion
+from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import Provenance
 from hil.results.recorded_torque import predict_recording
 from hil.runs.recording import Recording
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
+    from hil.runs.run import Run
 
     Array = NDArray[np.float64]
 
@@ -116,3 +121,31 @@ def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> No
     (gain,) = found.gains
     assert gain.standard_error < 0.1
     assert abs(gain.value - 1.0) < 2 * gain.standard_error
+
+
+ONES = {
+    "a joint sensor with zeros": ("lwr4/m1", "lwr4/m2"),
+    "motor readings of a cobot": ("rokae/motor_train", "rokae/motor_val"),
+    "motor torques with a counterbalance": ("kr300/B", "kr300/C"),
+}
+
+
+@pytest.mark.parametrize("name", ONES)
+def test_the_default_leaves_no_more_than_weighted_least_squares(name: str, tmp_path: Path) -> None:
+    seen, unseen = (
+        import_recordings([DATA / f"{each}.map.yaml"], tmp_path / each.replace("/", "-"))
+        for each in ONES[name]
+    )
+    default, plain = (identify(seen, method) for method in (None, "weighted least squares"))
+    for run in (seen, unseen):
+        ours, theirs = (left(model, run) for model in (default, plain))
+        assert np.linalg.norm(ours) < 1.05 * np.linalg.norm(theirs)
+        assert (ours < 1.2 * theirs).all()
+
+
+def left(model: Model, run: Run) -> Array:
+    """Root mean square that a model leaves of each axis of a run [N m]."""
+    (measured,) = run
+    return np.asarray(
+        np.sqrt(np.mean(predict_recording(model, measured.recording).residual ** 2, 0))
+    )
