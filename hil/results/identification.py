@@ -131,7 +131,7 @@ def model_of(
         friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
         torque_effect=found.torque_effect,
     )
-    return replace(model, outcome=outcome(model, mistake))
+    return replace(model, outcome=outcome(model, mistake, found.usual_covariance))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
