@@ -358,12 +358,10 @@ def say(run: Run, recorded: Sequence[Recorded]) -> Said:
         # hil identify refuses it, and states the mistake first
         return Said("failed" if mistake else "refused", str(mistake or error), mistake, 0.0)
     model = model_of(run, found, mistake=mistake)
-    assert model.outcome is not None  # noqa: S101 - of a model that was just made
+    assert model.outcome is not None
     stated = uncertainty(model, 0.0 if found.usual_covariance is None else found.usual_covariance)
     true = comparison(found, run.robot, true_parameters(run.robot, ROBOT)).torque_error
-    return Said(
-        model.outcome.word, model.outcome.reason, mistake, float(np.nanmax(true / stated))
-    )
+    return Said(model.outcome.word, model.outcome.reason, mistake, float(np.nanmax(true / stated)))
 
 
 def said_of(folder: Path, number: int, seed: int, good: Sequence[Path]) -> Said | None:

@@ -196,7 +196,9 @@ def of_missing_parameters(stated: Reading) -> Iterator[Candidate]:
     complete = _with_whole_link(robot, robot.n_joints - 1)
     more = len(base_parameters(complete)) - len(base_parameters(robot))
     if more > 0:
-        words = partial(_said, "a load on it, or more than its link parameters in the robot file say")
+        words = partial(
+            _said, "a load on it, or more than its link parameters in the robot file say"
+        )
         yield Candidate(
             MistakeName.LEFT_OUT, (robot.n_joints - 1,),
             partial(_fixed, replace(stated, robot=complete)), words, more=more,

@@ -118,9 +118,7 @@ def _likeliest(campaign: Campaign, stated: Reading, explained: Explanation) -> M
     candidates = _candidates(campaign, stated, explained)
     every = [tried(campaign, each, explained, wide=True) for each in candidates]
     counting = [
-        each
-        for each in every
-        if each.t > CERTAIN and (_explains(each, explained) or not possible)
+        each for each in every if each.t > CERTAIN and (_explains(each, explained) or not possible)
     ]
     allowed = [each for each in counting if _allowed(campaign, each)]
     ranked = sorted(allowed or (counting if possible else []), key=_worth)
@@ -130,9 +128,7 @@ def _likeliest(campaign: Campaign, stated: Reading, explained: Explanation) -> M
     return _named(ranked, explained) if ranked[0].large else None
 
 
-def _candidates(
-    campaign: Campaign, stated: Reading, explained: Explanation
-) -> Iterator[Candidate]:
+def _candidates(campaign: Campaign, stated: Reading, explained: Explanation) -> Iterator[Candidate]:
     instants = np.quantile(_times(campaign), np.arange(1, INSTANTS) / INSTANTS)
     yield from of_signs(stated)
     yield from of_order(stated)
