@@ -94,9 +94,10 @@ def identified(run: Run, method: str | None = None, others: Sequence[Run] = ()) 
 
 
 def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
+    """State the mistake first: more measurements of the same kind would not mend it."""
     if mistake is None:
         return error
-    return type(error)(f"{error}\nlikeliest cause: {mistake}; {mistake.remedy}")
+    return type(error)(f"{mistake}; {mistake.remedy}\nas it stands, {error}")
 
 
 def _limits_known(run: Run) -> bool:

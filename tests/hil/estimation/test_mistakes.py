@@ -90,7 +90,7 @@ def slip(q: Array, _tau: Array, time: Array) -> None:
 
 
 def drifting(_q: Array, tau: Array, time: Array) -> None:
-    tau[:, 1] *= 1.0 - 0.05 * (time - time.mean()) / 60.0
+    tau[:, 1] *= 1.0 - 0.05 * time / 50.0
 
 
 def spring(q: Array, tau: Array, _time: Array) -> None:
