@@ -21,8 +21,9 @@ import math
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -364,7 +365,7 @@ def say(run: Run, recorded: Sequence[Recorded]) -> Said:
     return Said(model.outcome.word, model.outcome.reason, mistake, float(np.nanmax(true / stated)))
 
 
-def said_of(folder: Path, number: int, seed: int, good: Sequence[Path]) -> Said | None:
+def said_of(folder: Path, number: int, *, seed: int, good: Sequence[Path]) -> Said | None:
     """Measure a case, unless it was before, and judge it; None where nothing could be measured."""
     name, case = list(CASES.items())[number]
     stem = "".join(letter if letter.isalnum() else "-" for letter in name)
@@ -399,33 +400,40 @@ def show_every_axis(run: Run) -> None:
 
 def show_cases(folder: Path, seed: int, good: Sequence[Path]) -> None:
     """Print what is said of every flaw."""
+    judge = partial(said_of, folder, seed=seed, good=good)
     words = causes = honest = measured = 0
-    for number, (name, case) in enumerate(CASES.items()):
-        said = said_of(folder, number, seed, good)
-        if said is None:
-            print(f"{name}: not measured")
-            continue
-        right = said.right(case)
-        word = said.word in case.words
-        measured, words, causes = measured + 1, words + word, causes + bool(right)
-        honest += said.honest
-        marks = ("     " if word else "WORD ", f"{right:5}" if right else "WRONG")
-        times = f"; {said.times:.2f} times its stated error" if said.word == "good" else ""
-        print(*marks, f"{name}: {said.word}: {said.cause}{times}", flush=True)
+    with ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
+        for (name, case), said in zip(
+            CASES.items(), pool.map(judge, range(len(CASES))), strict=True
+        ):
+            if said is None:
+                print(f"{name}: not measured")
+                continue
+            right, word = said.right(case), said.word in case.words
+            measured, words, causes = measured + 1, words + word, causes + bool(right)
+            honest += said.honest
+            marks = ("     " if word else "WORD ", f"{right:5}" if right else "WRONG")
+            times = f"; {said.times:.2f} times its stated error" if said.word == "good" else ""
+            print(*marks, f"{name}: {said.word}: {said.cause}{times}", flush=True)
     print(f"of {measured}: right word {words}, right cause {causes}, stated error holds {honest}")
 
 
 def show_good(good: Sequence[Path]) -> None:
     """Print what is said where nothing is wrong."""
     alarms, times = 0, []
-    for path in good:
-        run = Run.open(path)
-        said = say(run, list(Pooled([run])))
-        times.append(said.times)
-        if said.word != "good":
-            alarms += 1
-            print(f"ALARM {path.name}: {said.word}: {said.cause}", flush=True)
+    with ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
+        for path, said in zip(good, pool.map(say_of_good, good), strict=True):
+            times.append(said.times)
+            if said.word != "good":
+                alarms += 1
+                print(f"ALARM {path.name}: {said.word}: {said.cause}", flush=True)
     print(f"alarms in {alarms} of {len(good)} good runs; worst axis {max(times):.2f} times")
+
+
+def say_of_good(path: Path) -> Said:
+    """Judge a run in which nothing is wrong."""
+    run = Run.open(path)
+    return say(run, list(Pooled([run])))
 
 
 def main() -> None:

@@ -49,6 +49,8 @@ WHOLE = frozenset(
 """Mistakes that leave nothing of the parameters; others are of any size."""
 LEFT = 0.7
 """Share of the residual that remains without a mistake, below which this spoils the parameters."""
+SPOILT = 0.1
+"""Share of an axis's torque that correcting a mistake may move: as much as `UNEXCITED` doubts."""
 UNEXCITED = 0.1
 """Standard error over torque from which on an axis is not excited."""
 NOTHING = 0.7
@@ -93,7 +95,7 @@ def outcome(
         As of an `Estimate`: what usual tolerances of drives add to the model's covariance.
     """
     found = [
-        *_mistaken(mistake), *_unexcited(model), *data_reservations(model),
+        *_mistaken(model, mistake), *_unexcited(model), *data_reservations(model),
         *_causes(model.error_budget),
     ]  # fmt: skip
     # of equally bad ones the first, which Python's sort keeps in front
@@ -107,12 +109,21 @@ def data_reservations(model: Model) -> Iterator[Outcome]:
     yield from _ill_conditioned(model)
 
 
-def _mistaken(mistake: Mistake | None) -> Iterator[Outcome]:
+def _mistaken(model: Model, mistake: Mistake | None) -> Iterator[Outcome]:
     if mistake is not None:
-        spoilt = mistake.name in WHOLE or mistake.left < LEFT
+        spoilt = mistake.name in WHOLE or mistake.left < LEFT or _moved(model, mistake) > SPOILT
         yield Outcome(
             word="failed" if spoilt else "doubtful", reason=str(mistake), remedy=mistake.remedy
         )
+
+
+def _moved(model: Model, mistake: Mistake) -> float:
+    """By which share of its torque the worst axis moves as a mistake, or its like, is corrected."""
+    free, found = _free_torques(model.robot), [0.0]
+    for each in (mistake, mistake.other):
+        if free is not None and each is not None and each.change is not None:
+            found += _share(free.rms(each.change), free.rms(model.values)).tolist()
+    return max(found)
 
 
 def _few(model: Model) -> Iterator[Outcome]:
@@ -216,11 +227,18 @@ def uncertainty(model: Model, more: Array | float = 0.0) -> Array | None:
     more : ndarray, shape (n_base, n_base), optional
         Added to the model's covariance.
     """
-    robot = model.robot
-    limits = (robot.q_min, robot.q_max, robot.velocity_limit, robot.acceleration_limit)
-    if not all(np.isfinite(limit).all() for limit in limits):
+    free = _free_torques(model.robot)
+    if free is None:
         return None
-    free = FreeTorques(robot)
-    torque, error = free.rms(model.values), free.standard_error(model.covariance + more)
-    found: Array = np.where(torque > 0, error / np.where(torque > 0, torque, 1.0), 0.0)
+    return _share(free.standard_error(model.covariance + more), free.rms(model.values))
+
+
+def _free_torques(robot: Robot) -> FreeTorques | None:
+    limits = (robot.q_min, robot.q_max, robot.velocity_limit, robot.acceleration_limit)
+    known = all(np.isfinite(limit).all() for limit in limits)
+    return FreeTorques(robot) if known else None
+
+
+def _share(part: Array, torque: Array) -> Array:
+    found: Array = np.where(torque > 0, part / np.where(torque > 0, torque, 1.0), 0.0)
     return found

@@ -187,7 +187,9 @@ def _named(ranked: Sequence[Tried], explained: Explanation) -> Mistake:
 def _mistake(each: Tried, explained: Explanation) -> Mistake:
     axes = tuple(axis + 1 for axis in each.candidate.axes)
     left = each.explanation.chi_square / explained.chi_square
-    return Mistake(each.candidate.name, axes, each.candidate.words(each.theta, each.error), left)
+    change = None if each.candidate.more else each.explanation.p - explained.p
+    words = each.candidate.words(each.theta, each.error)
+    return Mistake(each.candidate.name, axes, words, left, change=change)
 
 
 def _explains(each: Tried, explained: Explanation) -> bool:

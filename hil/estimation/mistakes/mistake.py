@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 
 class MistakeName(StrEnum):
@@ -69,6 +76,8 @@ class Mistake:
         Share of the sum of squares of residuals that remains once it is corrected.
     other : Mistake, optional
         Another one that explains the recordings as well.
+    change : ndarray, shape (n_base,), optional
+        Of the base parameters once it is corrected; None where that takes other parameters.
     """
 
     name: MistakeName
@@ -76,6 +85,7 @@ class Mistake:
     detail: str
     left: float
     other: Mistake | None = None
+    change: Array | None = field(default=None, compare=False)
 
     @property
     def remedy(self) -> str:

@@ -40,6 +40,15 @@ def test_a_mistake_comes_before_everything_else(model: Model) -> None:
     assert outcome(model, replace(mistake, left=0.98)).word == "doubtful"
 
 
+def test_a_mistake_that_moves_the_torques_spoils_the_model_however_little_residual_it_leaves(
+    model: Model,
+) -> None:
+    zero = Mistake(MistakeName.ZERO, (5,), "its zero is off", left=0.9, change=0.2 * model.values)
+    load = Mistake(MistakeName.LEFT_OUT, (6,), "a load on it", left=0.9, other=zero)
+    assert outcome(model, zero).word == outcome(model, load).word == "failed"
+    assert outcome(model, replace(zero, change=0.05 * model.values)).word == "doubtful"
+
+
 def test_of_two_mistakes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once(
     model: Model,
 ) -> None:
