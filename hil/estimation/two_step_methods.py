@@ -182,7 +182,7 @@ def _estimate(
     local = tuple(each.at(p) for each in fits)
     relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
     effect = solver.sensitivity()
-    carried = effect * relative
+    carried, usual = effect * relative, effect * robot.usual_uncertainty
     return Estimate(
         method=method,
         p=p,
@@ -196,6 +196,7 @@ def _estimate(
         left_out=left_out,
         n_measurements=solver.n_measurements,
         torque_effect=effect[:, : robot.n_joints],
+        usual_covariance=usual @ usual.T,
     )
 
 

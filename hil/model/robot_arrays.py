@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.added_parameters import added_names
-from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, Drive
+from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, USUAL_UNCERTAINTY, Drive
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_checks import split_tie
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
@@ -184,6 +184,18 @@ class RobotArrays:
     def torque_constant_uncertainty(self) -> NDArray[np.float64]:
         """Relative standard deviations of `torque_constant`."""
         return self._drives(lambda drive: drive.torque_constant_uncertainty)
+
+    @cached_property
+    def usual_uncertainty(self) -> NDArray[np.float64]:
+        """Relative standard deviations of values that are stated without one, by usual tolerances.
+
+        Of torque constants, then rotor inertias, shape (2 n_joints,); 0 where the file states an
+        uncertainty or no value.
+        """
+        values = np.concatenate([self.torque_constant, self.rotor_inertia])
+        stated = [self.torque_constant_uncertainty, self.rotor_inertia_uncertainty]
+        alone = (np.nan_to_num(values) > 0) & (np.concatenate(stated) == 0)
+        return _read_only(np.where(alone, USUAL_UNCERTAINTY, 0.0))
 
     @cached_property
     def couplings(self) -> tuple[MotorCoupling, ...]:

@@ -106,9 +106,10 @@ def identified(
 
 
 def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
+    """State the mistake first: more measurements of the same kind would not mend it."""
     if mistake is None:
         return error
-    return type(error)(f"{error}\nlikeliest cause: {mistake}; {mistake.remedy}")
+    return type(error)(f"{mistake}; {mistake.remedy}\nas it stands, {error}")
 
 
 def _limits_known(run: Run) -> bool:
@@ -143,7 +144,7 @@ def model_of(
         friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
         torque_effect=found.torque_effect,
     )
-    return replace(model, outcome=outcome(model, mistake))
+    return replace(model, outcome=outcome(model, mistake, found.usual_covariance))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -20,6 +20,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.mistakes.mistake import MistakeName
+from hil.model.drive_train_file import USUAL_BOUND
 from hil.results.prediction import FreeTorques
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.mistakes.mistake import Mistake
+    from hil.model.robot import Robot
     from hil.results.error_budget import ErrorTerm
     from hil.results.model import Model
 
@@ -52,6 +54,8 @@ NAIVE = 0.5**0.5
 FEW_BLOCKS = 8
 """Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
 it is uncertain by a quarter, 1 / sqrt(2 * 7)."""
+SPOILT = 0.1
+"""Share of an axis's torque that correcting a mistake may move: as much as `UNEXCITED` doubts."""
 UNEXCITED = 0.1
 """Standard error over torque from which on an axis is not excited."""
 NOTHING = 0.7
@@ -85,15 +89,24 @@ class Outcome(FileModel):
         return f"{self.word}: {self.reason}{remedy}"
 
 
-def outcome(model: Model, mistake: Mistake | None = None) -> Outcome:
-    """Judge a model by itself: the worst of what speaks against it, the likeliest mistake first."""
+def outcome(
+    model: Model, mistake: Mistake | None = None, usual_covariance: Array | None = None
+) -> Outcome:
+    """Judge a model by itself: the worst of what speaks against it, the likeliest mistake first.
+
+    Parameters
+    ----------
+    usual_covariance : ndarray, shape (n_base, n_base), optional
+        As of an `Estimate`: what usual tolerances of drives add to the model's covariance.
+    """
     found = [
-        *_mistaken(mistake), *_unexplained(model), *_unexcited(model), *data_reservations(model),
+        *_mistaken(model, mistake), *_unexplained(model), *_unexcited(model),
+        *data_reservations(model),
         *_causes(model.error_budget),
     ]  # fmt: skip
     # of equally bad ones the first, which Python's sort keeps in front
     worst = sorted(found, key=lambda each: -OUTCOME_WORDS.index(each.word))
-    return worst[0] if worst else Outcome(word="good", reason=_precision(model))
+    return worst[0] if worst else _good(model, usual_covariance)
 
 
 def data_reservations(model: Model) -> Iterator[Outcome]:
@@ -103,12 +116,21 @@ def data_reservations(model: Model) -> Iterator[Outcome]:
     yield from _ill_conditioned(model)
 
 
-def _mistaken(mistake: Mistake | None) -> Iterator[Outcome]:
+def _mistaken(model: Model, mistake: Mistake | None) -> Iterator[Outcome]:
     if mistake is not None:
-        spoilt = mistake.name in WHOLE or mistake.left < LEFT
+        spoilt = mistake.name in WHOLE or mistake.left < LEFT or _moved(model, mistake) > SPOILT
         yield Outcome(
             word="failed" if spoilt else "doubtful", reason=str(mistake), remedy=mistake.remedy
         )
+
+
+def _moved(model: Model, mistake: Mistake) -> float:
+    """By which share of its torque the worst axis moves as a mistake, or its like, is corrected."""
+    free, found = _free_torques(model), [0.0]
+    for each in (mistake, mistake.other):
+        if free is not None and each is not None and each.change is not None:
+            found += _share(free.rms(each.change), free.rms(model.values)).tolist()
+    return max(found)
 
 
 def _few(model: Model) -> Iterator[Outcome]:
@@ -225,27 +247,66 @@ def _causes(budget: Sequence[ErrorTerm]) -> Iterator[Outcome]:
             )
 
 
-def _precision(model: Model) -> str:
-    relative = uncertainty(model)
+def _good(model: Model, usual_covariance: Array | None) -> Outcome:
+    """State the precision: as recordings show it, and as far as stated constants are known."""
+    condition, relative = _condition(model.robot), uncertainty(model)
     if relative is None:
-        return "nothing speaks against the parameters"
-    worst = int(np.argmax(relative))
-    return (
-        f"torques of a free motion are known within {relative[worst]:.2%} of their size on every"
-        f" axis, axis {worst + 1} being the worst (one standard error)"
+        return Outcome(word="good", reason=f"nothing speaks against the parameters{condition}")
+    reason = (
+        "torques of the rigid bodies on a free motion are known within"
+        f" {_within(relative)}{condition} (one standard error)"
+    )
+    whole = None if usual_covariance is None else uncertainty(model, usual_covariance)
+    if whole is None or not model.robot.usual_uncertainty.any():
+        return Outcome(word="good", reason=reason)
+    return Outcome(
+        word="good",
+        reason=f"{reason}, within {_within(whole)} with usual tolerances of ±{USUAL_BOUND:.0%}",
+        remedy="state the uncertainty of these in the robot file, where it is known better",
     )
 
 
-def uncertainty(model: Model) -> Array | None:
+def _within(relative: Array) -> str:
+    worst = int(np.argmax(relative))
+    return f"{100 * relative[worst]:.2g} % on every axis (worst: axis {worst + 1})"
+
+
+def _condition(robot: Robot) -> str:
+    """Under which condition recordings alone show how well torques are known, a clause."""
+    constants, rotors = np.split(robot.usual_uncertainty > 0, 2)
+    named = (("torque constants", constants), ("rotor inertias", rotors))
+    if exact := " and ".join(what for what, alone in named if alone.any()):
+        return f" if {exact} are exactly as stated"
+    if robot.torque_constant_uncertainty.any():
+        return ", stated uncertainties of the drives included"
+    return " if recorded torques are to scale"
+
+
+def uncertainty(model: Model, more: Array | float = 0.0) -> Array | None:
     """Standard error of each axis's torque on a free motion over that torque, (n_joints,).
 
     Where limits are unknown it is as fast as the recordings were, and as its period has it
     accelerate. None where nothing is known of speeds; 0 for an axis without torque.
     """
+
+    Parameters
+    ----------
+    more : ndarray, shape (n_base, n_base), optional
+        Added to the model's covariance.
+    """
+    free = _free_torques(model)
+    if free is None:
+        return None
+    return _share(free.standard_error(model.covariance + more), free.rms(model.values))
+
+
+def _free_torques(model: Model) -> FreeTorques | None:
     speed = None if model.friction is None else [law.speed for law in model.friction.axes]
     if speed is None and not np.isfinite(model.robot.velocity_limit).all():
         return None
-    free = FreeTorques(model.robot, speed)
-    torque, error = free.rms(model.values), free.standard_error(model.covariance)
-    found: Array = np.where(torque > 0, error / np.where(torque > 0, torque, 1.0), 0.0)
+    return FreeTorques(model.robot, speed)
+
+
+def _share(part: Array, torque: Array) -> Array:
+    found: Array = np.where(torque > 0, part / np.where(torque > 0, torque, 1.0), 0.0)
     return found

@@ -101,7 +101,9 @@ def fit_back_and_forth(
         remarks=remarks(robot, recordings, solution),
     )
     n = len(names)
-    drives = _effect_of_drives(robot, solution)[:n]
+    effect = np.hstack([solution.of_torque, -solution.of_motor])[:n]
+    stated = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
+    drives, usual = effect * stated, effect * robot.usual_uncertainty
     return Estimate(
         method=NAME,
         p=solution.x[:n],
@@ -117,6 +119,7 @@ def fit_back_and_forth(
         back_and_forth=fit,
         half_sums=half_sums(robot, recordings, solution),
         combination=solution.excitation.combination,
+        usual_covariance=usual @ usual.T,
     )
 
 
@@ -149,11 +152,3 @@ def _require_something(recordings: Sequence[Halves], solution: Solution) -> None
             f"the strokes of axis {axes} show no base parameter; record other axes, or state in the"
             " robot file which link parameters are present"
         )
-
-
-def _effect_of_drives(robot: Robot, solution: Solution) -> Array:
-    """Change of all unknowns by one standard deviation of torque constants, then rotor inertias."""
-    return np.hstack([
-        solution.of_torque * robot.torque_constant_uncertainty,
-        -solution.of_motor * robot.rotor_inertia_uncertainty,
-    ])  # fmt: skip

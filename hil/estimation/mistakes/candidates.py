@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.mistakes.mistake import MistakeName
-from hil.estimation.mistakes.reading import Slip
+from hil.estimation.mistakes.reading import Added, GainDrift, Slip
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.model.robot_checks import split_tie
@@ -38,6 +38,9 @@ SLIDES = (-0.2, -0.05, 0.05, 0.2)
 """The same of an axis that slides [m]."""
 RATIOS = tuple(np.log([0.5, 0.8, 1.25, 2.0]))
 """From which a gear ratio is searched: logarithms of true over stated ratio."""
+WARMED = 0.01
+"""Drift of a torque constant that is none: magnets of NdFeB lose 0.11 % of their flux per kelvin
+(their usual reversible coefficient), and ten kelvins are warmth as any motor has."""
 INSTANTS = 8
 """At which a slip is tried first."""
 
@@ -152,13 +155,50 @@ def of_slips(stated: Reading, instants: Sequence[float]) -> Iterator[Candidate]:
             )  # fmt: skip
 
 
+def of_drifts(stated: Reading, first: float, last: float) -> Iterator[Candidate]:
+    """A torque constant that changes evenly between two instants [s]."""
+    for axis in range(stated.robot.n_joints):
+        yield Candidate(
+            MistakeName.DRIFT, (axis,), partial(_drift, stated, axis, first, last),
+            partial(_drifted, last - first), 1, least=WARMED,
+        )  # fmt: skip
+
+
+def of_spring(stated: Reading, axis: int, size: float) -> Candidate:
+    """A linear spring; where it is slack is an offset, which is fitted anyway.
+
+    The unknown is in multiples of a torque of a usual `size` [N m].
+    """
+    units = stated.robot.torque_unit(axis), stated.robot.position_unit(axis)
+    return Candidate(
+        MistakeName.SPRING, (axis,), partial(_added, stated, axis, _straight, size),
+        partial(_spring, size, "/".join(units)), 1,
+    )  # fmt: skip
+
+
+def of_period(stated: Reading, axis: int, order: int, size: float) -> Candidate:
+    """A torque that repeats so many times a turn; unknowns as those of a spring."""
+    return Candidate(
+        MistakeName.PERIODIC, (axis,),
+        partial(_added, stated, axis, partial(waves, order=order), size),
+        partial(_repeats, size, stated.robot.torque_unit(axis), order), 2,
+    )  # fmt: skip
+
+
+def waves(q: Array, order: int) -> Array:
+    """Sine and cosine of so many times an angle, shape (n, 2)."""
+    return np.column_stack([np.sin(order * q), np.cos(order * q)])
+
+
 def of_missing_parameters(stated: Reading) -> Iterator[Candidate]:
     """All ten parameters of the last link, which a load changes."""
     robot = stated.robot
     complete = _with_whole_link(robot, robot.n_joints - 1)
     more = len(base_parameters(complete)) - len(base_parameters(robot))
     if more > 0:
-        words = partial(_said, "the link carries more than its parameters in the robot file say")
+        words = partial(
+            _said, "a load on it, or more than its link parameters in the robot file say"
+        )
         yield Candidate(
             MistakeName.LEFT_OUT, (robot.n_joints - 1,),
             partial(_fixed, replace(stated, robot=complete)), words, more=more,
@@ -209,6 +249,21 @@ def _slip(stated: Reading, axis: int, instant: float, theta: Array) -> Reading:
     return replace(stated, slip=Slip(axis, instant, float(theta[0])))
 
 
+def _drift(stated: Reading, axis: int, first: float, last: float, theta: Array) -> Reading:
+    middle, duration = (first + last) / 2, last - first
+    return replace(stated, drift=GainDrift(axis, middle, duration, float(theta[0])))
+
+
+def _added(
+    stated: Reading, axis: int, shapes: Callable[[Array], Array], size: float, theta: Array
+) -> Reading:
+    return replace(stated, added=Added(axis, shapes, size * theta))
+
+
+def _straight(q: Array) -> Array:
+    return q[:, np.newaxis]
+
+
 def _said(words: str, theta: Array, error: Array) -> str:
     del theta, error
     return words
@@ -241,6 +296,26 @@ def _ratio(stated: float, theta: Array, error: Array) -> str:
 def _torque(theta: Array, error: Array) -> str:
     factor = float(np.exp(theta[0]))
     return f"its torques are {factor:.3g} ± {factor * error[0]:.1g} times those stated"
+
+
+def _drifted(duration: float, theta: Array, error: Array) -> str:
+    return (
+        f"its torques change by {100 * theta[0]:.1f} ± {100 * error[0]:.1g} % within"
+        f" {duration / 60:.0f} min, as of a torque constant that drifts"
+    )
+
+
+def _spring(size: float, unit: str, theta: Array, error: Array) -> str:
+    return (
+        f"a torque grows with its position by {size * theta[0]:.3g} ± {size * error[0]:.1g} {unit},"
+        " as that of a spring"
+    )
+
+
+def _repeats(size: float, unit: str, order: int, theta: Array, error: Array) -> str:
+    height = size * float(np.hypot(*theta))
+    often = "once" if order == 1 else f"{order} times"
+    return f"a torque of {height:.2g} ± {size * error.max():.1g} {unit} repeats {often} a turn"
 
 
 def _tilt(stated: Reading, theta: Array, error: Array) -> str:

@@ -17,11 +17,15 @@ import numpy as np
 from hil.errors import NotEnoughData
 from hil.estimation.mistakes.candidates import (
     INSTANTS,
+    of_drifts,
     of_missing_parameters,
     of_order,
+    of_period,
     of_signs,
     of_sizes,
     of_slips,
+    of_spring,
+    waves,
 )
 from hil.estimation.mistakes.evidence import channels
 from hil.estimation.mistakes.misfit import Campaign
@@ -32,17 +36,23 @@ from hil.estimation.mistakes.search import linear, tried
 from hil.estimation.signals import signals
 from hil.model.robot import Robot
 from hil.planning.measurement import shows_parameters
+from hil.regression.least_squares import orthonormal
+from hil.regression.window import HALF_WIDTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from hil.estimation.mistakes.candidates import Candidate
+    from hil.estimation.mistakes.evidence import Channel
     from hil.estimation.mistakes.misfit import Explanation
     from hil.estimation.mistakes.search import Tried
     from hil.estimation.signals import Signals
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
 
+    Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 REACHED = 0.99
@@ -132,50 +142,87 @@ def _off(campaign: Campaign, stated: Reading, explained: Explanation) -> bool:
     """Whether anything speaks against what is stated."""
     if explained.misfit.max() > AGREES or not _possible(campaign, stated, explained):
         return True
-    steps = (linear(campaign, each, explained) for each in of_sizes(stated))
+    steps = (linear(campaign, each, explained) for each in _sizes(campaign, stated, explained))
     return any(taken > TAKEN and t > CERTAIN for taken, t in steps)
 
 
 def _likeliest(campaign: Campaign, stated: Reading, explained: Explanation) -> Mistake | None:
     possible = _possible(campaign, stated, explained)
-    every = [tried(campaign, each, explained, wide=True) for each in _candidates(campaign, stated)]
+    candidates = _candidates(campaign, stated, explained)
+    every = [tried(campaign, each, explained, wide=True) for each in candidates]
     counting = [
-        each
-        for each in every
-        if each.large and each.t > CERTAIN and (_explains(each, explained) or not possible)
+        each for each in every if each.t > CERTAIN and (_explains(each, explained) or not possible)
     ]
     allowed = [each for each in counting if _allowed(campaign, each)]
-    if allowed or (counting and possible):
-        return _named(sorted(allowed or counting, key=_worth), explained)
-    return _contradiction(campaign, stated, explained)
+    ranked = sorted(allowed or (counting if possible else []), key=_worth)
+    if not any(each.large for each in ranked):
+        return _contradiction(campaign, stated, explained)
+    # where a size that no one would call a mistake explains most, nothing is one
+    return _named(ranked, explained) if ranked[0].large else None
 
 
-def _candidates(campaign: Campaign, stated: Reading) -> Iterator[Candidate]:
-    times = [part.time for channel in campaign.channels for part in channel.parts]
-    instants = np.quantile(times, np.arange(1, INSTANTS) / INSTANTS)
+def _candidates(campaign: Campaign, stated: Reading, explained: Explanation) -> Iterator[Candidate]:
+    instants = np.quantile(_times(campaign), np.arange(1, INSTANTS) / INSTANTS)
     yield from of_signs(stated)
     yield from of_order(stated)
-    yield from of_sizes(stated)
+    yield from _sizes(campaign, stated, explained)
     yield from of_slips(stated, instants.tolist())
     yield from of_missing_parameters(stated)
 
 
+def _sizes(campaign: Campaign, stated: Reading, explained: Explanation) -> Iterator[Candidate]:
+    """All that has a size, and no instant at which it begins."""
+    yield from of_sizes(stated)
+    times = _times(campaign)
+    if min(times) < max(times):
+        yield from of_drifts(stated, min(times), max(times))
+    for channel, left in campaign.residuals(explained):
+        axis, size = channel.axis, float(np.sqrt(np.mean(channel.tau**2)))
+        if size:
+            yield of_spring(stated, axis, size)
+            if stated.robot.revolute[axis]:
+                yield of_period(stated, axis, _order(channel, left), size)
+
+
+def _times(campaign: Campaign) -> list[float]:
+    return [part.time for channel in campaign.channels for part in channel.parts]
+
+
+def _order(channel: Channel, left: Array) -> int:
+    """How often a turn the torque repeats that takes most of what is left away."""
+
+    def taken(order: int) -> float:
+        basis, _ = orthonormal(channel.without_friction(waves(channel.q[:, channel.axis], order)))
+        return float(np.sum((basis.T @ left) ** 2))
+
+    fastest = float(np.abs(channel.qd[:, channel.axis]).max())
+    return max(range(1, max(2, int(np.pi / (HALF_WIDTH * fastest)))), key=taken)
+
+
 def _named(ranked: Sequence[Tried], explained: Explanation) -> Mistake:
-    """The best, with the next one of another name or axis if that is as good."""
-    best, *rest = ranked
+    """The best, with the next one of another name or axis if that leaves as little.
+
+    A load comes before a zero that leaves as much: to home an axis that only carries a load would
+    spoil what was right.
+    """
+    least = ranked[0].explanation.chi_square
+    alike = [each for each in ranked if each.explanation.chi_square < (1.0 + AS_GOOD) * least]
+    alike = [each for each in alike if each.large]
+    best, *rest = sorted(alike, key=lambda each: each.candidate.name != MistakeName.LEFT_OUT)
     others = [
         _mistake(each, explained)
         for each in rest
-        if _worth(each) < (1.0 + AS_GOOD) * _worth(best)
-        and (each.candidate.name, each.candidate.axes) != (best.candidate.name, best.candidate.axes)
+        if (each.candidate.name, each.candidate.axes) != (best.candidate.name, best.candidate.axes)
     ]
-    return replace(_mistake(best, explained), other=str(others[0]) if others else "")
+    return replace(_mistake(best, explained), other=others[0] if others else None)
 
 
 def _mistake(each: Tried, explained: Explanation) -> Mistake:
     axes = tuple(axis + 1 for axis in each.candidate.axes)
     left = each.explanation.chi_square / explained.chi_square
-    return Mistake(each.candidate.name, axes, each.candidate.words(each.theta, each.error), left)
+    change = None if each.candidate.more else each.explanation.p - explained.p
+    words = each.candidate.words(each.theta, each.error)
+    return Mistake(each.candidate.name, axes, words, left, change=change)
 
 
 def _explains(each: Tried, explained: Explanation) -> bool:
@@ -199,6 +246,8 @@ def _possible(campaign: Campaign, reading: Reading, explained: Explanation) -> b
 def _allowed(campaign: Campaign, each: Tried) -> bool:
     """Whether mechanics allows it; parameters added, which hardly show, may have any sign."""
     reading = each.candidate.reading(each.theta)
+    if campaign.beyond(reading):
+        return False
     if each.candidate.more:
         return not campaign.driving(reading, each.explanation.p)
     return _possible(campaign, reading, each.explanation)

@@ -22,7 +22,7 @@ from hil.model.dynamics import mass_matrix
 from hil.regression.least_squares import orthonormal, solved
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -82,6 +82,22 @@ class Campaign:
             found += [slice(first + p.rows.start, first + p.rows.stop) for p in channel.parts]
             first += len(channel.tau)
         return tuple(found)
+
+    def residuals(self, explained: Explanation) -> Iterator[tuple[Channel, Array]]:
+        """Of each channel what an explanation leaves, over its pure error."""
+        first = 0
+        for channel in self.channels:
+            yield channel, explained.residual[first : first + len(channel.tau)]
+            first += len(channel.tau)
+
+    def beyond(self, reading: Reading) -> bool:
+        """Whether an axis would have slipped out of its range, where its stops are."""
+        slip, robot = reading.slip, reading.robot
+        if slip is None:
+            return False
+        q = np.concatenate([reading.motion(c)[0][:, slip.axis] for c in self.channels])
+        q_min, q_max = robot.q_min[slip.axis], robot.q_max[slip.axis]
+        return bool(q.min() < q_min or q.max() > q_max)
 
     def explain(self, reading: Reading) -> Explanation:
         """Fit base parameters under a reading."""

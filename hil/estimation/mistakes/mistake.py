@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 
 class MistakeName(StrEnum):
@@ -20,6 +27,9 @@ class MistakeName(StrEnum):
     LEFT_OUT = "load or link parameters left out"
     SATURATION = "torque at its limit"
     SLIP = "coupling or encoder that slips"
+    DRIFT = "torque constant that drifts"
+    SPRING = "spring left out"
+    PERIODIC = "torque that repeats with the angle"
     UNKNOWN = "measurements that contradict each other"
 
 
@@ -36,10 +46,16 @@ REMEDIES = {
     MistakeName.TORQUE_CONSTANT: "correct its torque_constant in robot file and drives file, and"
     " look whether currents are rms or peak values",
     MistakeName.EXCHANGED: "exchange their nodes in the drives file, or their columns in the map",
-    MistakeName.LEFT_OUT: "state the missing parameters of that link in the robot file, or take the"
-    " load off (hil diagnose ranks the parameters, hil payload finds a load)",
+    MistakeName.LEFT_OUT: "take the load off, or state the missing parameters of that link in the"
+    " robot file (hil diagnose ranks the parameters, hil payload finds a load)",
     MistakeName.SATURATION: "measure with lower accelerations, or raise the drive's limit",
     MistakeName.SLIP: "fasten the coupling, home the axis and measure again",
+    MistakeName.DRIFT: "let the motors reach their temperature before measuring (magnets weaken as"
+    " they warm), and look whether the current sensor drifts",
+    MistakeName.SPRING: "add it to springs in the robot file, or take away what pulls there (a"
+    " cable, a hose, a balancer)",
+    MistakeName.PERIODIC: "look for what rubs or meshes so often in a turn (gear, bearing, cable);"
+    " no base parameter holds such a torque",
     MistakeName.UNKNOWN: "look for what differs between them: a contact, a load that changed, a"
     " machine that was altered in between",
 }
@@ -58,23 +74,27 @@ class Mistake:
         Its size with standard error, or its evidence; a clause without subject.
     left : float
         Share of the sum of squares of residuals that remains once it is corrected.
-    other : str
-        Another mistake that explains the recordings as well; empty where there is none.
+    other : Mistake, optional
+        Another one that explains the recordings as well.
+    change : ndarray, shape (n_base,), optional
+        Of the base parameters once it is corrected; None where that takes other parameters.
     """
 
     name: MistakeName
     axes: tuple[int, ...]
     detail: str
     left: float
-    other: str = ""
+    other: Mistake | None = None
+    change: Array | None = field(default=None, compare=False)
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
-        return REMEDIES[self.name]
+        """What to do about it; nothing about another that explains the recordings as well."""
+        which = "" if self.other is None else "find out which before anything is changed: "
+        return which + REMEDIES[self.name]
 
     def __str__(self) -> str:
         which = " and ".join(map(str, self.axes))
         where = f"axis {which}: " if len(self.axes) == 1 else f"axes {which}: " if which else ""
-        other = f", or, explaining it as well, {self.other}" if self.other else ""
+        other = f"; or {self.other}: the same in these data" if self.other else ""
         return f"{where}{self.detail}{other}"

@@ -5,8 +5,9 @@ The identity is what robot file and drives file state. Joint i is read from chan
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + scale^-2 H qdd) + friction,
 
 so that a gear ratio N that is stated as N' has scale = N' / N and, as torques of the motor are
-multiplied by it too, the same gain; a torque constant k stated as k' has gain = k' / k. Residuals
-stay in recorded torque under every reading: none gains by making torques small.
+multiplied by it too, the same gain; a torque constant k stated as k' has gain = k' / k. The gain
+may drift, and a torque that depends on q alone, such as a spring's, may be added. Residuals stay
+in recorded torque under every reading: none gains by making torques small.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ import numpy as np
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from hil.estimation.mistakes.evidence import Channel
@@ -33,6 +36,33 @@ class Slip(NamedTuple):
     axis: int
     instant: float
     angle: float
+
+
+class GainDrift(NamedTuple):
+    """The gain of an axis changes by `share` for each `duration` [s], and is stated at `middle`."""
+
+    axis: int
+    middle: float
+    duration: float
+    share: float
+
+    def factor(self, time: Array) -> Array:
+        """Gain over that at the middle, shape (n,)."""
+        factor: Array = 1.0 + self.share * (time - self.middle) / self.duration
+        return factor
+
+
+class Added(NamedTuple):
+    """Torque of an axis by its position alone: `shapes` (n, k) of q times `sizes` [N m]."""
+
+    axis: int
+    shapes: Callable[[Array], Array]
+    sizes: Array
+
+    def torque(self, q: Array) -> Array:
+        """Shape (n,) [N m]."""
+        torque: Array = self.shapes(q) @ self.sizes
+        return torque
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +80,8 @@ class Reading:
     gravity : ndarray, shape (3,)
         In the base frame [m/s^2].
     slip : Slip, optional
+    drift : GainDrift, optional
+    added : Added, optional
     """
 
     robot: Robot
@@ -61,6 +93,8 @@ class Reading:
     zero: Array
     gravity: Array
     slip: Slip | None = None
+    drift: GainDrift | None = None
+    added: Added | None = None
 
     @classmethod
     def stated(cls, robot: Robot) -> Reading:
@@ -103,16 +137,20 @@ class Reading:
         return q, qd, qdd
 
     def columns(self, channel: Channel) -> tuple[Array, Array]:
-        """Torque that is read per unit of each base parameter, and of the motor.
+        """Torque that is read per unit of each base parameter, and of motor and what is added.
 
         Shapes (n, n_base) and (n,).
         """
         joint = self.joint(channel.axis)
         q, qd, qdd = self.motion(channel)
-        factor = self.sign_tau[joint] * self.gain[joint]
+        factor = np.full(len(q), self.sign_tau[joint] * self.gain[joint])
+        if self.drift is not None and self.drift.axis == joint:
+            factor = factor * self.drift.factor(channel.time)
         rows = regressor(self.robot, q, qd, qdd, joints=[joint], gravity=self.gravity)[:, 0]
         motor = self.robot.reflected_inertia[joint] / self.scale[joint] ** 2 * qdd[:, joint]
-        return factor * rows, factor * motor
+        if self.added is not None and self.added.axis == joint:
+            motor = motor + self.added.torque(q[:, joint])
+        return factor[:, np.newaxis] * rows, factor * motor
 
 
 def _put(values: Array, axis: int, value: float | None) -> Array:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from small_run import write_run
 
 from checked_files.yaml_file import FileError
+from hil.errors import NotIdentifiable
 from hil.estimation.mistakes.mistake import Mistake, MistakeName
+from hil.model.robot import Robot
+from hil.results import identification
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
@@ -20,7 +25,7 @@ from hil.results.verdict import judged
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.model.robot import Robot
+STATED = {"torque_constant_uncertainty": 0.02, "rotor_inertia_uncertainty": 0.05}
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +38,73 @@ def test_a_mistake_comes_before_everything_else(model: Model) -> None:
     found = outcome(replace(model, scatter_covariance=1e6 * model.scatter_covariance), mistake)
     assert str(found).startswith("failed: axis 3: its zero is off by 20.1 ± 0.2 degrees; correct")
     assert outcome(model, replace(mistake, left=0.98)).word == "doubtful"
+
+
+def test_a_mistake_that_moves_the_torques_spoils_the_model_however_little_residual_it_leaves(
+    model: Model,
+) -> None:
+    zero = Mistake(MistakeName.ZERO, (5,), "its zero is off", left=0.9, change=0.2 * model.values)
+    load = Mistake(MistakeName.LEFT_OUT, (6,), "a load on it", left=0.9, other=zero)
+    assert outcome(model, zero).word == outcome(model, load).word == "failed"
+    assert outcome(model, replace(zero, change=0.05 * model.values)).word == "doubtful"
+
+
+def test_of_two_mistakes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once(
+    model: Model,
+) -> None:
+    zero = Mistake(MistakeName.ZERO, (5,), "its zero is off by 18.9 ± 0.2 degrees", left=0.87)
+    load = Mistake(MistakeName.LEFT_OUT, (6,), "a load on it", left=0.87, other=zero)
+    assert str(outcome(model, load)).startswith(
+        "doubtful: axis 6: a load on it; or axis 5: its zero is off by 18.9 ± 0.2 degrees: the same"
+        " in these data; find out which before anything is changed: take the load off"
+    )
+
+
+def test_a_mistake_comes_before_what_a_method_refuses(
+    manutec: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchanged = Mistake(MistakeName.EXCHANGED, (5, 6), "each has the recordings of the other", 0.7)
+
+    def refuse(*_given: object) -> None:
+        raise NotIdentifiable("9 measurements do not identify p5; measure more configurations")
+
+    monkeypatch.setattr(identification, "estimate", refuse)
+    monkeypatch.setattr(identification, "find_mistake", lambda *_given: exchanged)
+    run = write_run(tmp_path / "run", manutec, seed=1)
+    with pytest.raises(NotIdentifiable, match=r"axes 5 and 6: each has .*; exchange their nodes"):
+        identify(run)
+
+
+def test_good_states_what_it_takes_as_exact_and_what_usual_tolerances_make_of_it(
+    model: Model,
+) -> None:
+    n = len(model.values)
+    found = outcome(model, usual_covariance=100.0 * model.covariance)
+    assert found.word == "good"
+    stated, usual = re.findall(r"within ([\d.]+) % on every axis", found.reason)
+    assert float(usual) == pytest.approx(np.sqrt(101) * float(stated), rel=0.1)
+    assert "if torque constants and rotor inertias are exactly as stated" in found.reason
+    assert "with usual tolerances of ±10%" in found.reason
+    assert "usual" not in outcome(model).reason  # of a method that does not know their effect
+    with_none = outcome(model, usual_covariance=np.zeros((n, n))).reason
+    assert with_none.count(f"within {stated} %") == 2
+
+
+def test_uncertainties_that_a_robot_file_states_take_the_place_of_usual_tolerances(
+    model: Model,
+) -> None:
+    joints = [
+        joint.model_copy(update={"drive": joint.drive.model_copy(update=STATED)})
+        for joint in model.robot.file.joints
+        if joint.drive
+    ]
+    file = model.robot.file.model_copy(update={"joints": tuple(joints)})
+    robot = Robot(file, model.robot.source, model.robot.text)
+    assert not robot.usual_uncertainty.any()
+    assert model.robot.usual_uncertainty == pytest.approx(0.1 / np.sqrt(3))
+    found = outcome(replace(model, robot=robot), usual_covariance=0.0 * model.covariance)
+    assert found.reason.count("within") == 1
+    assert "stated uncertainties of the drives included" in found.reason
 
 
 def test_an_axis_that_is_not_excited_is_named(model: Model) -> None:
