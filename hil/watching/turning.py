@@ -162,8 +162,8 @@ class Turning:
     def _learn(self, used: Flags, rows: Array, slip: Array, friction: Array, level: Array) -> None:
         if used.any():
             error = friction[:, np.newaxis] - rows * level[:, np.newaxis]
-            for kept, shown in (
-                (self._squares, error**2), (self._products, error * slip), (self._slips, slip**2)
-            ):  # fmt: skip
-                kept += np.sum(used[:, np.newaxis] * shown, axis=0)
+            counted = used[:, np.newaxis]
+            self._squares += np.sum(counted * error**2, axis=0)
+            self._products += np.sum(counted * error * slip, axis=0)
+            self._slips += np.sum(counted * slip**2, axis=0)
             self._seen += used.sum(axis=0)
