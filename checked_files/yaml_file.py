@@ -51,6 +51,7 @@ DEPTH_MAX = 32
 VALUES_MAX = 200_000
 """Most values that a file may hold once its aliases are followed."""
 _SHOWN_MAX = 60
+_MISSING = "missing; add this key"
 _TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it flat"
 _NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
 
@@ -142,8 +143,7 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        lines = [_describe(at, message, root, source) for at, message in _wrong(error, model)]
-        raise FileError("\n".join(lines)) from error
+        raise FileError("\n".join(_described(_wrong(error, model), root, source))) from error
 
 
 def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
@@ -201,11 +201,33 @@ def place(location: tuple[str | int, ...]) -> str:
     return ".".join(str(part) for part in location)
 
 
-def _describe(
-    location: tuple[str | int, ...], message: str, root: yaml.Node | None, source: str
-) -> str:
-    at = f"{place(location)}: " if location else ""
-    return f"{source}:{_line(root, location)}: {at}{message}"
+def _described(
+    wrong: list[tuple[tuple[str | int, ...], str]], root: yaml.Node | None, source: str
+) -> list[str]:
+    """One line a value; what several members of a union say of one value goes into one line."""
+    found: dict[tuple[str | int, ...], list[str]] = {}
+    for location, message in wrong:
+        messages = found.setdefault(_written(root, location, message), [])
+        value = f"{messages[0].partition(': ')[0]}: " if messages else ""
+        if message not in messages:
+            messages.append(message.removeprefix(value))
+    return [
+        f"{source}:{_line(root, at)}: {f'{place(at)}: ' if at else ''}{', or '.join(messages)}"
+        for at, messages in found.items()
+    ]
+
+
+def _written(
+    node: yaml.Node | None, location: tuple[str | int, ...], message: str
+) -> tuple[str | int, ...]:
+    """Where a value stands as the file has it: a union's tags, such as ``float``, are left out."""
+    kept: list[str | int] = []
+    for part in location:
+        found = _child(node, part)
+        if found is not None:
+            kept, node = [*kept, part], found[1]
+    missing = message == _MISSING and location[-1:] != tuple(kept[-1:])
+    return (*kept, location[-1]) if missing else tuple(kept)
 
 
 def _location(problem: object) -> tuple[str | int, ...]:
@@ -222,7 +244,7 @@ def _message(problem: object, model: type[BaseModel] | None) -> str:
         known = known_keys(model, above) if model else ()
         return f"unknown key; remove it or correct its spelling{did_you_mean(str(key), known)}"
     if problem["type"] == "missing":
-        return "missing; add this key"
+        return _MISSING
     if isinstance(problem["input"], str | int | float | bool) and "Value error" not in str(
         problem["msg"]
     ):

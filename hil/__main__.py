@@ -7,16 +7,18 @@ being loaded would turn it into an error of their own.
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from types import FrameType
 
 STATUS = 130
 """Exit status of a program that was interrupted."""
+STREAMS = {1: "stdout", 2: "stderr"}
 CLEARED = b"\r\x1b[2K\x1b[?25h"
 """What takes a line of progress away, and shows the cursor again that it had hidden."""
 
@@ -25,6 +27,7 @@ def main() -> None:
     """Entry point of ``hil`` and ``python -m hil``."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, _leave)
+    _keep_streams()
     # matrices are small here: threads would wait for one another, at a third more processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
@@ -40,6 +43,41 @@ def main() -> None:
         _flush()
 
 
+class _Patient(io.FileIO):
+    """Drops what is written once nobody reads it: neither a run nor a result ends by that."""
+
+    def write(self, content: Any) -> int:
+        """Write what is taken."""
+        try:
+            return super().write(content) or 0
+        except BrokenPipeError:
+            _to_nowhere(self.fileno())
+            return len(content)
+
+
+def _keep_streams() -> None:
+    """Let every text be written: where a stream is closed, unread or knows ASCII alone."""
+    for number, name in STREAMS.items():
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller; a file that is opened next would get its number
+            _to_nowhere(number)
+        kept = io.TextIOWrapper(
+            io.BufferedWriter(_Patient(number, "w", closefd=False)),
+            encoding="utf-8" if stream is None else stream.encoding,
+            errors="replace",
+            line_buffering=stream is not None and (stream.line_buffering or number == 2),
+        )
+        setattr(sys, name, kept)
+
+
+def _to_nowhere(number: int) -> None:
+    """Drop what is written to a stream from now on."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    if null != number:
+        os.dup2(null, number)
+        os.close(null)
+
+
 def _leave(number: int, frame: FrameType | None) -> None:
     del number, frame
     if os.isatty(1):
@@ -48,14 +86,12 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 
 def _flush() -> None:
-    """Write out what is left, or drop it where nobody reads it any more."""
+    """Write out what is left, or drop it where it cannot be written any more."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            null = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(null, stream.fileno())
-            os.close(null)
+            _to_nowhere(stream.fileno())
 
 
 if __name__ == "__main__":

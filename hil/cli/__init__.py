@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
@@ -132,6 +133,17 @@ COMMANDS = {name: command for panel in PANELS.values() for name, command in pane
 
 class _ImportedLate(TyperGroup):
     """Shows its commands as `COMMANDS` states them, and imports the one that is chosen."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse an empty argument, which as a path would be the current folder."""
+        for before, word in pairwise(["hil", *args]):
+            if not word or (word.startswith("--") and word.endswith("=")):
+                raise typer.BadParameter(
+                    f"{(word or before)!r} is followed by nothing; give a value (is a variable of"
+                    " the shell empty?)"
+                )
+        parsed: list[str] = super().parse_args(ctx, args)
+        return parsed
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name, command and arguments, in the classes of typer's own copy of click."""

@@ -86,7 +86,7 @@ class PortsOptional(TyperCommand):
 def with_ports(arguments: list[str]) -> list[str]:
     """Give each option in `PORTS` that has no number after it the port that it means."""
     found = []
-    for word, after in zip(arguments, [*arguments[1:], ""], strict=True):
+    for word, after in zip(arguments, [*arguments, ""][1:], strict=True):
         found.append(word)
         if word in PORTS and not after.lstrip("-").isdecimal():
             found.append(str(PORTS[word]))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,8 @@ from hil.estimation.noise_levels import noise_levels
 from hil.estimation.payload import load_columns
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step_methods import prepared_for
+from hil.model.robot import Robot
+from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
 from hil.results.naming import named
 from hil.runs.pooling import recorded
@@ -23,7 +26,6 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.noise_levels import Levels
-    from hil.model.robot import Robot
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
@@ -47,6 +49,8 @@ class BareRun:
         Change of the base parameters by each parameter of a load.
     free : ndarray, shape (10, n_free)
         How the free parameters make up those of a load.
+    wider : Robot, optional
+        The robot with all parameters of the last link, where they are taken in.
     """
 
     run: Run
@@ -55,11 +59,31 @@ class BareRun:
     levels: Levels
     columns: Array
     free: Array
+    wider: Robot | None = None
 
     @property
     def robot(self) -> Robot:
         """The robot that was measured."""
-        return self.run.robot
+        return self.wider or self.run.robot
+
+    def beside_axis(self) -> BareRun:
+        """The same with all ten parameters of the last link present, of robot and load, none tied.
+
+        Robot files leave out what the bare last link does not have; a load that is mounted beside
+        its axis has first moments and products of inertia all the same. Itself, where nothing is
+        left out.
+        """
+        stated, number = self.run.robot, str(self.run.robot.n_joints)
+        joints = stated.file.joints
+        last = joints[-1].model_copy(update={"parameters": LINK_PARAMETERS})
+        ties = tuple(tie for tie in stated.file.ties if number not in re.findall(r"\d+", tie))
+        if set(joints[-1].parameters) == set(LINK_PARAMETERS) and ties == stated.file.ties:
+            return self
+        file = stated.file.model_copy(update={"joints": (*joints[:-1], last), "ties": ties})
+        robot = Robot(file, stated.source, stated.text)
+        fit = SimultaneousFit(robot, prepared_for(stated, self.estimate, recorded(self.run)))
+        columns, free = load_columns(robot)
+        return replace(self, fit=fit, columns=columns, free=free, wider=robot)
 
     @property
     def shown(self) -> Array:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import yaml
+from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.errors import Mismatch
 from hil.estimation.load_beside_bare import fit_beside
 from hil.estimation.payload import payload_names, require_load, without_mass
-from hil.estimation.payload_figures import MASS, Payload
+from hil.estimation.payload_figures import FIRST_MOMENTS, MASS, Payload
 from hil.estimation.two_step_methods import prepare
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.results.load_pose import helpful_poses, parameter_of
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
 NAME = "load.yaml"
 CONTRADICTS = 4.0
 """Standard errors between a stated mass and the one that is found, from which they contradict."""
+BESIDE = 0.001
+"""Chance of a load's first moments across the last axis, were it on it, from which on it is not."""
 LOOSE = 0.001
 """Chance of what a rigid load leaves, from which on it is not rigid."""
 ROUGH = 0.1
@@ -127,12 +130,31 @@ def find_load(bare: BareRun, loaded: Sequence[Run], mass: float | None = None) -
     for run in loaded:
         _refuse_unfit(bare.run, run)
     with named(loaded[-1]):
-        found = _payload(bare, loaded, None)
+        bare, found = _beside_axis(bare, loaded, _payload(bare, loaded, None))
         require_load(found)
         if mass is None:
             return found
         _refuse_contradiction(found, mass)
         return _payload(bare, loaded, mass)
+
+
+def _beside_axis(bare: BareRun, loaded: Sequence[Run], found: Payload) -> tuple[BareRun, Payload]:
+    """Take in what the robot file leaves out of the last link, where the load calls for it.
+
+    A load beside the last axis, taken for one on it, contradicts itself as a loose one does. So its
+    first moments across the axis are freed before that is said: it is taken for beside the axis if
+    one of them stands out of its error, and it is rigid then.
+    """
+    wider = bare.beside_axis()
+    if wider is bare:
+        return bare, found
+    beside = _payload(wider, loaded, None)
+    newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
+    error = np.sqrt(np.diag(beside.phi_covariance))[newly]
+    if not (newly and np.all(error > 0) and beside.degrees is not None) or is_loose(beside):
+        return bare, found
+    chance = 2 * special.stdtr(beside.degrees[newly], -np.abs(beside.phi[newly]) / error)
+    return (wider, beside) if len(newly) * chance.min() <= BESIDE else (bare, found)
 
 
 def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Payload:
@@ -239,7 +261,8 @@ def _of_rigidity(found: Payload) -> list[str]:
 def write_load(path: Path, bare: BareRun, loaded: Sequence[Run], found: Payload) -> LoadFile:
     """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""
     plans = [run.planned for run in loaded]
-    advice = advised(bare.robot, helpful_poses(bare, plans, found, unsure(found)))
+    stated = [name for name in unsure(found) if bare.free[LINK_PARAMETERS.index(name)].any()]
+    advice = advised(bare.robot, helpful_poses(bare, plans, found, stated))
     kept = LoadFile(
         made=now(),
         version=version("canopen-robot-identification"),
@@ -296,7 +319,7 @@ def _payload(bare: BareRun, loaded: Sequence[Run], mass: float | None) -> Payloa
         still[MASS], free = mass, without_mass(free)
     raw, _ = prepare(robot, pooled(loaded))
     train = bare.estimate.drive_train
-    prepared = raw if train is None else [(m, train.applied(robot, s)) for m, s in raw]
+    prepared = raw if train is None else [(m, train.applied(bare.run.robot, s)) for m, s in raw]
     fit = fit_beside(robot, bare.fit, prepared, bare.columns @ free, bare.columns @ still)
     seen = np.where(fit.lost, 0.0, 1.0)
     covariance = np.outer(seen, seen) * (fit.scatter + fit.drives)

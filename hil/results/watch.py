@@ -53,9 +53,12 @@ class Sight(FileModel):
     unit : {"N m", "N"}
     limit : float
         Torque limit [N m or N].
-    soon, late : float
-        Thresholds within `SOON` and within `LATE`, median while the axis moves [N m or N]; NaN of
-        an axis that did not move.
+    soon, late : float, optional
+        Thresholds within `SOON` and within `LATE`, median while the axis moves [N m or N]; None of
+        an axis that has moved too little.
+    still : float
+        Share of the time watched in which the axis stood still: slower than 1 % of its velocity
+        limit.
     blind, dim : float
         Share of the time watched, around reversals and at rest, in which `STRONG` of the limit
         would not be seen within `SOON`, and `WEAK` of it not within `LATE`.
@@ -66,8 +69,9 @@ class Sight(FileModel):
     axis: int
     unit: str
     limit: float
-    soon: float
-    late: float
+    soon: float | None
+    late: float | None
+    still: float
     blind: float
     dim: float
     distance: float

@@ -20,8 +20,9 @@ Each has a threshold,
 
 from how such means scatter on this machine (`hil.watching.scatter`), from the model's own interval
 (base parameters, and friction as it is followed, `hil.watching.friction_level`), and from what
-friction may be wrong by just after a reversal (`hil.watching.turning`). At rest friction holds
-against anything up to its level in either direction, so only more than that is seen.
+friction may be wrong by just after a reversal or a standstill (`hil.watching.turning`). At rest
+friction holds against anything up to its level in either direction, so only more than that is
+seen. Of an axis that has not moved yet nothing is known, so nothing is seen.
 """
 
 from __future__ import annotations
@@ -58,6 +59,8 @@ SURE = 0.05
 """Doubt of friction's direction up to which a sample shows how friction and scatter are."""
 DOUBTFUL = 1.0
 """Share of a threshold above which nothing is learned from a block."""
+ANY = 2.0
+"""Share of the torque limit from which a threshold means that nothing is seen."""
 LONGEST_DOUBT = 10.0
 """Time after which what lasts is learned all the same: a load, or friction that has changed [s]."""
 
@@ -72,8 +75,8 @@ class Judged(NamedTuple):
     measured, predicted : ndarray, shape (n, n_joints)
         Of the samples one period before [N m or N].
     outside, threshold : ndarray, shape (n, n_windows, n_joints)
-        Mean torque from outside in each window that ends with these, and the threshold of its size
-        [N m or N].
+        Mean torque from outside in each window that ends with these, and the threshold of its
+        size, infinite where nothing is seen [N m or N].
     moving : ndarray of bool, shape (n, n_joints)
     """
 
@@ -127,8 +130,8 @@ class Detector:
         self._limit, self._speed = robot.torque_limit, robot.velocity_limit
         self._tables = FrictionTables(model)
         self._level = FrictionLevel(self._tables.uncertainty, self._tables.slowest / self._speed)
-        self._turning = Turning(_presliding(model))
-        self._scatter = Scatter(len(self.windows), n, period)
+        self._turning = Turning(_presliding(model), period)
+        self._scatter = Scatter(self.windows, n, period)
         self._recent = np.zeros((2, self.windows[-1], n))
         self._time, self._q, self._tau = np.empty(0), np.empty((0, n)), np.empty((0, n))
         self._since = 0
@@ -194,17 +197,18 @@ class Detector:
         rigid = inverse_dynamics(robot, self._model.values, q, qd, qdd)
         offset, level = self._tables.at(qd, rigid)
         frictionless = rigid + motor_torque(robot, q, qd, qdd) + offset
-        turn = self._turning.take(step[:-1], measured - frictionless, level)
+        turn = self._turning.take(step[:-1], qd, measured - frictionless, level)
         speed = np.abs(qd) / self._speed
         columns = columns_of(turn.direction, level / self._limit, speed)
         drifted, spread = self._level.at(columns)
-        predicted = frictionless + turn.direction * level + drifted * self._limit
+        predicted = frictionless + turn.direction * level + turn.damping + drifted * self._limit
         left = (measured - predicted) / self._limit
         rest = np.clip(1.0 - speed / SLOW, 0.0, 1.0) * (1.0 + np.abs(turn.direction))
         wrong = np.maximum(turn.doubt, rest)
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
-        threshold = np.sqrt((SIGMAS * self._scatter.rms) ** 2 + error) + bands
+        threshold = np.sqrt((SIGMAS * self._scatter.bound) ** 2 + error) + bands
+        threshold[threshold > ANY] = np.inf
         moving = speed > SLOW
         doubtful: Flags = np.asarray(np.any(np.abs(means) > DOUBTFUL * threshold, axis=1))
         self._learned.append(_Learned(columns, left, means, doubtful, moving & (turn.doubt < SURE)))

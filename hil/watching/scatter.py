@@ -15,6 +15,8 @@ MEMORY = 120.0
 """Time over which squares are averaged [s]."""
 ENOUGH = 15.0
 """Time of motion from which squares can be trusted [s]."""
+SURE = 3.0
+"""Standard deviations by which fewer squares may by chance be too small."""
 LONGEST = 0.1
 """Time that the longest window takes [s]."""
 SHORTEST = 2
@@ -34,13 +36,16 @@ class Scatter:
 
     Parameters
     ----------
-    n_windows, n_joints : int
+    lengths : ndarray of int, shape (n_windows,)
+        Of the windows [samples].
+    n_joints : int
     period : float
         Time between two samples [s].
     """
 
-    def __init__(self, n_windows: int, n_joints: int, period: float) -> None:
-        self._squares = np.zeros((n_windows, n_joints))
+    def __init__(self, lengths: NDArray[np.int_], n_joints: int, period: float) -> None:
+        self._lengths = lengths
+        self._squares = np.zeros((len(lengths), n_joints))
         self._weights = np.zeros(n_joints)
         self._most, self._enough = MEMORY / period, ENOUGH / period
 
@@ -48,6 +53,20 @@ class Scatter:
     def rms(self) -> Array:
         """Root mean squares, shape (n_windows, n_joints); 0 before the first sample."""
         return np.sqrt(self._squares)
+
+    @property
+    def bound(self) -> Array:
+        """What the root mean squares may really be, shape (n_windows, n_joints).
+
+        Of an axis that has moved for less than `ENOUGH`: a mean of n squares, those of windows that
+        do not overlap, is by chance as small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true
+        one (Wilson and Hilferty, Proc. Natl. Acad. Sci. 17, 1931). Infinite where that says
+        nothing.
+        """
+        ninths = 2 / 9 * self._lengths[:, np.newaxis] / np.maximum(self._weights, 1e-9)
+        least = (1.0 - ninths - SURE * np.sqrt(ninths)).clip(0.0) ** 3
+        rms = np.divide(self.rms, np.sqrt(least), out=np.full_like(least, np.inf), where=least > 0)
+        return np.where(self.known, self.rms, rms)
 
     @property
     def known(self) -> NDArray[np.bool_]:

@@ -27,7 +27,7 @@ class Stretch(NamedTuple):
     alarm : float
         Instant of an alarm; NaN without one [s].
     time, measured, predicted, threshold : ndarray, shape (n,)
-        [s], [N m or N].
+        [s], [N m or N]; an infinite threshold where nothing is seen.
     """
 
     alarm: float

@@ -5,9 +5,19 @@ presliding distance d, after Dahl
 
     dz/ds = (sign - z) / d,    s being the way,
 
-from sample to sample as an exponential. Which distance is that of an axis shows in its torque after
-reversals, so directions are found for a row of distances, and the one that fits best is taken.
-What its neighbours in the row say otherwise is how uncertain the direction is.
+from sample to sample as an exponential; and while they bend they are damped, after Canudas de Wit
+et al. (IEEE Trans. Automat. Contr. 40, 1995), which adds a torque
+
+    c (v - |v| z)
+
+to that of z: where an axis reverses within few samples, at the end of a stroke, it is larger than
+friction itself. Which distance and damping are those of an axis shows in its torque after
+reversals, so directions are found for a row of distances, each with the damping that fits it, and
+the distance that fits best is taken. What its neighbours in the row say otherwise is how uncertain
+the direction is, and so is a share of the damping.
+
+At a standstill the direction goes wherever the torque does, which no encoder shows. From there on
+it is unknown until the axis has moved over the presliding distance.
 """
 
 from __future__ import annotations
@@ -20,6 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
+    Flags = NDArray[np.bool_]
 
 DISTANCES = 5e-5 * 2.0 ** np.arange(9)
 """Presliding distances that are tried [rad or m]."""
@@ -27,72 +38,132 @@ TURNED = 0.05
 """Difference of directions between neighbours in the row from which an axis counts as turning."""
 ENOUGH = 25
 """Samples in the middle of turning from which a distance is taken."""
+STILL = 0.1
+"""Time within the shortest distance after which an axis stands still [s]."""
+UNSEEN = 1e3
+"""Doubt while an axis turns before enough turning was seen: nothing is seen meanwhile."""
+DAMPING_DOUBT = 0.5
+"""Doubt of the damping, as a share of it: as much as neighbours in the row differ in stiffness."""
 
 
 class Turned(NamedTuple):
-    """Directions of friction from -1 to 1, and by how much they may be wrong, (n, n_joints)."""
+    """Friction while it turns round; each of shape (n, n_joints).
+
+    Attributes
+    ----------
+    direction : ndarray
+        From -1 to 1.
+    damping : ndarray
+        Torque of the damping, beside that of the direction [N m or N].
+    doubt : ndarray
+        What both may be wrong by, as a share of friction's level.
+    """
 
     direction: Array
+    damping: Array
     doubt: Array
 
 
 class Turning:
-    """Directions of friction of all axes, and the distance of each.
+    """Directions of friction of all axes, and the distance and damping of each.
 
     Parameters
     ----------
     known : ndarray, shape (n_joints,)
         Presliding distances that the model holds, 0 where it holds none [rad or m].
+    period : float
+        Time between two samples [s].
     """
 
-    def __init__(self, known: Array) -> None:
+    def __init__(self, known: Array, period: float) -> None:
         n = len(known)
         self._row = np.zeros((len(DISTANCES), n))
-        self._misfit = np.zeros((len(DISTANCES), n))
-        self._seen = np.zeros(n)
+        self._squares, self._products, self._slips = np.zeros((3, len(DISTANCES), n))
+        self._seen, self._shown = np.zeros(n), np.zeros(n, dtype=bool)
         self._known = known > 0
         nearest = np.abs(np.log(DISTANCES[:, np.newaxis] / np.where(self._known, known, 1e-3)))
         self._taken = nearest.argmin(axis=0)
+        self._damping = np.zeros(n)
         self._axes = np.arange(n)
+        self._recent = np.zeros((max(2, round(STILL / period)), n))
+        self._open = np.ones(n)
 
     @property
     def distance(self) -> Array:
         """Presliding distances that are taken, shape (n_joints,) [rad or m]."""
         return np.asarray(DISTANCES[self._taken])
 
-    def take(self, step: Array, friction: Array, level: Array) -> Turned:
+    @property
+    def damping(self) -> Array:
+        """Dampings that are taken, shape (n_joints,) [N m s/rad or N s/m]."""
+        return self._damping
+
+    def take(self, step: Array, qd: Array, friction: Array, level: Array) -> Turned:
         """Take samples in their order.
 
         Parameters
         ----------
         step : ndarray, shape (n, n_joints)
             By how much positions have changed since the sample before [rad or m].
+        qd : ndarray, shape (n, n_joints)
+            [rad/s or m/s].
         friction, level : ndarray, shape (n, n_joints)
             What friction was, and its level by the law [N m or N].
         """
-        rows = self._directions(step)
-        self._learn(rows, friction, level)
-        slower = rows[:, np.minimum(self._taken + 1, len(DISTANCES) - 1), self._axes]
-        faster = rows[:, np.maximum(self._taken - 1, 0), self._axes]
-        return Turned(rows[:, self._taken, self._axes], np.abs(slower - faster))
+        still = self._still(step)
+        rows, unknown = self._directions(step, still)
+        slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
+        turning = np.abs(rows[:, -1] - rows[:, 0]) > TURNED
+        self._learn(turning & ~still & (level > 0), rows, slip, friction, level)
+        slower, faster = self._neighbours
+        apart = np.abs(rows[:, slower, self._axes] - rows[:, faster, self._axes])
+        damping = self._damping * slip[:, self._taken, self._axes]
+        doubt = np.maximum(apart, unknown)
+        doubt += DAMPING_DOUBT * np.abs(damping) / np.maximum(level, 1e-9)
+        doubt[turning & ~self._shown] = UNSEEN
+        return Turned(rows[:, self._taken, self._axes], damping, doubt)
 
     def settle(self) -> None:
-        """Take the distance that fits best of each axis whose turning has been seen."""
-        shown = ~self._known & (self._seen >= ENOUGH)
-        self._taken = np.where(shown, self._misfit.argmin(axis=0), self._taken)
+        """Take the distance and damping that fit best of each axis whose turning has been seen."""
+        self._shown = self._seen >= ENOUGH
+        damping = self._products.clip(0.0) / np.maximum(self._slips, 1e-12)
+        best = (self._squares - damping * self._products).argmin(axis=0)
+        self._taken = np.where(self._shown & ~self._known, best, self._taken)
+        self._damping = np.where(self._shown, damping[self._taken, self._axes], 0.0)
 
-    def _directions(self, step: Array) -> Array:
-        """Directions with every distance, shape (n, n_distances, n_joints)."""
+    @property
+    def _neighbours(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Slower and faster neighbours of what is taken, in the row."""
+        return np.minimum(self._taken + 1, len(DISTANCES) - 1), np.maximum(self._taken - 1, 0)
+
+    def _still(self, step: Array) -> Flags:
+        """Whether an axis has stayed within the shortest distance, shape (n, n_joints)."""
+        length = len(self._recent)
+        way = np.concatenate([self._recent, self._recent[-1] + step.cumsum(axis=0)])
+        self._recent = way[-length:] - way[-1]
+        windows = np.lib.stride_tricks.sliding_window_view(way[1:], length, axis=0)
+        return np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
+
+    def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
+        """Directions with every distance, and what a standstill has left unknown of the one taken.
+
+        Shapes (n, n_distances, n_joints) and (n, n_joints).
+        """
         signs = np.sign(step)
         kept = np.exp(np.abs(step)[:, np.newaxis] / -DISTANCES[:, np.newaxis])
-        rows = np.empty_like(kept)
-        for row, sign, share in zip(rows, signs, kept, strict=True):
-            row[:] = self._row = sign - (sign - self._row) * share
-        return np.asarray(rows)
+        left = kept[:, self._neighbours[0], self._axes]
+        rows, unknown = np.empty_like(kept), np.empty_like(step)
+        for i, (sign, share) in enumerate(zip(signs, kept, strict=True)):
+            rows[i] = self._row = sign - (sign - self._row) * share
+            held = 1.0 + np.abs(self._row[self._taken, self._axes])
+            unknown[i] = self._open = np.where(still[i], held, self._open * left[i])
+        return rows, unknown
 
-    def _learn(self, rows: Array, friction: Array, level: Array) -> None:
-        turning = (np.abs(rows[:, -1] - rows[:, 0]) > TURNED) & (level > 0)
-        if turning.any():
-            error = (friction[:, np.newaxis] - rows * level[:, np.newaxis]) ** 2
-            self._misfit += np.sum(turning[:, np.newaxis] * error, axis=0)
-            self._seen += turning.sum(axis=0)
+    def _learn(self, used: Flags, rows: Array, slip: Array, friction: Array, level: Array) -> None:
+        if used.any():
+            error = friction[:, np.newaxis] - rows * level[:, np.newaxis]
+            counted = used[:, np.newaxis]
+            self._squares += np.sum(counted * error**2, axis=0)
+            self._products += np.sum(counted * error * slip, axis=0)
+            self._slips += np.sum(counted * slip**2, axis=0)
+            self._seen += used.sum(axis=0)

@@ -63,7 +63,7 @@ class Watcher:
         self._late = max(int((self._lengths + period <= LATE + 1e-9).sum()), 1) - 1
         self._open: dict[int, int] = {}
         self._signs = np.full(n, -np.inf)
-        self._unseen, self._judged = np.zeros((2, n)), 0
+        self._unseen, self._still, self._judged = np.zeros((2, n)), np.zeros(n), 0
         self._sizes = np.outer((STRONG, WEAK), model.robot.torque_limit)
         self._thresholds: list[Array] = []
         self.alarms: list[Alarm] = []
@@ -122,8 +122,8 @@ class Watcher:
     def torques(self) -> Array:
         """Torques now, shape (n_joints, 4) [N m or N].
 
-        Measured, predicted, mean from outside over the longest window, and its threshold; NaN
-        before the first.
+        Measured, predicted, mean from outside over the longest window, and its threshold, which is
+        infinite where nothing is seen; NaN before the first.
         """
         if self._last is None:
             return np.full((self._robot.n_joints, 4), np.nan)
@@ -206,6 +206,7 @@ class Watcher:
     def _count(self, judged: Judged) -> None:
         pairs = judged.threshold[:, [self._soon, self._late]]
         self._unseen += (pairs > self._sizes).sum(axis=0)
+        self._still += (~judged.moving).sum(axis=0)
         counted = slice(-self._judged % EVERY, None, EVERY)
         self._judged += len(judged.time)
         self._thresholds += list(
@@ -216,15 +217,17 @@ class Watcher:
 
     def _sight(self, axis: int) -> Sight:
         found = np.array(self._thresholds or [np.full((2, self._robot.n_joints), np.nan)])
-        shown = found[np.isfinite(found[:, 0, axis]), :, axis]
-        soon, late = np.median(shown, axis=0) if len(shown) else (np.nan, np.nan)
-        blind, dim = (self._unseen[:, axis] / max(self._judged, 1)).tolist()
+        shown = found[~np.isnan(found[:, 0, axis]), :, axis]
+        soon, late = np.median(shown, axis=0) if len(shown) else (np.inf, np.inf)
+        shares = np.array([self._still[axis], *self._unseen[:, axis]]) / max(self._judged, 1)
+        still, blind, dim = shares.tolist()
         return Sight(
             axis=axis + 1,
             unit=self._robot.torque_unit(axis),
             limit=float(self._robot.torque_limit[axis]),
-            soon=float(soon),
-            late=float(late),
+            soon=float(soon) if np.isfinite(soon) else None,
+            late=float(late) if np.isfinite(late) else None,
+            still=still,
             blind=blind,
             dim=dim,
             distance=float(self._detector.distance[axis]),

@@ -1,8 +1,8 @@
 """What a twin needs of a robot file: frames, ranges, limits, drive trains, present parameters.
 
 The plant shares no program with the identification, so it reads the file for itself; what it does
-not need may stand there. A file that `hil robot` refuses may be read here, none that it takes is
-refused.
+not need is known by name and not looked at, so that a mistyped key is refused. A file that `hil
+robot` refuses may be read here, none that it takes is refused.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 import re
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from checked_files.yaml_file import FileModel
 
@@ -33,11 +33,7 @@ def _stated(value: object) -> object:
 Positive = Annotated[float, BeforeValidator(_stated), Field(gt=0)]
 
 
-class _Part(FileModel):
-    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
-
-
-class RobotFrame(_Part):
+class RobotFrame(FileModel):
     """Modified Denavit-Hartenberg frame, as expressions in pi and named lengths."""
 
     alpha: Annotated[str, BeforeValidator(str)]
@@ -46,15 +42,18 @@ class RobotFrame(_Part):
     r: Annotated[str, BeforeValidator(str)] = "0"
 
 
-class RobotDrive(_Part):
+class RobotDrive(FileModel):
     """Drive train of a joint; an unknown rotor is given what the limits lead one to expect."""
 
     gear_ratio: Positive
     rotor_inertia: Annotated[float, Field(ge=0)] | Literal["unknown"]
     torque_constant: Positive
+    rotor_inertia_uncertainty: object = None
+    torque_constant_uncertainty: object = None
+    encoder_resolution: object = None
 
 
-class RobotJoint(_Part):
+class RobotJoint(FileModel):
     """A joint and the link that it carries."""
 
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -66,6 +65,9 @@ class RobotJoint(_Part):
     acceleration_limit: Positive
     torque_limit: Positive
     drive: RobotDrive
+    capsule: object = None
+    torque_noise: object = None
+    friction_wander: object = None
 
     @field_validator("q_max")
     @classmethod
@@ -90,7 +92,7 @@ class RobotJoint(_Part):
         return self.rotor_inertia * self.drive.gear_ratio**2
 
 
-class RobotDescription(_Part):
+class RobotDescription(FileModel):
     """A robot file."""
 
     name: str
@@ -99,6 +101,7 @@ class RobotDescription(_Part):
     joints: Annotated[tuple[RobotJoint, ...], Field(min_length=1)]
     ties: tuple[str, ...] = ()
     couplings: tuple[object, ...] | None = None
+    springs: object = None
 
     @field_validator("couplings")
     @classmethod

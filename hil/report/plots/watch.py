@@ -23,7 +23,8 @@ def watch(trace: Trace, units: tuple[str, ...] = ()) -> Figure:
     stretches = trace.stretches()
     figure, panels = panels_in_rows(len(stretches), 2.3)
     for axis, (stretch, (panel,)) in enumerate(zip(stretches, panels, strict=True)):
-        low, high = (stretch.predicted + side * stretch.threshold for side in (-1, 1))
+        seen = np.where(np.isfinite(stretch.threshold), stretch.threshold, np.nan)
+        low, high = (stretch.predicted + side * seen for side in (-1, 1))
         panel.fill_between(
             stretch.time, low, high, color=MODEL, alpha=0.2, lw=0, label="within the threshold"
         )

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 MOST = 20
 """Alarms that are listed; all are in the file."""
+MOSTLY = 0.5
+"""Share of the time from which an axis that was blind is named."""
 
 
 def watched(found: Watched) -> Table:
@@ -22,16 +24,18 @@ def watched(found: Watched) -> Table:
         columns=(
             Column("axis"),
             *figures("within 20 ms", "% of limit", "within 0.1 s", "% of limit"),
-            *figures("blind, %", "dim, %"),
+            *figures("still, %", "blind, %", "dim, %"),
         ),
         parts=(Part(tuple(_row(axis) for axis in found.axes)),),
         explanation=(
             "Thresholds of means over windows that end 20 ms and 0.1 s after a push began, medians"
-            " over the time in motion. Blind is the share of all the time, around reversals and at"
-            " rest, in which a tenth of the torque limit would not be seen within 20 ms, dim that"
-            " in which a twentieth would not be seen within 0.1 s."
+            " over the time in motion; a dash where an axis has moved too little. Still is the"
+            " share of all the time in which the axis stood, and showed only what exceeds its"
+            " friction. Blind is the share, around reversals and at rest, in which a tenth of the"
+            " torque limit would not be seen within 20 ms, dim that in which a twentieth would not"
+            " be seen within 0.1 s."
         ),
-        notes=(_sentence(found),),
+        notes=(_sentence(found), *_hardly_watched(found)),
     )
 
 
@@ -62,14 +66,29 @@ def _sentence(found: Watched) -> str:
     return f"{number} {alarm} in {clock(found.watched)}, {found.rate:.3g} an hour; {learned}"
 
 
+def _hardly_watched(found: Watched) -> tuple[str, ...]:
+    """Which axes were blind for most of the time, and what would watch them."""
+    blind = [axis for axis in found.axes if found.watched and axis.blind > MOSTLY]
+    if not blind:
+        return ()
+    axes = f"{'axis' if len(blind) == 1 else 'axes'} {', '.join(str(axis.axis) for axis in blind)}"
+    return (
+        f"{axes}: hardly watched, because still for most of the time or too little seen before;"
+        " a plan that moves every axis all the time watches them, such as a trajectory",
+    )
+
+
 def _row(axis: Sight) -> Row:
-    cells = []
+    cells: list[str] = []
     for threshold in (axis.soon, axis.late):
+        if threshold is None:
+            cells += ["–", "–"]
+            continue
         cells += [
             f"{significant(threshold, 3)} {axis.unit}",
             significant(100 * threshold / axis.limit, 2),
         ]
-    return (str(axis.axis), *cells, f"{100 * axis.blind:.1f}", f"{100 * axis.dim:.1f}")
+    return (str(axis.axis), *cells, *(f"{100 * x:.1f}" for x in (axis.still, axis.blind, axis.dim)))
 
 
 def _alarm(alarm: Alarm, unit: str) -> Row:

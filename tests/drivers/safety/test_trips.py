@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import re
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import local_drives
+import numpy as np
 import pytest
 from local_bench import NODES, all_off, axis, drives_file, refused
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused, Move, Tripped
 from drivers.drives_file import DrivesFile
+from drivers.safety.trips import Trips
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -152,6 +155,53 @@ def test_a_stated_torque_trip_counts(can_bus: Any) -> None:
         show(can_bus.drives[1], 250)
         with pytest.raises(Tripped, match=r"25 N m for 0.1\d* s, more than 20 N m"):
             until(drive_bus, lambda _: False)
+
+
+# The same by hand, SYNC by SYNC
+
+PERIOD = 0.004
+
+
+def armed(**changes: Any) -> Trips:
+    """Trips of the first drive, which stands at 0 in a wide corridor and may go 2.6 rad/s."""
+    trips = Trips(drives_file(**changes).axes[:1], PERIOD)
+    trips.arm(0.0, (0,))
+    trips.follow([-(10**9)], [10**9])
+    return trips
+
+
+def shown(trips: Trips, syncs: int, speed: float, late: float = 0.0) -> list[str]:
+    """What SYNCs show of an axis that moves at `speed` [rad/s], each second one `late` [s]."""
+    found = []
+    for number in range(1, syncs + 1):
+        true = PERIOD * number + (late if number & 2 else 0.0)
+        position = (round(speed * true * PER_RADIAN),)
+        data: Any = SimpleNamespace(positions=position, currents=(0,), irregular=False)
+        tripped = trips.look(PERIOD * number, data)
+        found += [str(tripped)] if tripped else []
+    return found
+
+
+def test_a_fifth_more_than_the_speed_that_may_be_stops_the_axes() -> None:
+    assert shown(armed(), 20, 2.5) == []
+    assert "rad/s, at most 2.6 rad/s" in shown(armed(), 20, 1.3 * 2.6)[0]
+
+
+def test_a_sync_that_comes_late_by_less_than_half_a_period_is_no_overspeed() -> None:
+    assert shown(armed(), 40, 2.5, late=0.45 * PERIOD) == []
+
+
+def test_torque_before_the_axes_were_armed_anew_does_not_count() -> None:
+    trips = armed()
+    high: Any = SimpleNamespace(positions=(0,), currents=(2900,), irregular=False)
+
+    def trips_until(begin: float, end: float) -> bool:
+        return any(trips.look(time, high) for time in np.arange(begin, end, PERIOD))
+
+    assert not trips_until(0.0, 0.4)  # of 0.5 s that it may last
+    trips.arm(10.0, (0,))
+    assert not trips_until(10.0, 10.4)
+    assert trips_until(10.4, 10.6)
 
 
 # What the drives keep by themselves

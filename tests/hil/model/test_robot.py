@@ -31,6 +31,19 @@ def refusal(text: str, old: str, new: str) -> str:
     return str(caught.value)
 
 
+def test_a_value_that_may_be_a_number_or_a_word_has_one_line_with_the_key_as_it_is_written(text):
+    message = refusal(text, "torque_limit: 945", "torque_limit: unknwon")
+    assert message == (
+        "robot.yaml:18: joints.0.torque_limit: 'unknwon': must be a valid number, unable to parse"
+        " string as a number, or must be 'unknown'"
+    )
+
+
+def test_a_missing_key_is_named_where_it_should_stand(text):
+    message = refusal(text, "torque_limit: 945", "# nothing")
+    assert "joints.0.torque_limit: missing; add this key" in message
+
+
 def test_manutec_r15_is_the_papers_robot(manutec):
     assert manutec.n_joints == 6
     assert np.degrees(manutec.alpha).round(9).tolist() == [0, -90, 0, 90, -90, 90]

@@ -56,10 +56,10 @@ def loaded_parameters(robot):
     return TABLE_3_A + base_parameters(robot).matrix @ phi
 
 
-def carried_out(path, plan, robot, p, seed=7):
+def carried_out(path, plan, robot, p, seed=7, machine=None):
     """A run of `plan` by a machine with base parameters `p`, a row for each measurement or one.
 
-    Each run has offsets of its own.
+    Each run has offsets of its own. `machine` has more parameters than `robot`, if it is given.
     """
     p = np.broadcast_to(p, (len(plan.measurements), np.shape(p)[-1]))
     folder = RunFolder.create(path, plan, robot)
@@ -70,7 +70,9 @@ def carried_out(path, plan, robot, p, seed=7):
         folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
                           for n in range(1, 7)])  # fmt: skip
         for measurement, own in zip(plan.measurements, p, strict=True):
-            recording = record(robot, measurement, own, friction, begin=begin, noise=NOISE, rng=rng)
+            recording = record(
+                machine or robot, measurement, own, friction, begin=begin, noise=NOISE, rng=rng
+            )
             folder.write(Measured(measurement, recording, session=session))
             begin = float(recording.time[-1]) + 1.0
     return Run.open(path)
@@ -136,6 +138,42 @@ def test_slow_strokes_alone_leave_the_inertia_about_the_flange_rough_or_open(bar
 def test_a_load_that_is_rigid_is_said_to_be(found):
     assert not is_loose(found)
     assert verdict(found)[1].startswith("rigid and fixed, as far as axes ")
+
+
+@pytest.fixture(scope="module")
+def beside(bare, stages, robot, tmp_path_factory):
+    """The load found that is mounted beside the axis, and its first moments and mass."""
+    machine = bare.beside_axis().robot
+    mass, centre = 4.0, np.array([0.06, -0.03, 0.1])
+    about = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre)) + 0.01 * np.eye(3)
+    load = {"m6": mass, "sx6": mass * 0.06, "sy6": mass * -0.03, "sz6": mass * 0.1,
+            "Ixx6": about[0, 0], "Iyy6": about[1, 1], "Izz6": about[2, 2],
+            "Ixy6": about[0, 1], "Ixz6": about[0, 2], "Iyz6": about[1, 2]}  # fmt: skip
+    K = base_parameters(machine).matrix
+    phi = np.array([load.get(name, 0.0) for name in machine.standard_parameters])
+    p = K @ (base_parameters(robot).placement @ TABLE_3_A + phi)
+    place = tmp_path_factory.mktemp("beside")
+    runs = [
+        carried_out(place / name, run.planned, robot, p, seed, machine)
+        for name, run, seed in zip(("slow", "fast"), stages[0], (17, 18), strict=True)
+    ]
+    return find_load(bare, runs), runs
+
+
+def test_a_load_beside_the_axis_is_rigid_and_found_with_its_centre(bare, beside, tmp_path):
+    found, runs = beside
+    figures = {q.name: q for q in found.quantities()}
+    assert not is_loose(found)
+    assert found.unseen == ()
+    truth = {"mass": 4.0, "centre x": 0.06, "centre y": -0.03, "centre z": 0.1}
+    for name, value in truth.items():
+        assert abs(figures[name].value - value) < 1.5 * figures[name].half_width, name
+    assert figures["mass"].half_width < 0.05 * 4.0
+    assert write_load(tmp_path, bare, runs, found).unseen == ()
+
+
+def test_a_load_on_the_axis_is_not_taken_for_one_beside_it(found):
+    assert set(found.unseen) == {"Ixy", "Ixz", "Iyz", "sx", "sy"}
 
 
 def test_a_load_that_gives_way_is_named_and_no_more_than_that_advised(

@@ -20,6 +20,7 @@ from hil.cli import app
 from hil.cli.measuring import OnBus, measure
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.design.trajectories import Basis
+from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.results.identification import identify
 from hil.results.model import Model
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
     from click.testing import Result
 
+    from hil.planning.measurement import Measurement
+
 ROBOT = load_robot("manutec-r15")
 LEARNED = 6.0
 """Time in which thresholds are learned [s]."""
@@ -49,6 +52,25 @@ def plan_of(seed: int, cycles: int, period: float, shares: tuple[float, float]) 
     drawn = basis.trajectory(basis.random(np.random.default_rng(seed)), cycles, "t")
     robot = PlannedRobot(name=ROBOT.name, digest=ROBOT.digest)
     return Plan(robot=robot, measurements=(drawn,))
+
+
+def strokes_of(axes: tuple[int, ...], cycles: int) -> Plan:
+    """Strokes whose corners follow each other at once, and slow ones with a rest between."""
+    drawn: list[Measurement] = []
+    for axis in axes:
+        speed, acceleration = (
+            float(share * limit[axis - 1])
+            for share, limit in ((0.5, ROBOT.velocity_limit), (0.5, ROBOT.acceleration_limit))
+        )
+        q = (0.0, -0.3, 0.3, 0.2, 0.4, 0.1)
+        slow = {"stroke": 0.3, "velocity": 0.1 * speed, "acceleration": 0.1 * acceleration}
+        fast = {"stroke": 0.5, "velocity": speed, "acceleration": acceleration}
+        drawn += [
+            Gravity(id=f"g{axis}", kind="gravity", axis=axis, q=q, cycles=2, **slow),
+            Inertia(id=f"i{axis}", kind="inertia", axis=axis, q=q, cycles=cycles, **fast),
+        ]
+    robot = PlannedRobot(name=ROBOT.name, digest=ROBOT.digest)
+    return Plan(robot=robot, measurements=tuple(drawn))
 
 
 def called(*words: object) -> Result:
@@ -118,10 +140,47 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     assert (folder / "watch.png").read_bytes().startswith(b"\x89PNG")
     found = load_watched(folder)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
-    assert all(axis.soon < 0.12 * axis.limit for axis in found.axes)
+    for axis in found.axes:  # a push in the first 15 s of motion counts as scatter too
+        assert axis.soon
+        assert axis.soon < (0.15 if axis.axis in PUSHES else 0.08) * axis.limit
     assert all(0 <= axis.blind <= 1 for axis in found.axes)
     assert max(axis.dim for axis in found.axes) > 0.02  # every axis turns round
     assert not np.isnan(Run.open(folder / "run")["t"].recording.q).any()
+
+
+def test_strokes_raise_no_alarm_and_axes_that_stand_are_named(model: Path, tmp_path: Path) -> None:
+    plan, folder = tmp_path / "strokes.yaml", tmp_path / "watch"
+    plan.write_bytes(dump_plan(strokes_of((2, 4, 1), 12)).encode())
+    done = called("watch", plan, "--model", model, "-o", folder, "--learn", 5, "--repeat", 2)
+    found = load_watched(folder)
+    assert found.alarms == ()
+    assert done.exit_code == 0, done.output
+    assert found.watched > 60
+    moved, stood = [found.axes[k] for k in (1, 3)], [found.axes[k] for k in (2, 4, 5)]
+    assert all(axis.soon and axis.soon < 0.1 * axis.limit for axis in moved)
+    assert all(axis.still > 0.9 and axis.blind > 0.9 for axis in stood)
+    assert "hardly watched" in done.output
+
+
+@pytest.mark.parametrize("motion", [0.004, 1.0, 3.0, 8.0])
+def test_an_interrupted_watch_keeps_what_it_has_seen(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, motion: float
+) -> None:
+    plan, folder = tmp_path / "strokes.yaml", tmp_path / "watch"
+    plan.write_bytes(dump_plan(strokes_of((2,), 12)).encode())
+    take = Watcher.take
+
+    def interrupted(watcher: Watcher, sample: Sample) -> tuple[object, ...]:
+        if watcher.learned + watcher.watched >= motion:
+            raise KeyboardInterrupt
+        return take(watcher, sample)
+
+    monkeypatch.setattr(Watcher, "take", interrupted)
+    called("watch", plan, "--model", model, "-o", folder, "--learn", 5)
+    found = load_watched(folder)
+    assert found.learned + found.watched == pytest.approx(motion, abs=0.01)
+    assert found.axes[5].soon is None
+    assert (folder / "watch.png").is_file()
 
 
 def test_samples_one_by_one_show_what_all_together_show(

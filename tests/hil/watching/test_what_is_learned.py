@@ -9,34 +9,88 @@ from hil.watching.friction_level import FrictionLevel, columns_of
 from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import DISTANCES, Turning
 
+PERIOD = 0.004
+
 
 def back_and_forth() -> np.ndarray:
     """Steps of two axes that swing by 0.1 rad."""
-    t = 0.004 * np.arange(2000)
+    t = PERIOD * np.arange(2000)
     q = 0.1 * np.sin(np.outer(t, (2.0, 3.0)))
     return np.diff(q, axis=0, prepend=q[:1])
 
 
+def directions(step: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Directions of friction after Dahl."""
+    none = np.zeros_like(step)
+    return Turning(distance, PERIOD).take(step, none, none, none).direction
+
+
 def test_a_presliding_distance_is_found_from_reversals() -> None:
     step, level = back_and_forth(), np.full((2000, 2), 50.0)
-    true = Turning(np.array([DISTANCES[5], DISTANCES[2]])).take(step, level, level).direction
-    turning = Turning(np.zeros(2))
-    turning.take(step, level * true, level)
+    true = directions(step, np.array([DISTANCES[5], DISTANCES[2]]))
+    turning = Turning(np.zeros(2), PERIOD)
+    turning.take(step, step / PERIOD, level * true, level)
     turning.settle()
     assert turning.distance == pytest.approx([DISTANCES[5], DISTANCES[2]])
+    assert turning.damping == pytest.approx([0.0, 0.0], abs=0.1)
+
+
+def test_damping_while_bristles_bend_is_found_with_the_distance() -> None:
+    step, level = back_and_forth(), np.full((2000, 2), 50.0)
+    qd, true = step / PERIOD, directions(step, np.array([DISTANCES[4], DISTANCES[3]]))
+    damping = (400.0, 50.0) * (qd - np.abs(qd) * true)
+    turning = Turning(np.zeros(2), PERIOD)
+    turning.take(step, qd, level * true + damping, level)
+    turning.settle()
+    assert turning.distance == pytest.approx([DISTANCES[4], DISTANCES[3]])
+    assert turning.damping == pytest.approx([400.0, 50.0])
+
+
+def test_a_standstill_teaches_no_distance() -> None:
+    step, level = back_and_forth(), np.full((2000, 2), 50.0)
+    friction = level * directions(step, np.array([DISTANCES[4], DISTANCES[3]]))
+    turning = Turning(np.zeros(2), PERIOD)
+    turning.take(step, 0 * step, friction, level)
+    still = np.zeros((20_000, 2))  # held at the other end of its presliding, for 80 s
+    turning.take(still, still, still - 50.0, still + 50.0)
+    turning.settle()
+    assert turning.distance == pytest.approx([DISTANCES[4], DISTANCES[3]])
+
+
+def test_direction_is_doubtful_from_a_standstill_on_until_the_axis_has_moved() -> None:
+    distance, level = np.full(2, DISTANCES[3]), np.full((2000, 2), 50.0)
+    step = back_and_forth()
+    turning = Turning(distance, PERIOD)
+    turning.take(step, 0 * step, level * directions(step, distance), level)
+    turning.settle()
+    still = np.zeros((100, 2))
+    assert np.all(turning.take(still, still, still, still + 50.0).doubt[-1] >= 1.0)
+    off = np.full((200, 2), 4e-5)
+    doubt = turning.take(off, off / PERIOD, off, off + 50.0).doubt
+    assert np.all(doubt[5] > 0.5)
+    assert np.all(doubt[-1] < 0.05)
+
+
+def test_what_turns_for_the_first_time_is_not_judged() -> None:
+    step = back_and_forth()
+    first = Turning(np.zeros(2), PERIOD).take(step, 0 * step, step, np.ones_like(step))
+    assert first.doubt[1:10].min() > 100
 
 
 def test_a_presliding_distance_that_the_model_holds_stays() -> None:
     step, level = back_and_forth(), np.full((2000, 2), 50.0)
-    turning = Turning(np.array([DISTANCES[4], 0.0]))
-    turning.take(step, level * np.sign(step), level)
+    turning = Turning(np.array([DISTANCES[4], 0.0]), PERIOD)
+    turning.take(step, 0 * step, level * np.sign(step), level)
     turning.settle()
     assert turning.distance == pytest.approx([DISTANCES[4], DISTANCES[0]])
 
 
 def test_direction_is_doubtful_after_a_reversal_alone() -> None:
     step = back_and_forth()
-    turned = Turning(np.zeros(2)).take(step, step, np.ones_like(step))
+    turning = Turning(np.zeros(2), PERIOD)
+    turning.take(step, 0 * step, np.sign(step), np.ones_like(step))
+    turning.settle()
+    turned = turning.take(step, 0 * step, np.sign(step), np.ones_like(step))
     after = np.cumsum(np.abs(step[:, 0])) % 0.2
     assert turned.doubt[after > 0.15, 0].max() < 0.05
     assert turned.doubt[:, 0].max() > 0.3
@@ -80,13 +134,29 @@ def test_friction_slower_than_the_law_was_found_from_is_doubtful_until_it_is_see
 
 
 def test_what_nobody_used_teaches_nothing() -> None:
-    level, scatter = FrictionLevel(np.array([0.01]), np.array([0.05])), Scatter(2, 1, 0.004)
+    level = FrictionLevel(np.array([0.01]), np.array([0.05]))
+    scatter = Scatter(np.array([2, 3]), 1, PERIOD)
     columns = columns_of(*np.ones((3, 62, 1)))
     none = np.zeros((62, 1), dtype=bool)
     level.follow(columns, np.ones((62, 1)), none, 0.25)
     scatter.take(np.ones((62, 2, 1)), none)
     assert not level.at(columns)[0].any()
     assert not scatter.rms.any()
+    assert np.isinf(scatter.bound).all()
+
+
+def test_scatter_from_little_motion_is_taken_for_what_it_may_be() -> None:
+    windows, random = np.array([2, 25]), np.random.default_rng(0)
+    scatter = Scatter(windows, 1, PERIOD)
+    used, bounds = np.ones((25, 1), dtype=bool), []
+    for _ in range(160):  # 16 s
+        means = random.normal(size=(25, 2, 1)) * [[1.0], [0.3]]
+        scatter.take(means, used)
+        bounds.append(scatter.bound[:, 0])
+    assert np.isinf(bounds[0][1])  # a single window of 0.1 s
+    assert bounds[0][0] < 10
+    assert 1.5 < bounds[9][1] / 0.3 < 4.0
+    assert bounds[-1] == pytest.approx([1.0, 0.3], rel=0.1)
 
 
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.004, 0.01, 0.1])

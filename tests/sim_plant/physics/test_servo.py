@@ -117,6 +117,18 @@ def test_the_brake_stops_a_disabled_axis_and_enabling_holds_it_where_it_is() -> 
     assert plant.state[1, st.Q] == pytest.approx(stopped, abs=1e-3)
 
 
+@pytest.mark.parametrize("i", range(6))
+def test_the_brake_holds_what_the_axis_can_give(i: int) -> None:
+    plant = machine(noise=STILL)
+    for servo in plant.axes:
+        servo.disable()
+    plant.advance(0.5)
+    start = plant.state[i, st.Q]
+    plant.state[i, st.PUSH] = 0.9 * PEAK[i]  # gravity adds up to a quarter of it
+    plant.advance(0.5)
+    assert abs(plant.state[i, st.Q] - start) < 0.01
+
+
 @pytest.mark.parametrize("timeout", [0.0, 0.05, 0.1])
 def test_following_error_is_reported_after_its_time_and_not_before(timeout: float) -> None:
     plant = machine(noise=STILL)

@@ -66,6 +66,19 @@ def changed(folder: Path, name: str, *changes: tuple[str, str]) -> Path:
     return path
 
 
+@pytest.mark.parametrize(
+    ("key", "place"),
+    [("velocity_limit", "joints.0.velocity_limits"), ("name", "names"),
+     ("gear_ratio", "joints.0.drive.gear_ratios"), ("torque_limit", "joints.0.torque_limits")],
+)  # fmt: skip
+def test_a_mistyped_key_is_refused(tmp_path: Path, key: str, place: str) -> None:
+    mistyped = changed(tmp_path, "pan-tilt", (f"{key}:", f"{key}s:"))
+    done = CliRunner().invoke(app, ["new", str(mistyped), "-o", str(tmp_path / "twin")])
+    assert done.exit_code == 1
+    assert f"{place}: unknown key" in done.output
+    assert not (tmp_path / "twin").exists()
+
+
 @pytest.mark.parametrize(("name", "count"), N_BASE.items())
 def test_the_robots_have_the_right_number_of_base_parameters(name: str, count: int) -> None:
     assert len(base_parameters(load_robot(ROBOTS / f"{name}.yaml"))) == count
