@@ -287,7 +287,6 @@ def uncertainty(model: Model, more: Array | float = 0.0) -> Array | None:
 
     Where limits are unknown it is as fast as the recordings were, and as its period has it
     accelerate. None where nothing is known of speeds; 0 for an axis without torque.
-    """
 
     Parameters
     ----------
