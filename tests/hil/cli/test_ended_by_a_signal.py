@@ -31,6 +31,7 @@ ON_PLANT = ("--interface", PLACE[0], "--channel", PLACE[1])
 OPERATION_ENABLED = 0x27
 HIL = (sys.executable, "-m", "hil")
 WITHOUT_HANG_UP = "trap '' HUP; exec \"$@\""
+WITHOUT_CTRL_C = "trap '' INT; exec \"$@\""
 ON_OWN_TERMINAL = """
 import fcntl, os, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
@@ -165,6 +166,27 @@ def test_output_into_a_pipe_that_nobody_reads_does_not_keep_axes_on(
     run.stdout.close()
     run.stderr.close()
     run.send_signal(number)
+    assert run.wait(60) == 130
+    assert OPERATION_ENABLED not in states()
+
+
+@pytest.mark.usefixtures("plant")
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+def test_a_run_that_a_script_started_in_the_background_ends_with_the_axes_switched_off(
+    plan_file: Path, tmp_path: Path, number: int
+) -> None:
+    folder = tmp_path / "run"
+    command = (*HIL, "run", str(plan_file), "-o", str(folder), "--pacing", "lock-step", *ON_PLANT)
+    run = subprocess.Popen(  # noqa: S603 - our own program
+        ("/bin/sh", "-c", WITHOUT_CTRL_C, "sh", *command),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    for recordings in (2, 4):
+        while len(list(folder.glob("recordings/*.h5"))) < recordings:
+            assert run.poll() is None
+            time.sleep(0.005)
+        run.send_signal(signal.SIGINT if recordings == 2 else number)
     assert run.wait(60) == 130
     assert OPERATION_ENABLED not in states()
 
