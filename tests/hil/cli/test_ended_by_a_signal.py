@@ -37,10 +37,15 @@ import fcntl, os, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.argv[1], sys.argv[1:])
 """
-SAYS_WHEN_PYTHON_IS_UP = """
-import os
-os.write(1, b"up")
+SAYS_WHEN_IT_TAKES_INTERRUPTS = """
+import os, signal
 from hil.__main__ import main
+take = signal.signal
+def say(*handler):
+    signal.signal = take
+    take(*handler)
+    os.write(1, b"up")
+signal.signal = say
 main()
 """
 INTERRUPTED_IN_GENERATED_CODE = """
@@ -220,7 +225,15 @@ def test_an_interrupt_at_any_moment_of_the_start_leaves_one_line_at_most(
     plan_file: Path, tmp_path: Path, delay: float
 ) -> None:
     run = subprocess.Popen(  # noqa: S603 - our own program
-        (sys.executable, "-c", SAYS_WHEN_PYTHON_IS_UP, "run", str(plan_file), "-o", tmp_path / "r"),
+        (
+            sys.executable,
+            "-c",
+            SAYS_WHEN_IT_TAKES_INTERRUPTS,
+            "run",
+            plan_file,
+            "-o",
+            tmp_path / "r",
+        ),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
