@@ -155,10 +155,13 @@ def test_a_drive_that_takes_more_than_three_seconds_is_refused(bench: Bench) -> 
 
 
 @pytest.mark.parametrize(("reacting", "faults"), [(0.5, 1), (0.0, 1)])
-def test_a_drive_that_faults_on_the_way_ends_it(bench: Bench, reacting: float, faults: int) -> None:
+def test_a_drive_that_faults_ends_power_on_for_all_at_once(
+    bench: Bench, reacting: float, faults: int
+) -> None:
     bench.second.reacting, bench.second.faults = reacting, faults
     with pytest.raises(DriveFault, match="axis 2"):
         bench.walk(State.SWITCHED_ON)
+    assert bench.bus.time == PERIOD
 
 
 def test_a_drive_is_energised_where_it_stands(bench: Bench) -> None:
