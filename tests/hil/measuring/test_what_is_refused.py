@@ -11,8 +11,10 @@ import pytest
 from drivers.drive_bus import SampleFlag, Tripped
 from hil.measuring.checks.encoder_jumps import refuse_jumps
 from hil.measuring.checks.recording_checks import check
+from hil.measuring.checks.stroke_checks import constant_velocity
 from hil.model.robot import load_robot
 from hil.planning.measurement import Friction, Gravity, Inertia
+from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
 from hil.planning.trajectory import Trajectory
 from hil.runs.recording import Recording
 
@@ -80,6 +82,24 @@ def test_strokes_as_planned_may_be_used_and_at_a_tenth_less_speed_may_not(
     assert found(sound, measurement) == set()
     assert "velocity" in found(replace(sound, q=0.88 * sound.q), measurement)
     assert "velocity" not in found(replace(sound, q=0.96 * sound.q), measurement)
+
+
+@pytest.mark.parametrize(("share", "findings"), [(0.9, {"window"}), (1.1, set())])
+def test_constant_velocity_must_last(share: float, findings: set[str]) -> None:
+    ramp = 0.4**2 / 8.0 / 2
+    stroke = 2 * ramp + 0.4 * (MARGIN + share * SHORTEST_WINDOW)
+    short = Gravity(**{**SLOW, "stroke": stroke}, cycles=2)
+    assert found(carried_out(short), short) & {"window"} == findings
+
+
+def test_velocity_counts_as_constant_a_while_after_the_ramp_until_the_next() -> None:
+    sound = carried_out(GRAVITY)
+    for stroke in range(GRAVITY.n_strokes):
+        window = constant_velocity(sound, GRAVITY, stroke) - sound.span(stroke).start
+        duration, ramp = GRAVITY.profile(stroke).duration, 0.4 / 8.0
+        begin, end = PERIOD * window[0], PERIOD * window[-1]
+        assert begin == pytest.approx(ramp + MARGIN, abs=1.5 * PERIOD)
+        assert end == pytest.approx(duration - ramp, abs=1.5 * PERIOD)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
