@@ -164,12 +164,51 @@ def test_a_drive_whose_telegrams_stay_away_is_switched_off_by_objects() -> None:
     assert shutdown.off == (True, True, True)
 
 
+class Unplugged(Bus):
+    """A bus that takes nothing and brings nothing."""
+
+    def sync(self) -> float:
+        raise BusUnavailable("cable unplugged")
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        self.sync()
+
+
 def test_time_passes_though_no_sync_can_be_sent() -> None:
-    bus = Bus()
-    bus.unplug()
-    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    bus = Unplugged()
+    shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
     assert bus.time == pytest.approx(UNSENT_TIME + OFF_TIME_MOVING, abs=0.1)
-    assert not any(shutdown.off)
+
+
+class Watched(Bus):
+    """The second drive obeys its watchdog alone, two seconds after our heartbeat has ceased."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.drives[1].deaf = True
+
+    def miss(self) -> None:
+        super().miss()
+        if self.time > self.ceased + 2.0:
+            self.drives[1].state = State.SWITCH_ON_DISABLED
+
+
+def test_the_reaction_of_a_drive_s_watchdog_is_awaited() -> None:
+    bus = Watched()
+    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    assert shutdown.off == (True, False, True)
+    shutdown.conclude()
+    assert shutdown.off == (True, True, True)
+    assert any("its own reaction to the loss of our heartbeat" in p for p in shutdown.problems)
+
+
+def test_after_a_stop_telegrams_are_awaited_again_as_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bus, hurried = Bus(), []
+    monkeypatch.setattr(bus, "hurry", hurried.append)
+    shut_down(bus, tuple(drives_file(brake_delay=0.0).axes)).forget()
+    assert hurried == [True, False]
 
 
 def test_what_is_fed_forward_is_taken_back_from_every_axis_that_shall_stop() -> None:
