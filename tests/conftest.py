@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -138,6 +139,18 @@ class IdealBus:
 
     def reset(self) -> None:
         self.log.append("reset")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _signals_as_by_default() -> None:
+    """Take signals as from a terminal: nohup and jobs of a script start us with some ignored.
+
+    A program that a test starts takes over what is ignored, and nothing else.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for name in ("SIGHUP", "SIGTERM"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -79,13 +79,13 @@ def _partner(m, t, start, stroke_time, ramp, motion, partner_stroke):
 def _add(q, qd, qdd, axis, t, velocity, duration, ramp):
     """Add one stroke of `axis`: smooth ramp, constant velocity, smooth ramp."""
 
-    def way(u):
-        return u**6 - 3 * u**5 + 2.5 * u**4
+    def way(u):  # products, since powers of arrays take ten times as long
+        return u * u * u * u * (u * u - 3 * u + 2.5)
 
     up, down = np.clip(t / ramp, 0, 1), np.clip((t - duration + ramp) / ramp, 0, 1)
     cruise = np.clip(t - ramp, 0, duration - 2 * ramp)
     q[:, axis] += velocity * (ramp * way(up) + cruise + ramp * (down - way(down)))
-    step = [6 * u**5 - 15 * u**4 + 10 * u**3 for u in (up, down)]
-    slope = [30 * u**4 - 60 * u**3 + 30 * u**2 for u in (up, down)]
+    step = [u * u * u * (6 * u * u - 15 * u + 10) for u in (up, down)]
+    slope = [30 * u * u * (u * u - 2 * u + 1) for u in (up, down)]
     qd[:, axis] += velocity * (step[0] - step[1])
     qdd[:, axis] += velocity / ramp * (slope[0] - slope[1])

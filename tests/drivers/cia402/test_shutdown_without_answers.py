@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import pytest
-from fake_fieldbus import PERIOD, FakeFieldbus
+from fake_fieldbus import PERIOD, FakeDrive, FakeFieldbus
 from local_bench import drives_file
 
 from drivers.cia402 import shutdown as shutdown_module
 from drivers.cia402.power import Power
 from drivers.cia402.shutdown import LONGEST, Shutdown
 from drivers.cia402.states import State
+from drivers.cia402.stop import OFF_TIME_MOVING, UNSENT_TIME
 from drivers.cia402.supervision import Supervision
-from drivers.drive_bus import BusUnavailable
+from drivers.drive_bus import BusUnavailable, NodeSilent, SampleFlag
 
 if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 
 class Clock:
@@ -37,7 +40,7 @@ class Bus(FakeFieldbus):
 
     def __init__(self, clock: Clock | None = None) -> None:
         super().__init__(3)
-        self.refusals = 0
+        self.refusals, self.ceased = 0, math.inf
         self._clock = clock
         for drive in self.drives:
             drive.state = State.OPERATION_ENABLED
@@ -54,7 +57,7 @@ class Bus(FakeFieldbus):
             self._clock.tick()
 
     def cease(self) -> None:
-        self.alive = False
+        self.alive, self.ceased = False, min(self.ceased, self.time)
 
 
 def shut_down(bus: Bus, axes: tuple[AxisDrive, ...]) -> Shutdown:
@@ -97,3 +100,118 @@ def test_a_refusal_that_lasts_is_the_reason_why_a_drive_stays_on() -> None:
     shutdown.conclude()
     assert "axis 2: does not switch off" in shutdown.problems[0]
     assert "(no such mailbox)" in shutdown.problems[0]
+
+
+def test_an_axis_rests_once_it_has_stood_still_for_forty_milliseconds() -> None:
+    bus = Bus()
+    shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    for drive in bus.drives:
+        assert drive.history.count(State.QUICK_STOP_ACTIVE) * PERIOD >= 0.04
+
+
+def test_axes_that_are_off_are_watched_for_three_tenths_of_a_second() -> None:
+    bus = Bus()
+    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    off = bus.time
+    shutdown.conclude()
+    assert bus.time - off >= 0.3
+
+
+class Echo(Bus):
+    """The second drive is deaf and mute, and an old telegram of it comes with every new one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.drives = (self.drives[0], Mute(2), self.drives[2])
+        self.drives[1].state, self.drives[1].deaf = State.OPERATION_ENABLED, True
+
+    def sync(self) -> float:
+        time = super().sync()
+        self.words = (self.words[0], 0x40, self.words[2])
+        self.flags = (0, SampleFlag.DOUBLED.value, 0)
+        return time
+
+
+class Mute(FakeDrive):
+    """A drive that answers no command."""
+
+    def put(self, entry: Entry, value: int) -> None:
+        raise NodeSilent(self.label)
+
+
+def test_an_axis_is_not_taken_for_off_by_one_of_two_telegrams_that_may_be_an_old_one() -> None:
+    bus = Echo()
+    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    assert shutdown.off == (True, False, True)
+    assert not bus.alive  # before anything else is tried
+
+
+def test_our_heartbeat_ceases_for_a_drive_that_does_not_obey_while_others_await_their_brakes() -> (
+    None
+):
+    bus = Bus()
+    bus.drives[1].deaf = True
+    shut_down(bus, tuple(drives_file(brake_delay=2.0).axes))
+    assert bus.time > 2.0
+    assert bus.ceased < 1.0
+
+
+def test_a_drive_whose_telegrams_stay_away_is_switched_off_by_objects() -> None:
+    bus = Bus()
+    bus.silent, bus.drives[1].deaf = {1}, True
+    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    assert bus.drives[1].state is State.SWITCH_ON_DISABLED
+    assert shutdown.off == (True, True, True)
+
+
+class Unplugged(Bus):
+    """A bus that takes nothing and brings nothing."""
+
+    def sync(self) -> float:
+        raise BusUnavailable("cable unplugged")
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        self.sync()
+
+
+def test_time_passes_though_no_sync_can_be_sent() -> None:
+    bus = Unplugged()
+    shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    assert bus.time == pytest.approx(UNSENT_TIME + OFF_TIME_MOVING, abs=0.1)
+
+
+class Watched(Bus):
+    """The second drive obeys its watchdog alone, two seconds after our heartbeat has ceased."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.drives[1].deaf = True
+
+    def miss(self) -> None:
+        super().miss()
+        if self.time > self.ceased + 2.0:
+            self.drives[1].state = State.SWITCH_ON_DISABLED
+
+
+def test_the_reaction_of_a_drive_s_watchdog_is_awaited() -> None:
+    bus = Watched()
+    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    assert shutdown.off == (True, False, True)
+    shutdown.conclude()
+    assert shutdown.off == (True, True, True)
+    assert any("its own reaction to the loss of our heartbeat" in p for p in shutdown.problems)
+
+
+def test_after_a_stop_telegrams_are_awaited_again_as_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bus, hurried = Bus(), []
+    monkeypatch.setattr(bus, "hurry", hurried.append)
+    shut_down(bus, tuple(drives_file(brake_delay=0.0).axes)).forget()
+    assert hurried == [True, False]
+
+
+def test_what_is_fed_forward_is_taken_back_from_every_axis_that_shall_stop() -> None:
+    bus = Bus()
+    shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    assert set(bus.fed) == {(axis, 0, 0) for axis in range(3)}

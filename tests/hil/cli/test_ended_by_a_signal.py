@@ -31,15 +31,21 @@ ON_PLANT = ("--interface", PLACE[0], "--channel", PLACE[1])
 OPERATION_ENABLED = 0x27
 HIL = (sys.executable, "-m", "hil")
 WITHOUT_HANG_UP = "trap '' HUP; exec \"$@\""
+WITHOUT_CTRL_C = "trap '' INT; exec \"$@\""
 ON_OWN_TERMINAL = """
 import fcntl, os, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.argv[1], sys.argv[1:])
 """
-SAYS_WHEN_PYTHON_IS_UP = """
-import os
-os.write(1, b"up")
+SAYS_WHEN_IT_TAKES_INTERRUPTS = """
+import os, signal
 from hil.__main__ import main
+take = signal.signal
+def say(*handler):
+    signal.signal = take
+    take(*handler)
+    os.write(1, b"up")
+signal.signal = say
 main()
 """
 INTERRUPTED_IN_GENERATED_CODE = """
@@ -170,6 +176,27 @@ def test_output_into_a_pipe_that_nobody_reads_does_not_keep_axes_on(
 
 
 @pytest.mark.usefixtures("plant")
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+def test_a_run_that_a_script_started_in_the_background_ends_with_the_axes_switched_off(
+    plan_file: Path, tmp_path: Path, number: int
+) -> None:
+    folder = tmp_path / "run"
+    command = (*HIL, "run", str(plan_file), "-o", str(folder), "--pacing", "lock-step", *ON_PLANT)
+    run = subprocess.Popen(  # noqa: S603 - our own program
+        ("/bin/sh", "-c", WITHOUT_CTRL_C, "sh", *command),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    for recordings in (2, 4):
+        while len(list(folder.glob("recordings/*.h5"))) < recordings:
+            assert run.poll() is None
+            time.sleep(0.005)
+        run.send_signal(signal.SIGINT if recordings == 2 else number)
+    assert run.wait(60) == 130
+    assert OPERATION_ENABLED not in states()
+
+
+@pytest.mark.usefixtures("plant")
 def test_a_closed_terminal_ends_a_check_with_the_axes_switched_off_by_us() -> None:
     terminal = Terminal(*HIL, "check", "manutec-r15", "--jitter-time", "0", "--yes", *ON_PLANT)
     terminal.await_text(b"TPDOs at each SYNC")
@@ -198,7 +225,15 @@ def test_an_interrupt_at_any_moment_of_the_start_leaves_one_line_at_most(
     plan_file: Path, tmp_path: Path, delay: float
 ) -> None:
     run = subprocess.Popen(  # noqa: S603 - our own program
-        (sys.executable, "-c", SAYS_WHEN_PYTHON_IS_UP, "run", str(plan_file), "-o", tmp_path / "r"),
+        (
+            sys.executable,
+            "-c",
+            SAYS_WHEN_IT_TAKES_INTERRUPTS,
+            "run",
+            plan_file,
+            "-o",
+            tmp_path / "r",
+        ),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )

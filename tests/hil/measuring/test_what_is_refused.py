@@ -1,0 +1,159 @@
+"""What keeps a recording from being used: each kind of measurement, and bounds from both sides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from drivers.drive_bus import SampleFlag, Tripped
+from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.measuring.checks.recording_checks import check
+from hil.measuring.checks.stroke_checks import constant_velocity
+from hil.model.robot import load_robot
+from hil.planning.measurement import Friction, Gravity, Inertia
+from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
+from hil.planning.trajectory import Trajectory
+from hil.runs.recording import Recording
+
+if TYPE_CHECKING:
+    from hil.planning.strokes import Strokes
+
+PERIOD = 0.004
+ROBOT = load_robot("manutec-r15")
+SLOW = {"id": "m", "axis": 1, "q": (0.0, 0.0), "stroke": 0.4, "velocity": 0.4, "acceleration": 8.0}
+STROKES = [Gravity(**SLOW, cycles=2), Friction(**SLOW, cycles=2), Inertia(**SLOW, cycles=2)]
+GRAVITY = STROKES[0]
+WAVE = Trajectory(
+    id="t",
+    q=(0.0, 0.0),
+    period=4.0,
+    sine=((0.4, -0.2), (0.2, -0.1)),
+    cosine=((0.2, -0.05), (0.4, -0.1)),
+)
+
+
+def of(q: np.ndarray, stroke: np.ndarray) -> Recording:
+    """A recording of these positions (n, 2), with friction and noise."""
+    velocity = np.gradient(q, PERIOD, axis=0)
+    noise = np.random.default_rng(3).normal(0, 1.0, q.shape)
+    return Recording(
+        time=PERIOD * np.arange(len(q)),
+        q=q,
+        tau=100 * np.tanh(velocity / 0.02) + noise,
+        flags=np.zeros(q.shape, dtype=np.uint8),
+        stroke=stroke.astype(np.int16),
+        partner_stroke=np.full(len(q), -1, dtype=np.int16),
+    )
+
+
+def carried_out(measurement: Strokes) -> Recording:
+    """The strokes of a measurement, exactly as planned."""
+    profiles = [measurement.profile(k) for k in range(measurement.n_strokes)]
+    times = [np.arange(0.0, profile.duration, PERIOD) for profile in profiles]
+    q = np.concatenate([p.q(t) for p, t in zip(profiles, times, strict=True)])
+    stroke = np.concatenate([np.full(len(t), k) for k, t in enumerate(times)])
+    return of(np.column_stack([q, np.zeros(len(q))]), stroke)
+
+
+def followed() -> Recording:
+    path = WAVE.path(PERIOD)
+    return of(path, np.zeros(len(path)))
+
+
+def found(recording: Recording, measurement: Strokes | Trajectory = GRAVITY) -> set[str]:
+    return {finding.check for finding in check(recording, measurement, ROBOT)}
+
+
+def flagged(recording: Recording, flag: SampleFlag, share: float) -> Recording:
+    """The second axis, at rest, has a flag in a share of the samples."""
+    flags = recording.flags.copy()
+    flags[: round(share * len(flags)), 1] |= np.uint8(flag)
+    return replace(recording, flags=flags)
+
+
+@pytest.mark.parametrize("measurement", STROKES, ids=lambda m: m.kind)
+def test_strokes_as_planned_may_be_used_and_at_a_tenth_less_speed_may_not(
+    measurement: Strokes,
+) -> None:
+    sound = carried_out(measurement)
+    assert found(sound, measurement) == set()
+    assert "velocity" in found(replace(sound, q=0.88 * sound.q), measurement)
+    assert "velocity" not in found(replace(sound, q=0.96 * sound.q), measurement)
+
+
+@pytest.mark.parametrize(("share", "findings"), [(0.9, {"window"}), (1.1, set())])
+def test_constant_velocity_must_last(share: float, findings: set[str]) -> None:
+    ramp = 0.4**2 / 8.0 / 2
+    stroke = 2 * ramp + 0.4 * (MARGIN + share * SHORTEST_WINDOW)
+    short = Gravity(**{**SLOW, "stroke": stroke}, cycles=2)
+    assert found(carried_out(short), short) & {"window"} == findings
+
+
+def test_velocity_counts_as_constant_a_while_after_the_ramp_until_the_next() -> None:
+    sound = carried_out(GRAVITY)
+    for stroke in range(GRAVITY.n_strokes):
+        window = constant_velocity(sound, GRAVITY, stroke) - sound.span(stroke).start
+        duration, ramp = GRAVITY.profile(stroke).duration, 0.4 / 8.0
+        begin, end = PERIOD * window[0], PERIOD * window[-1]
+        assert begin == pytest.approx(ramp + MARGIN, abs=1.5 * PERIOD)
+        assert end == pytest.approx(duration - ramp, abs=1.5 * PERIOD)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_trajectory_may_be_used_where_no_axis_is_astray(axis: int) -> None:
+    sound = followed()
+    assert found(sound, WAVE) == set()
+    for away, findings in ((0.04, set()), (0.06, {"astray"})):
+        q = sound.q.copy()
+        q[300:310, axis] += away
+        assert found(replace(sound, q=q), WAVE) == findings
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_stuck_current_of_any_axis_that_is_read_keeps_a_recording_from_being_used(
+    axis: int,
+) -> None:
+    sound = followed()
+    tau = sound.tau.copy()
+    tau[300:400, axis] = tau[300, axis]
+    assert found(replace(sound, tau=tau), WAVE) == {"current"}
+
+
+def test_a_current_may_read_the_same_while_the_axis_rests() -> None:
+    sound = carried_out(GRAVITY)
+    still = sound.stroke < 2
+    tau = np.where(still[:, None], 5.0, sound.tau)
+    resting = replace(sound, tau=tau, stroke=np.where(still, -1, sound.stroke).astype(np.int16))
+    assert "current" not in found(resting)
+    assert "current" in found(replace(sound, tau=tau))
+
+
+@pytest.mark.parametrize("flag", [SampleFlag.DOUBLED, SampleFlag.LATE])
+def test_doubled_and_late_telegrams_may_be_one_in_a_hundred(flag: SampleFlag) -> None:
+    sound = carried_out(GRAVITY)
+    assert found(flagged(sound, flag, 0.009)) == set()
+    assert found(flagged(sound, flag, 0.015)) == {"telegrams"}
+
+
+def test_a_sync_is_left_out_where_the_next_is_nearer_to_its_instant() -> None:
+    sound = carried_out(GRAVITY)
+    for late, findings in ((0.4, set()), (0.7, {"gaps"})):
+        delays = np.zeros(sound.n_samples)
+        delays[10::20] = late * PERIOD
+        assert found(replace(sound, time=sound.time + np.cumsum(delays))) & {"gaps"} == findings
+
+
+def test_steps_of_a_coarse_encoder_are_no_jump_and_larger_ones_are() -> None:
+    n, step = 1000, 1e-3
+    creeping = of(np.zeros((n, 2)), np.zeros(n))
+    for counts, resolution, jumps in ((1, step, False), (1, 0.0, True), (7, step, True)):
+        q = creeping.q.copy()
+        q[:, 0] = counts * step * (np.arange(n) // 250)
+        if jumps:
+            with pytest.raises(Tripped, match="axis 1: its position jumps"):
+                refuse_jumps(replace(creeping, q=q), 8.0, (resolution, 0.0))
+        else:
+            refuse_jumps(replace(creeping, q=q), 8.0, (resolution, 0.0))
