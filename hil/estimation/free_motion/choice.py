@@ -1,13 +1,13 @@
 """What the data choose: the law of friction of each axis, and the dead zone at low speed.
 
 Alternatives are compared by the error of prediction on blocks that were held out, in turn. What is
-usual, weighted least squares with the classical law, stands unless another is certainly better: the
-difference of squared errors has a mean and a standard error over blocks, which by Student's t is no
-chance (`CHANCE`, for all alternatives together: Bonferroni), and the residual of the axis concerned
-shrinks by `NEGLIGIBLE`. A few blocks show nothing with certainty, so what is simpler than the usual
-may leave no more than `MATERIAL` beyond it, however much blocks differ: one bad block would excuse
-anything. Of what is left the simplest is chosen; if one that is simpler still predicts as well,
-that is.
+usual, weighted least squares with the classical law, stands unless something richer is certainly
+better: the difference of squared errors has a mean and a standard error over blocks, which by
+Student's t is no chance (`CHANCE`, for all alternatives and axes together: Bonferroni), and the
+residual of the axis concerned shrinks by `NEGLIGIBLE`. So a few blocks, which show nothing with
+certainty, leave the usual. Chosen is the simplest that nothing beats in this way; if one that is
+simpler still predicts as well, that is. Nothing simpler than the usual is tried: it would save an
+unknown or two and leave more of some other motion.
 
 Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
 spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 USUAL = "Coulomb and viscous"
 """Law that stands unless the data call for another."""
+TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
+"""Laws, from the usual one on."""
 FOLDS = 12
 """Parts of the pieces that are held out in turn."""
 CHANCE = 0.05
@@ -53,8 +55,8 @@ NEGLIGIBLE = 0.01
 """Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
 where friction is Coulomb's and viscous exactly (two axes, white noise)."""
 MATERIAL = 0.05
-"""Growth of the held-out residual (rms) that no simplification is worth: what the default may leave
-more than weighted least squares does."""
+"""Growth of a residual (rms) that nothing is worth, no dead zone and no positive mass matrix: by so
+much the default may leave more than weighted least squares."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,14 +104,14 @@ def choose(products: Products) -> Choice:
         laws, errors = list(plain.laws), []
         for axis in range(products.n_joints):
             others = [
-                (law, _kept(products, (*laws[:axis], law, *laws[axis + 1 :]))) for law in LAWS
+                (law, _kept(products, (*laws[:axis], law, *laws[axis + 1 :]))) for law in TRIED
             ]
             found = {
                 law: held_out.error(kept)
                 for law, kept in others
                 if _locks_nowhere(products, system.only(kept).solution(), kept, axis)
             }
-            laws[axis] = simplest(found, products.n_joints, USUAL)
+            laws[axis] = simplest(found, products.n_joints)
             errors.append(_relative(found, laws[axis]))
         kept = _kept(products, laws)
         if held_out.error(kept).sum() <= (1.0 + MATERIAL) ** 2 * least:
@@ -140,8 +142,8 @@ def _locks_nowhere(products: Products, x: Array, kept: NDArray[np.intp], axis: i
     return bool(np.all((share >= 0.0) & (share < 1.0)))
 
 
-def simplest(errors: Mapping[str, Array], n_axes: int = 1, usual: str | None = None) -> str:
-    """Name of the first alternative that is not worse than others.
+def simplest(errors: Mapping[str, Array], n_axes: int = 1, alternatives: int | None = None) -> str:
+    """Name of the first alternative that no other certainly beats.
 
     Parameters
     ----------
@@ -149,20 +151,16 @@ def simplest(errors: Mapping[str, Array], n_axes: int = 1, usual: str | None = N
         Squared errors on held-out blocks, the simplest alternative first.
     n_axes : int
         Axes that the errors are of, weighted alike, where the alternatives are of one of them: its
-        own residual is an n-th of theirs.
-    usual : str, optional
-        The alternative that is usual; by default the simplest of all.
+        own residual is an n-th of theirs, and each of them is given as many chances.
+    alternatives : int, optional
+        That were tried, if these are the best of more.
     """
-    names = list(errors)
-    best = errors[min(names, key=lambda name: float(errors[name].sum()))]
-    simpler = names[: names.index(usual)] if usual else []
+    best = errors[min(errors, key=lambda name: float(errors[name].sum()))]
+    chances = n_axes * (alternatives or max(len(errors) - 1, 1))
     found = next(
-        name
-        for name in names
-        if not _certainly_worse(errors[name], best, n_axes, len(names) - 1)
-        and not (name in simpler and _grown(errors[name], errors[usual or name], n_axes) > MATERIAL)
+        name for name in errors if not _certainly_worse(errors[name], best, n_axes, chances)
     )
-    return next(name for name in names if errors[name].sum() <= errors[found].sum())
+    return next(name for name in errors if errors[name].sum() <= errors[found].sum())
 
 
 class HeldOut:
@@ -216,20 +214,13 @@ def _kept(products: Products, laws: Sequence[str]) -> NDArray[np.intp]:
     return kept_unknowns(products.n_shared, [LAWS[law] for law in laws])
 
 
-def _certainly_worse(errors: Array, best: Array, n_axes: int, alternatives: int) -> bool:
+def _certainly_worse(errors: Array, best: Array, n_axes: int, chances: int) -> bool:
     difference, n = errors - best, len(best)
-    if n < 2 or _grown(errors, best, n_axes) <= NEGLIGIBLE:
+    own = float(best.sum()) / n_axes
+    if n < 2 or float(difference.sum()) <= ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * own:
         return False
-    sure = special.stdtrit(n - 1, 1.0 - CHANCE / alternatives)
+    sure = special.stdtrit(n - 1, 1.0 - CHANCE / chances)
     return bool(difference.mean() > sure * difference.std(ddof=1) / np.sqrt(n))
-
-
-def _grown(errors: Array, others: Array, n_axes: int) -> float:
-    """Growth of the residual (rms) of the axis concerned from other errors to these."""
-    more, own = float((errors - others).sum()), float(others.sum()) / n_axes
-    if more <= 0:
-        return 0.0
-    return float(np.sqrt(1.0 + more / own)) - 1.0 if more < own / np.finfo(float).eps else np.inf
 
 
 def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:

@@ -88,7 +88,7 @@ class _Search:
         nearest = best([speed * each for each in DISTANCES])
         nearest = best([nearest * each for each in FINER])
         tried = {str(d): found[d][0] for d in (0.0, nearest)}
-        chosen = simplest(tried, self._products.shape[1])
+        chosen = simplest(tried, self._products.shape[1], len(found) - 1)
         self._products[:, axis] = found[float(chosen)][1]
         return float(chosen)
 
