@@ -27,6 +27,7 @@ from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.system import (
     embedded,
     kept_unknowns,
+    mean_squares,
     normal,
     residual_weights,
     summed,
@@ -88,19 +89,20 @@ class Choice:
 def choose(products: Products) -> Choice:
     """Choose dead zone, then laws axis by axis, those of the others being the classical one first.
 
-    A dead zone that leaves more of all samples than the classical law without one, by more than
-    `MATERIAL`, is none.
+    A dead zone is none that leaves more of all samples on some axis than weighted least squares does,
+    by more than `MATERIAL`.
     """
-    plain = without_choice(products, weighted=True)
-    whole = normal(summed(products.pieces), products.n_shared, plain.weights)
-    least = HeldOut(whole, whole).error(plain.kept(products.n_shared)).sum()
+    plain, n_shared = without_choice(products, weighted=True), products.n_shared
+    whole, all_counts = summed(products.pieces), products.counts.sum(axis=2)
+    scored = normal(whole, n_shared, plain.weights)
+    least = mean_squares(whole, all_counts, n_shared, _solved(scored, plain.kept(n_shared)))
     for slowest in sorted({_dead_zone(products, plain), 0}, reverse=True):
         pieces = summed(products.pieces, slowest)
         counts = products.counts[:, :, slowest:].sum(axis=2)
         kept = plain.kept(products.n_shared)
         weights = residual_weights(pieces, counts, products.n_shared, kept)
         system = normal(pieces.sum(axis=0, keepdims=True), products.n_shared, weights)
-        held_out = HeldOut(normal(pieces, products.n_shared, weights), whole)
+        held_out = HeldOut(normal(pieces, products.n_shared, weights), scored)
         laws, errors = list(plain.laws), []
         for axis in range(products.n_joints):
             others = [
@@ -114,7 +116,8 @@ def choose(products: Products) -> Choice:
             laws[axis] = simplest(found, products.n_joints)
             errors.append(_relative(found, laws[axis]))
         kept = _kept(products, laws)
-        if held_out.error(kept).sum() <= (1.0 + MATERIAL) ** 2 * least:
+        left = mean_squares(whole, all_counts, n_shared, _solved(system, kept))
+        if np.all(left <= (1.0 + MATERIAL) ** 2 * least):
             break
     weights = residual_weights(pieces, counts, products.n_shared, kept)
     return Choice(slowest, tuple(laws), tuple(errors), weights)
@@ -195,6 +198,11 @@ def folds(n: int) -> list[slice]:
     """Successive blocks that are held out together."""
     ends = np.linspace(0, n, min(FOLDS, n) + 1).round().astype(int)
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+
+def _solved(system: Normal, kept: NDArray[np.intp]) -> Array:
+    """All unknowns by least squares, those that are not kept 0."""
+    return embedded(system.only(kept).solution(), kept, system.v.shape[1])
 
 
 def _dead_zone(products: Products, plain: Choice) -> int:
