@@ -2,10 +2,10 @@
 
 Alternatives are compared by the error of prediction on blocks that were held out, in turn. What is
 usual, weighted least squares with the classical law, stands unless something richer is certainly
-better: the difference of squared errors has a mean and a standard error over blocks, which by
-Student's t is no chance (`CHANCE`, for all alternatives and axes together: Bonferroni), and the
-residual of the axis concerned shrinks by `NEGLIGIBLE`. So a few blocks, which show nothing with
-certainty, leave the usual. Chosen is the simplest that nothing beats in this way; if one that is
+better: the difference of squared errors, over their sum so that no block outweighs the others, has
+a mean and a standard error over blocks, which by Student's t is no chance (`CHANCE`, for all
+alternatives and axes together: Bonferroni), and the residual of the axis concerned shrinks by
+`NEGLIGIBLE`. So a few blocks, which show nothing with certainty, leave the usual. Chosen is the simplest that nothing beats in this way; if one that is
 simpler still predicts as well, that is. Nothing simpler than the usual is tried: it would save an
 unknown or two and leave more of some other motion.
 
@@ -89,8 +89,8 @@ class Choice:
 def choose(products: Products) -> Choice:
     """Choose dead zone, then laws axis by axis, those of the others being the classical one first.
 
-    A dead zone is none that leaves more of all samples on some axis than weighted least squares does,
-    by more than `MATERIAL`.
+    A dead zone is none that leaves more of all samples on some axis, by more than `MATERIAL`, than
+    weighted least squares does.
     """
     plain, n_shared = without_choice(products, weighted=True), products.n_shared
     whole, all_counts = summed(products.pieces), products.counts.sum(axis=2)
@@ -227,8 +227,9 @@ def _certainly_worse(errors: Array, best: Array, n_axes: int, chances: int) -> b
     own = float(best.sum()) / n_axes
     if n < 2 or float(difference.sum()) <= ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * own:
         return False
+    shares = difference / np.maximum(errors + best, np.finfo(float).tiny)
     sure = special.stdtrit(n - 1, 1.0 - CHANCE / chances)
-    return bool(difference.mean() > sure * difference.std(ddof=1) / np.sqrt(n))
+    return bool(shares.mean() > sure * shares.std(ddof=1) / np.sqrt(n))
 
 
 def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:
