@@ -2,12 +2,13 @@
 
 Alternatives are compared by the error of prediction on blocks that were held out, in turn. What is
 usual, weighted least squares with the classical law, stands unless something richer is certainly
-better: the difference of squared errors, over their sum so that no block outweighs the others, has
-a mean and a standard error over blocks, which by Student's t is no chance (`CHANCE`, for all
-alternatives and axes together: Bonferroni), and the residual of the axis concerned shrinks by
-`NEGLIGIBLE`. So a few blocks, which show nothing with certainty, leave the usual. Chosen is the simplest that nothing beats in this way; if one that is
-simpler still predicts as well, that is. Nothing simpler than the usual is tried: it would save an
-unknown or two and leave more of some other motion.
+better: the difference of squared errors has a mean and a standard error over blocks, which by
+Student's t is no chance (`CHANCE`). Up to `NEGLIGIBLE` less of the residual of the axis concerned
+is none. From there to `MATERIAL` all alternatives and axes share that chance (Bonferroni), since
+the best of many that are worth nothing looks as good; more than that does not come of choosing. So
+a few blocks, which show nothing with certainty, leave the usual. Chosen is the simplest that
+nothing beats in this way; if one that is simpler still predicts as well, that is. Nothing simpler
+than the usual is tried: it would save an unknown or two and leave more of some other motion.
 
 Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
 spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
@@ -50,8 +51,8 @@ TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
 """Laws, from the usual one on."""
 FOLDS = 12
 """Parts of the pieces that are held out in turn."""
-CHANCE = 0.05
-"""Probability of a difference, by chance and among all alternatives, below which it is none."""
+CHANCE = 0.025
+"""Probability of a difference by chance below which it is none: of 5 %, either side."""
 NEGLIGIBLE = 0.01
 """Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
 where friction is Coulomb's and viscous exactly (two axes, white noise)."""
@@ -224,12 +225,12 @@ def _kept(products: Products, laws: Sequence[str]) -> NDArray[np.intp]:
 
 def _certainly_worse(errors: Array, best: Array, n_axes: int, chances: int) -> bool:
     difference, n = errors - best, len(best)
-    own = float(best.sum()) / n_axes
-    if n < 2 or float(difference.sum()) <= ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * own:
+    more, own = float(difference.sum()), float(best.sum()) / n_axes
+    if n < 2 or more <= ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * own:
         return False
-    shares = difference / np.maximum(errors + best, np.finfo(float).tiny)
-    sure = special.stdtrit(n - 1, 1.0 - CHANCE / chances)
-    return bool(shares.mean() > sure * shares.std(ddof=1) / np.sqrt(n))
+    small = more <= ((1.0 + MATERIAL) ** 2 - 1.0) * own
+    sure = special.stdtrit(n - 1, 1.0 - CHANCE / (chances if small else 1))
+    return bool(difference.mean() > sure * difference.std(ddof=1) / np.sqrt(n))
 
 
 def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:
