@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 TABLE, PICTURE = "study.csv", "study"
 LEGEND = "error of predicted rigid-body torques, %\na dot for each plant, a bar for their rms"
-LABELS, PANEL, BELOW = 2.6, 1.85, 0.62
+LABELS, PANEL, BELOW = 3.4, 1.85, 0.62
 """Width of the methods' names and of a panel, height below the panels [inch]."""
 
 
