@@ -101,9 +101,11 @@ VARIANTS: dict[str, Variant] = {
 the literature: it takes from the two-step method that friction is fitted anew again and again."""
 COMPENSATED: dict[str, Variant] = {
     "": Variant("none"),
-    BOTH: Variant("none", offset=True, load=True),
+    "corrected": Variant("model 1", offset=True, load=True),
 }
-"""With a friction characteristic measured beforehand, which says nothing of reversals."""
+"""With a friction characteristic measured beforehand, which says nothing of reversals: as it is, or
+corrected by what the trajectory shows of its level and slope, offset and load. Offset and load
+without the level make it worse where friction has drifted since: they stand in for it."""
 
 
 def trajectories(

@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from hil.planning.trajectory import Trajectory
 
 
+MU, OFFSET = 0.05, 0.01
+"""Friction of the load as in `hil study drift`, and a constant torque over the torque limit."""
+
+
 @pytest.fixture(scope="module")
 def robot() -> Robot:
     return load_robot("manutec-r15")
@@ -85,6 +89,16 @@ def test_friction_known_beforehand_is_subtracted(robot: Robot, trajectory: Traje
     assert error(robot, fit_trajectories(robot, data, COMPENSATED[""])) > 0.01
 
 
+def test_a_level_that_has_changed_since_is_corrected(robot: Robot, trajectory: Trajectory) -> None:
+    def of(axis: int) -> Characteristic:
+        return lambda v: 0.8 * COULOMB * robot.torque_limit[axis] * np.sign(v)
+
+    data = recorded(robot, trajectory, load=MU)
+    known = [of(axis) for axis in range(6)]
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED["corrected"], known)) < 2e-3
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED[""], known)) > 0.01
+
+
 def test_the_residual_of_each_axis_is_that_of_its_noise(
     robot: Robot, trajectory: Trajectory
 ) -> None:
@@ -92,10 +106,6 @@ def test_the_residual_of_each_axis_is_that_of_its_noise(
     assert found.residual / robot.torque_limit == pytest.approx(found.residual[0] / 945, rel=0.3)
     assert (found.degrees_of_freedom == trajectory.cycles - 1).all()
     assert found.drive_effect.shape == (len(TABLE_3_A), 2 * robot.n_joints)
-
-
-MU, OFFSET = 0.05, 0.01
-"""Friction of the load as in `hil study drift`, and a constant torque over the torque limit."""
 
 
 def test_the_column_of_the_load_finds_friction_of_the_load(
