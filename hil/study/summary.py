@@ -111,7 +111,7 @@ def picture(rows: Sequence[MethodScore]) -> Figure:
     panels = figure.subplots(1, len(scenarios), sharex=True, sharey=True, squeeze=False)[0]
     left, right = LABELS / width, 1 - 0.12 / width
     figure.subplots_adjust(
-        left=left, right=right, wspace=0.08, bottom=BELOW / height, top=1 - above / height
+        left=left, right=right, wspace=0.13, bottom=BELOW / height, top=1 - above / height
     )
     for panel, scenario, title in zip(panels, scenarios, titles, strict=True):
         _panel(panel, methods, {r.method: r for r in rows if r.scenario == scenario})
