@@ -14,12 +14,12 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from hil.estimation.conventional.products import products
+from hil.estimation.conventional.products import stack
 from hil.estimation.conventional.variants import (
     COMPENSATED,
+    SLOW,
     VARIANTS,
     estimate_of,
-    fit_trajectories,
     trajectories,
 )
 from hil.estimation.identify import estimate
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hil.estimation.conventional.products import Products
+    from hil.estimation.conventional.products import Stacked
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
 
@@ -196,13 +196,13 @@ def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
     """
     yield "trajectory, improved", estimate(folder.robot, list(recorded(folder)))
     measured = trajectories(recorded(folder))
-    condensed: dict[float, Products] = {}
+    stacked: dict[float, Stacked] = {}
     for name, variant in VARIANTS.items():
-        if variant.slowest not in condensed:
-            condensed[variant.slowest] = products(folder.robot, measured, "rich", variant.slowest)
+        if variant.slowest not in stacked:
+            stacked[variant.slowest] = stack(folder.robot, measured, variant.slowest)
         yield (
             f"jointly: {name}",
-            estimate_of(folder.robot, condensed[variant.slowest], variant, name),
+            estimate_of(folder.robot, stacked[variant.slowest], variant, name),
         )
 
 
@@ -213,8 +213,10 @@ def _beforehand(cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
     sessions = {"same session": cell.run, "other session": cell.earlier_run}
     for session, run in sessions.items():
         known = _characteristics(run, folder.robot)
-        name = f"beforehand{warm}: {session}"
-        yield name, fit_trajectories(folder.robot, measured, COMPENSATED, known, name)
+        data = stack(folder.robot, measured, SLOW, known)
+        for columns, variant in COMPENSATED.items():
+            name = ", ".join(filter(None, (f"beforehand{warm}: {session}", columns)))
+            yield name, estimate_of(folder.robot, data, variant, name)
 
 
 def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 TABLE, PICTURE = "study.csv", "study"
 LEGEND = "error of predicted rigid-body torques, %\na dot for each plant, a bar for their rms"
-LABELS, PANEL, BELOW = 2.6, 1.85, 0.62
+LABELS, PANEL, BELOW = 3.4, 1.85, 0.62
 """Width of the methods' names and of a panel, height below the panels [inch]."""
 
 
@@ -111,7 +111,7 @@ def picture(rows: Sequence[MethodScore]) -> Figure:
     panels = figure.subplots(1, len(scenarios), sharex=True, sharey=True, squeeze=False)[0]
     left, right = LABELS / width, 1 - 0.12 / width
     figure.subplots_adjust(
-        left=left, right=right, wspace=0.08, bottom=BELOW / height, top=1 - above / height
+        left=left, right=right, wspace=0.13, bottom=BELOW / height, top=1 - above / height
     )
     for panel, scenario, title in zip(panels, scenarios, titles, strict=True):
         _panel(panel, methods, {r.method: r for r in rows if r.scenario == scenario})

@@ -35,18 +35,34 @@ def some_trajectory(robot: Robot) -> Trajectory:
 
 
 def recorded(
-    robot: Robot, trajectory: Trajectory, noise: float = 0.0, root: float = 0.0
+    robot: Robot,
+    trajectory: Trajectory,
+    noise: float = 0.0,
+    root: float = 0.0,
+    load: float = 0.0,
+    offset: float = 0.0,
 ) -> list[tuple[Trajectory, Recording]]:
-    """What drives without any error would record."""
+    """What drives without any error would record.
+
+    Parameters
+    ----------
+    noise, root, offset : float
+        White noise, friction that grows with the cube root of speed, a constant torque, all as
+        shares of the torque limit.
+    load : float
+        Share of the transmitted torque that is friction.
+    """
     n = len(trajectory.path(PERIOD))
     time = PERIOD * np.arange(n)
     t = np.clip(time - REST, 0.0, trajectory.cycles * trajectory.period)
     q, qd, qdd = trajectory.motion(t)
     v = qd / robot.velocity_limit
     level = COULOMB * np.sign(v) + VISCOUS * v + root * np.cbrt(v)
-    tau = inverse_dynamics(robot, TABLE_3_A, q, qd, qdd) + motor_torque(robot, q, qd, qdd)
+    links = inverse_dynamics(robot, TABLE_3_A, q, qd, qdd)
+    tau = links + load * np.abs(links) * np.sign(qd) + motor_torque(robot, q, qd, qdd)
     rng = np.random.default_rng(1)
-    tau = tau + robot.torque_limit * (level + noise * rng.standard_normal(q.shape))
+    level = level + offset + noise * rng.standard_normal(q.shape)
+    tau = tau + robot.torque_limit * level
     length = round(trajectory.period / PERIOD)
     group = (np.arange(n) - round(REST / PERIOD)) // length
     group[(group < 0) | (group >= trajectory.cycles)] = -1

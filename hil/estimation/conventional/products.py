@@ -9,6 +9,9 @@ with y the torque less the motor's part and a friction known beforehand, and the
 motion that was commanded, which knows nothing of the noise: the instruments. All columns pass the
 same phase-neutral filter as the torque does. The command is shifted by the delay of the drives,
 found as the one at which it resembles the measured motion most.
+
+The column of the load's friction is zero at first: it needs base parameters. So the filtered rows
+are kept, and `Stacked.loaded` adds its inner products for each new estimate.
 """
 
 from __future__ import annotations
@@ -19,7 +22,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.condensed import groups
-from hil.estimation.conventional.friction_terms import compensated, friction_columns
+from hil.estimation.conventional.friction_terms import (
+    DIRECTION,
+    LOAD,
+    N_FRICTION,
+    compensated,
+    friction_columns,
+)
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
@@ -31,7 +40,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.estimation.conventional.friction_terms import Characteristic, Terms
+    from hil.estimation.conventional.friction_terms import Characteristic
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
@@ -66,11 +75,12 @@ class Products:
     n_friction: int
     n_trajectories: int
 
-    def first(self, n_friction: int) -> Products:
-        """The same with no more than the first columns of friction."""
-        width, own = self.n_base + self.n_friction, np.arange(self.n_base + n_friction)
+    def only(self, places: Sequence[int]) -> Products:
+        """The same with no more than these columns of friction."""
+        width = self.n_base + self.n_friction
+        own = np.r_[: self.n_base, self.n_base + np.array(places, dtype=int)]
         kept = np.concatenate([[0], 1 + own, 1 + width + own])
-        return replace(self, blocks=self.blocks[..., kept[:, None], kept], n_friction=n_friction)
+        return replace(self, blocks=self.blocks[..., kept[:, None], kept], n_friction=len(places))
 
     def by_period(self, n_local: int) -> Products:
         """The same with the first columns of friction eliminated, block by block; no instruments.
@@ -91,48 +101,81 @@ class Products:
         )
 
 
-def products(
+@dataclass(frozen=True, slots=True, eq=False)
+class Stacked:
+    """Recordings of trajectories with all columns, and the inner products of these.
+
+    Attributes
+    ----------
+    rows : sequence of sequence of ndarray, shape (n, n_columns)
+        Samples of each period and axis.
+    products : Products
+        Without friction of the load.
+    """
+
+    rows: Sequence[Sequence[Array]]
+    products: Products
+
+    def loaded(self, p: Array) -> Products:
+        """Inner products with the column ``|Q_t| sign(qd)``, Q_t by base parameters `p`.
+
+        Q_t is the smoothed torque of the links, whose absolute value is not that of noise; the
+        instrument is the same column along the commanded motion.
+        """
+        n, width = self.products.n_base, self.products.n_base + N_FRICTION
+        first = np.array([1, 1 + width])
+        places = first + n + LOAD
+        blocks = self.products.blocks.copy()
+        for block, rows in zip(blocks, self.rows, strict=True):
+            for product, columns in zip(block, rows, strict=True):
+                load = np.stack(
+                    [
+                        np.abs(columns[:, k : k + n] @ p) * columns[:, k + n + DIRECTION]
+                        for k in first
+                    ],
+                    axis=1,
+                )
+                product[:, places] = columns.T @ load
+                product[places] = product[:, places].T
+                product[np.ix_(places, places)] = load.T @ load
+        return replace(self.products, blocks=blocks)
+
+
+def stack(
     robot: Robot,
     recorded: Sequence[tuple[Trajectory, Recording]],
-    terms: Terms,
     slowest: float = 0.0,
     characteristics: Sequence[Characteristic] | None = None,
-) -> Products:
-    """Condense recordings of trajectories.
+) -> Stacked:
+    """Stack and condense recordings of trajectories.
 
     Parameters
     ----------
-    terms : str
-        Friction that is fitted jointly.
     slowest : float
         Samples of an axis below this share of its speed limit are left out.
     characteristics : sequence of callable, optional
         Friction that is subtracted beforehand, one for each axis.
     """
-    blocks, counts = [], []
+    rows: list[tuple[Array, ...]] = []
     for trajectory, recording in recorded:
         s = signals(recording)
         known = compensated(s, characteristics) if characteristics else 0.0
         y = s.tau - motor_torque(robot, s.q, s.qd, s.qdd) - known
         commanded = _commanded(trajectory, s)
+        periods = [np.flatnonzero(s.valid & group)[::THINNED] for group in groups(s)]
         axes = [
-            _axis(robot, s, y[:, axis], commanded, axis, terms, slowest)
+            _axis(robot, s, y[:, axis], commanded, axis, periods, slowest)
             for axis in range(robot.n_joints)
         ]
-        for group in groups(s):
-            period = np.flatnonzero(s.valid & group)[::THINNED]
-            shares = [stacked[period[used[period]]] for stacked, used in axes]
-            blocks.append([share.T @ share for share in shares])
-            counts.append([len(share) for share in shares])
-    n_base, n_friction = len(base_parameters(robot)), _n_friction(robot, terms)
-    return Products(
-        np.array(blocks), np.array(counts, dtype=float), n_base, n_friction, len(recorded)
+        rows.extend(zip(*axes, strict=True))
+    condensed = Products(
+        np.array([[columns.T @ columns for columns in axes] for axes in rows]),
+        np.array([[float(len(columns)) for columns in axes] for axes in rows]),
+        len(base_parameters(robot)),
+        N_FRICTION,
+        len(recorded),
     )
-
-
-def _n_friction(robot: Robot, terms: Terms) -> int:
-    still = np.zeros((1, robot.n_joints))
-    return int(friction_columns(robot, still, still, 0, terms, np.zeros(1)).shape[1])
+    return Stacked(rows, condensed)
 
 
 def _axis(
@@ -141,18 +184,19 @@ def _axis(
     y: Array,
     commanded: tuple[Array, Array, Array],
     axis: int,
-    terms: Terms,
+    periods: Sequence[NDArray[np.intp]],
     slowest: float,
-) -> tuple[Array, NDArray[np.bool_]]:
-    """All columns of one axis, filtered, and which samples count."""
+) -> list[Array]:
+    """All columns of one axis, filtered: the samples of each period that count."""
     stacked = [y[:, np.newaxis]]
     for q, qd, qdd in ((s.q, s.qd, s.qdd), commanded):
         direction = np.sign(s.smoothed(qd[:, axis]))
         stacked.append(regressor(robot, q, qd, qdd, joints=[axis])[:, 0])
-        stacked.append(friction_columns(robot, q, qd, axis, terms, direction))
+        stacked.append(friction_columns(robot, q, qd, axis, direction))
     slow = np.abs(s.smoothed(s.qd[:, axis])) < slowest * robot.velocity_limit[axis]
     used = s.away_from(slow) if slowest else np.ones(len(y), dtype=bool)
-    return s.smoothed(np.hstack(stacked)), used
+    columns = s.smoothed(np.hstack(stacked))
+    return [columns[period[used[period]]] for period in periods]
 
 
 def _commanded(trajectory: Trajectory, s: Signals) -> tuple[Array, Array, Array]:

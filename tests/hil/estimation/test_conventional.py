@@ -11,9 +11,12 @@ from synthetic import TABLE_3_A
 from trajectory_run import COULOMB, VISCOUS, recorded, some_trajectory
 
 from hil.errors import NotEnoughData
-from hil.estimation.conventional.products import products
+from hil.estimation.conventional import variants
+from hil.estimation.conventional.products import stack
 from hil.estimation.conventional.variants import (
+    BOTH,
     COMPENSATED,
+    CUSTOMARY,
     SLOW,
     VARIANTS,
     Variant,
@@ -26,6 +29,10 @@ if TYPE_CHECKING:
     from hil.estimation.conventional.friction_terms import Characteristic
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
+
+
+MU, OFFSET = 0.05, 0.01
+"""Friction of the load as in `hil study drift`, and a constant torque over the torque limit."""
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +85,18 @@ def test_friction_known_beforehand_is_subtracted(robot: Robot, trajectory: Traje
 
     data = recorded(robot, trajectory)
     known = [of(axis) for axis in range(6)]
-    assert error(robot, fit_trajectories(robot, data, COMPENSATED, known)) < 2e-3
-    assert error(robot, fit_trajectories(robot, data, COMPENSATED)) > 0.01
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED[""], known)) < 2e-3
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED[""])) > 0.01
+
+
+def test_a_level_that_has_changed_since_is_corrected(robot: Robot, trajectory: Trajectory) -> None:
+    def of(axis: int) -> Characteristic:
+        return lambda v: 0.8 * COULOMB * robot.torque_limit[axis] * np.sign(v)
+
+    data = recorded(robot, trajectory, load=MU)
+    known = [of(axis) for axis in range(6)]
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED["corrected"], known)) < 2e-3
+    assert error(robot, fit_trajectories(robot, data, COMPENSATED[""], known)) > 0.01
 
 
 def test_the_residual_of_each_axis_is_that_of_its_noise(
@@ -91,18 +108,83 @@ def test_the_residual_of_each_axis_is_that_of_its_noise(
     assert found.drive_effect.shape == (len(TABLE_3_A), 2 * robot.n_joints)
 
 
+def test_the_column_of_the_load_finds_friction_of_the_load(
+    robot: Robot, trajectory: Trajectory
+) -> None:
+    data = recorded(robot, trajectory, load=MU, offset=OFFSET)
+    without, offset, both = (
+        fit_trajectories(robot, data, variant)
+        for variant in (
+            Variant("model 1"),
+            Variant("model 1", offset=True),
+            Variant("model 1", offset=True, load=True),
+        )
+    )
+    assert error(robot, without) > 5e-3
+    assert error(robot, offset) > 5e-3
+    assert error(robot, both) < 1e-3
+    assert (without.load_friction, offset.load_friction) == (None, None)
+    assert both.load_friction is not None
+    assert both.load_friction.mu == pytest.approx(np.full(6, MU), rel=0.05)
+
+
+@pytest.mark.parametrize("name", [name for name, variant in VARIANTS.items() if variant.load])
+def test_every_variant_with_the_column_finds_friction_of_the_load(
+    robot: Robot, trajectory: Trajectory, name: str
+) -> None:
+    data = recorded(robot, trajectory, load=MU, offset=OFFSET)
+    assert error(robot, fit_trajectories(robot, data, VARIANTS[name])) < 3e-3
+
+
+def test_its_iteration_settles_well_before_it_must_end(
+    robot: Robot, trajectory: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = recorded(robot, trajectory, noise=0.02, load=MU)
+    settled = fit_trajectories(robot, data, VARIANTS["strongest"])
+    monkeypatch.setattr(variants, "ROUNDS", 6)
+    soon = fit_trajectories(robot, data, VARIANTS["strongest"])
+    monkeypatch.setattr(variants, "ROUNDS", 30)
+    monkeypatch.setattr(variants, "SETTLED", 0.0)
+    late = fit_trajectories(robot, data, VARIANTS["strongest"])
+    assert (soon.p == settled.p).all()
+    assert (np.abs(settled.p - late.p) < 0.01 * late.standard_error).all()
+
+
+def test_without_friction_of_the_load_its_column_finds_none(
+    robot: Robot, trajectory: Trajectory
+) -> None:
+    data = recorded(robot, trajectory, noise=0.02)
+    found = fit_trajectories(robot, data, Variant("model 1", load=True))
+    assert found.load_friction is not None
+    assert (np.abs(found.load_friction.mu) < 5 * found.load_friction.standard_error).all()
+
+
+@pytest.mark.parametrize("name", CUSTOMARY)
+def test_without_its_column_a_method_knows_nothing_of_the_load(
+    robot: Robot, trajectory: Trajectory, name: str
+) -> None:
+    """Inner products of the columns that it has are the same whatever others are stacked."""
+    data = stack(robot, recorded(robot, trajectory, noise=0.02), CUSTOMARY[name].slowest)
+    found = variants.estimate_of(robot, data, CUSTOMARY[name], name)
+    loaded = replace(data, products=data.loaded(TABLE_3_A))
+    again = variants.estimate_of(robot, loaded, CUSTOMARY[name], name)
+    assert (again.p == found.p).all()
+    assert (again.covariance == found.covariance).all()
+
+
 def test_one_variant_alone_keeps_low_speeds_and_stands_beside_its_fellow() -> None:
     names = list(VARIANTS)
-    assert [name for name in names if not VARIANTS[name].slowest] == ["all speeds, model 2"]
+    all_speeds = "all speeds, model 2"
+    kept = [name for name in names if not VARIANTS[name].slowest]
+    assert kept == [all_speeds, f"{all_speeds}, {BOTH}"]
     fellow = VARIANTS["residual weights, model 2"]
-    assert fellow == replace(VARIANTS["all speeds, model 2"], slowest=SLOW)
-    place = names.index("residual weights, model 2")
-    assert names[place + 1] == "all speeds, model 2"
+    assert fellow == replace(VARIANTS[all_speeds], slowest=SLOW)
+    assert names[names.index("residual weights, model 2") + 1] == all_speeds
 
 
 def test_low_speeds_can_be_left_out(robot: Robot, trajectory: Trajectory) -> None:
     data = recorded(robot, trajectory)
-    every, fast = (products(robot, data, "model 1", slowest) for slowest in (0.0, 0.05))
+    every, fast = (stack(robot, data, slowest).products for slowest in (0.0, 0.05))
     assert (fast.counts < every.counts).all()
     assert len(every.blocks) == trajectory.cycles
 

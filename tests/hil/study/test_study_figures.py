@@ -80,7 +80,10 @@ def rows() -> list[summary.MethodScore]:
     """All scenarios, all methods, errors from hundredths to thousands of per cent."""
     names = {
         "two-step": (OUR_DEFAULT, "two-step, printed"),
-        "trajectory": ("jointly: residual weights, model 2", "jointly: friction by period"),
+        "trajectory": (
+            "jointly: residual weights, model 2, offset and load",
+            "jointly: friction by period",
+        ),
         "compensated": ("beforehand: same session", "beforehand: other session"),
         "warmed": ("beforehand after warm-up: other session",),
     }
