@@ -129,8 +129,36 @@ class Payload:
         gradient = _unit(k, 10) / m - _unit(MASS, 10) * self.phi[k] / m**2
         return self._at(f"centre {axis}", float(self.phi[k] / m), gradient, "m")
 
+    def least_inertia(self) -> tuple[Quantity, float] | None:
+        """Moment about the centre that is least likely a body's, and its chance of being one.
+
+        No moment of inertia is negative, so for all pairs of axes (Iii + Ijj) / 2 >= |Iij|. None
+        where not all inertias were estimated.
+        """
+        if not (np.all(np.diag(self.phi_covariance)[:6] > 0) and self.phi[MASS] > 0):
+            return None
+        found = []
+        for name in _DEVIATION:
+            (across, by), *both = (
+                self._about_centre(LINK_PARAMETERS.index(each), each)
+                for each in (name, f"I{2 * name[1]}", f"I{2 * name[2]}")
+            )
+            (first, by_first), (second, by_second) = both
+            sign = np.sign(across) or 1.0
+            value = (first + second) / 2 - sign * across
+            gradient = (by_first + by_second) / 2 - sign * by
+            figure = self._at("least inertia", value, gradient, "kg m2")
+            chance = special.stdtr(self._degrees_of(gradient), value / figure.standard_error)
+            found.append((figure, min(1.0, len(_DEVIATION) * float(chance))))
+        return min(found, key=lambda each: each[1])
+
     def _central(self, k: int, name: str) -> Quantity:
         """About the centre of mass, axes parallel to the frame's."""
+        value, gradient = self._about_centre(k, name)
+        return self._at(f"{name} about the centre", value, gradient, "kg m2")
+
+    def _about_centre(self, k: int, name: str) -> tuple[float, Array]:
+        """An inertia about the centre of mass, and its gradient by phi."""
         m, gradient, value = self.phi[MASS], _unit(k, 10), self.phi[k]
         pairs = [(a, a, -1.0) for a in _STEINER.get(name, ())]
         pairs += [(*_DEVIATION[name], 1.0)] if name in _DEVIATION else []
@@ -142,17 +170,20 @@ class Payload:
                 + _unit(b, 10) * self.phi[a] / m
                 - _unit(MASS, 10) * product / m
             )
-        return self._at(f"{name} about the centre", float(value), gradient, "kg m2")
+        return float(value), gradient
 
     def _quantity(self, name: str, gradient: Array, unit: str) -> Quantity:
         return self._at(name, float(gradient @ self.phi), gradient, unit)
 
     def _at(self, name: str, value: float, gradient: Array, unit: str) -> Quantity:
         error = float(np.sqrt(gradient @ self.phi_covariance @ gradient))
-        degrees = np.full(10, MANY) if self.degrees is None else self.degrees
-        freedom = combined_degrees(gradient, np.diag(self.phi_covariance), degrees)
+        freedom = self._degrees_of(gradient)
         half = half_width(np.array(error**2), np.zeros(()), freedom, 0.95)
         return Quantity(name, value, error, float(half), unit)
+
+    def _degrees_of(self, gradient: Array) -> Array:
+        degrees = np.full(10, MANY) if self.degrees is None else self.degrees
+        return combined_degrees(gradient, np.diag(self.phi_covariance), degrees)
 
 
 def _unit(k: int, n: int) -> Array:

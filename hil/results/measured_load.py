@@ -223,17 +223,23 @@ def _of_unsure(found: Payload, advice: Mapping[str, str]) -> Iterator[str]:
 
 
 def _rough(found: Payload) -> list[Quantity]:
-    """Mass and inertias about the centre whose intervals are wide."""
+    """Mass and moments of inertia about the centre whose intervals are wide."""
     return [
         q for q in found.quantities()
-        if (q.name == "mass" or q.name.endswith("about the centre"))
+        if q.name in {"mass", *(f"I{k}{k} about the centre" for k in "xyz")}
         and q.standard_error and q.half_width > ROUGH * abs(q.value)
     ]  # fmt: skip
 
 
 def is_loose(found: Payload) -> bool:
-    """Whether the axes' torques contradict a load that is rigid and fixed."""
-    return _rigid_chance(found) <= LOOSE
+    """Whether the axes' torques contradict a load that is rigid and fixed, or no body is so."""
+    return _rigid_chance(found) <= LOOSE or _is_no_body(found)
+
+
+def _is_no_body(found: Payload) -> bool:
+    """Whether a moment of inertia about the centre is negative beyond its error."""
+    least = found.least_inertia()
+    return least is not None and least[1] <= LOOSE
 
 
 def _rigid_chance(found: Payload) -> float:
@@ -245,7 +251,13 @@ def _rigid_chance(found: Payload) -> float:
 def _of_rigidity(found: Payload) -> list[str]:
     if not found.misfit:
         return []
-    chance = _rigid_chance(found)
+    chance, least = _rigid_chance(found), found.least_inertia()
+    if least is not None and _is_no_body(found):
+        return [
+            f"not rigid, not fixed, or friction changed with it: no body has the inertia that was"
+            f" found, with {_in_words(least[0])} about an axis through the centre; fasten the load"
+            " and its cables, empty what can flow, and measure again"
+        ]
     if not is_loose(found):
         axes = ", ".join(str(each.axis + 1) for each in found.misfit)
         return [f"rigid and fixed, as far as axes {axes} show (p = {chance:.2g})"]

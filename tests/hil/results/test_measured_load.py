@@ -172,6 +172,15 @@ def test_a_load_beside_the_axis_is_rigid_and_found_with_its_centre(bare, beside,
     assert write_load(tmp_path, bare, runs, found).unseen == ()
 
 
+def test_an_inertia_that_no_body_has_is_doubted(beside):
+    found, _ = beside
+    phi = found.phi.copy()
+    phi[1] += 20 * np.sqrt(found.phi_covariance[1, 1]) + 0.1  # Ixy
+    strange = replace(found, phi=phi)
+    assert is_loose(strange)
+    assert "no body has the inertia" in verdict(strange)[1]
+
+
 def test_a_load_on_the_axis_is_not_taken_for_one_beside_it(found):
     assert set(found.unseen) == {"Ixy", "Ixz", "Iyz", "sx", "sy"}
 
