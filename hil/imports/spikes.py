@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.suspicion import Suspicion
+from hil.regression.standstill import CARRIED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -53,12 +54,17 @@ _AT_ONCE = 1 << 16
 
 @dataclass
 class _Spikes:
-    """Of one column: samples that stand out, the first of them, and the sums of squares."""
+    """Of one column: samples that stand out, the first of them, and the sums of squares.
+
+    Also the farthest that one stands out, and the width of the range of what is ordinary.
+    """
 
     count: int = 0
     first: int = -1
     of_spikes: float = 0.0
     of_all: float = 0.0
+    farthest: float = 0.0
+    width: float = 0.0
 
 
 def spike_suspicions(
@@ -75,9 +81,11 @@ def spike_suspicions(
                     _add(found[column], samples, rows, column, x)
     for column, spikes in enumerate(found):
         share = min(spikes.of_spikes / spikes.of_all, 1.0) if spikes.count else 0.0
-        if share < STATED:
-            continue
         kind, joint = divmod(column, n)
+        alike = found[kind * n : (kind + 1) * n]
+        # joints at rest tremble by little besides what others move
+        if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
+            continue
         unit = robot.position_unit(joint)
         units = (unit, "N m" if unit == "rad" else "N", f"{unit}/s")
         value = float(samples.values[spikes.first, column])
@@ -109,6 +117,8 @@ def _add(spikes: _Spikes, samples: Samples, rows: NDArray[np.int64], column: int
     if out.any() and not spikes.count:
         spikes.first = int(rows[REACH + np.argmax(out)])
     spikes.count += int(out.sum())
+    spikes.width = max(spikes.width, float(np.ptp(np.quantile(x, MIDDLE))))
+    spikes.farthest = max(spikes.farthest, float(excursion[out].max(initial=0.0)))
     spikes.of_spikes += float((excursion[out] ** 2).sum())
     bent = x[REACH:-REACH] - (x[: -2 * REACH] + x[2 * REACH :]) / 2
     spikes.of_all += float((bent**2).sum() if position else ((x - x.mean()) ** 2).sum())

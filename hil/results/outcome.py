@@ -198,7 +198,7 @@ def _unexcited(model: Model) -> Iterator[Outcome]:
         yield Outcome(
             word="doubtful",
             reason=f"axis {worst + 1} not excited by what was recorded: its torque on a motion"
-            f" through its whole range is uncertain by {relative[worst]:.0%}",
+            f" through its whole range is {_uncertain(relative[worst])}",
             remedy="add recordings that reach further; near these the model may hold, hil validate"
             " shows where",
         )
@@ -209,6 +209,10 @@ def _unexcited(model: Model) -> Iterator[Outcome]:
         f" {relative[worst]:.0%}",
         remedy="measure motions that show its parameters (hil plan --refine)",
     )
+
+
+def _uncertain(relative: float) -> str:
+    return f"uncertain by {relative:.0%}" if relative < 1.0 else "not known: less than its error"
 
 
 def _one_way(model: Model) -> Iterator[Outcome]:

@@ -73,3 +73,11 @@ def test_an_angle_that_hesitates_at_the_end_of_its_turn_has_no_spikes(tmp_path):
     found = statement(tmp_path, columns, joints=content["joints"])
     assert found.wraps > 3
     assert not [each for each in found.suspicions if each.check == "spikes"]
+
+
+def test_what_an_encoder_at_rest_trembles_by_is_no_spike(tmp_path):
+    still = np.zeros(len(COLUMNS["t"]))
+    still[AT] = 2e-5
+    columns = COLUMNS | {"q2": still, "v2": 0 * still}
+    found = statement(tmp_path, columns, accept=["velocity", "shape", "friction"])
+    assert not [each for each in found.suspicions if each.check == "spikes"]
