@@ -49,7 +49,7 @@ LONG = [
     ("run PLAN --symmetric RUN -o NEW", "results.friction_gate.refuse_asymmetric",
      "testing the friction of"),
     ("identify RUN", "results.identification.identified", ESTIMATING),
-    ("report RUN", "report.page.report", "estimating manutec-r15 anew and drawing the report"),
+    ("report RUN", "report.page.report", "identifying manutec-r15 and drawing the report"),
     ("diagnose RUN", "results.diagnosis.diagnose",
      "testing what the robot file of manutec-r15 leaves out"),
     ("compare RUN --truth manutec-r15", "study.comparison.compare",
