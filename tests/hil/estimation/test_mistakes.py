@@ -197,7 +197,8 @@ def test_a_robot_of_unknown_limits_is_judged_by_what_was_reached(
     assert not np.isfinite(without.acceleration_limit).any()
     assert find_mistake(without, good) is None
     for change, name in (
-        (torque_sign, Name.TORQUE_SIGN), (zero, Name.LEFT_OUT), (gear, Name.GEAR), (slip, Name.SLIP),
+        (torque_sign, Name.TORQUE_SIGN), (zero, Name.LEFT_OUT), (gear, Name.GEAR),
+        (slip, Name.SLIP),
     ):  # fmt: skip
         found = find_mistake(without, changed(good, change))
         assert found is not None
