@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.imports.evidence import Evidence
     from hil.imports.excerpt import Excerpt
-    from hil.imports.plausibility import Evidence
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]

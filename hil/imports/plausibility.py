@@ -8,18 +8,17 @@ refuses the import, unless the map accepts it; the rest is stated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.imports.evidence import Evidence
 from hil.imports.misread_torques import misread_torques
 from hil.imports.model_shape import shape_suspicions
 from hil.imports.ranges import range_suspicions, small_motion
 from hil.imports.suspicion import Suspicion
 from hil.model.dynamics import regressor
-from hil.regression.standstill import moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -43,39 +42,6 @@ _NOTABLE = 0.02
 _ROUNDING = 1e-9
 """Relative difference of values that interpolation has left alike."""
 _RANK = 1e-8
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """Motion and torques of all excerpts together: arrays (n, n_joints), SI, joint side.
-
-    Of each joint besides, shape (n_joints,): the standard deviations that noise of positions gives
-    `qd` and `qdd`, and whether it moves by more than this noise.
-    """
-
-    q: Array
-    qd: Array
-    qdd: Array
-    tau: Array
-    recorded_qd: Array
-    noise_qd: Array
-    noise_qdd: Array
-    moves: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:
-        """Join what the excerpts show."""
-        parts = [excerpt.local() for excerpt in excerpts]
-        return cls(
-            q=np.concatenate([part.q for part in parts]),
-            qd=np.concatenate([part.qd for part in parts]),
-            qdd=np.concatenate([part.qdd for part in parts]),
-            tau=np.concatenate([part.tau for part in parts]),
-            recorded_qd=np.concatenate([part.recorded_qd for part in parts]),
-            noise_qd=np.max([part.noise_qd for part in parts], axis=0),
-            noise_qdd=np.max([part.noise_qdd for part in parts], axis=0),
-            moves=moving([excerpt.extent for excerpt in excerpts]),
-        )
 
 
 def suspicions(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.imports.plausibility import Evidence
+    from hil.imports.evidence import Evidence
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A
 
+from hil.imports.evidence import Evidence
 from hil.imports.model_shape import shape_suspicions
-from hil.imports.plausibility import Evidence, friction_suspicions
+from hil.imports.plausibility import friction_suspicions
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import load_robot, parse_robot
 
