@@ -26,7 +26,7 @@ import numpy as np
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.choice import HeldOut
 from hil.estimation.free_motion.friction_terms import COLUMNS
-from hil.estimation.free_motion.system import embedded, normal, summed
+from hil.estimation.free_motion.system import normal, summed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -68,7 +68,7 @@ def _solved(products: Products, choice: Choice) -> tuple[Array, float]:
     n_shared, kept = products.n_shared, choice.kept(products.n_shared)
     system = normal(summed(products.pieces, choice.slowest), n_shared, choice.weights)
     whole = normal(summed(products.pieces), n_shared, choice.weights)
-    x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
+    x = system.solution(kept)
     return x, float(HeldOut(system, whole).error(kept).sum())
 
 

@@ -96,7 +96,7 @@ def choose(products: Products) -> Choice:
     plain, n_shared = without_choice(products, weighted=True), products.n_shared
     whole, all_counts = summed(products.pieces), products.counts.sum(axis=2)
     scored = normal(whole, n_shared, plain.weights)
-    least = mean_squares(whole, all_counts, n_shared, _solved(scored, plain.kept(n_shared)))
+    least = mean_squares(whole, all_counts, n_shared, scored.solution(plain.kept(n_shared)))
     for slowest in sorted({_dead_zone(products, plain), 0}, reverse=True):
         pieces = summed(products.pieces, slowest)
         counts = products.counts[:, :, slowest:].sum(axis=2)
@@ -117,7 +117,7 @@ def choose(products: Products) -> Choice:
             laws[axis] = simplest(found, products.n_joints)
             errors.append(_relative(found, laws[axis]))
         kept = _kept(products, laws)
-        left = mean_squares(whole, all_counts, n_shared, _solved(system, kept))
+        left = mean_squares(whole, all_counts, n_shared, system.solution(kept))
         if np.all(left <= (1.0 + MATERIAL) ** 2 * least):
             break
     weights = residual_weights(pieces, counts, products.n_shared, kept)
@@ -199,11 +199,6 @@ def folds(n: int) -> list[slice]:
     """Successive blocks that are held out together."""
     ends = np.linspace(0, n, min(FOLDS, n) + 1).round().astype(int)
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
-
-
-def _solved(system: Normal, kept: NDArray[np.intp]) -> Array:
-    """All unknowns by least squares, those that are not kept 0."""
-    return embedded(system.only(kept).solution(), kept, system.v.shape[1])
 
 
 def _dead_zone(products: Products, plain: Choice) -> int:

@@ -28,7 +28,7 @@ from hil.estimation.free_motion.filtering import low_passed
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.presliding import blocks, with_presliding
-from hil.estimation.free_motion.system import Normal, embedded, normal, residual_weights
+from hil.estimation.free_motion.system import Normal, normal, residual_weights
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ class _Search:
             return lag
         kept = self._kept(axes)
         for _ in range(ROUNDS):
-            x = embedded(self._system(lag).only(kept).solution(), kept, len(self._x))
+            x = self._system(lag).solution(kept)
             self._x, change = x, x[self._rates[list(axes)]]
             lag[list(axes)] = np.clip(lag[list(axes)] + change, -most, most)
             if np.abs(change).max() < CONVERGED:
@@ -179,7 +179,7 @@ class _Search:
         counts = np.ones(products.shape[:2])
         self._weights = residual_weights(products, counts, self._n_shared, self._linear)
         system = normal(products, self._n_shared, self._weights)
-        self._x = embedded(system.only(self._linear).solution(), self._linear, len(self._x))
+        self._x = system.solution(self._linear)
 
     def _system(self, lag: Array) -> Normal:
         return normal(self._products(lag), self._n_shared, self._weights)

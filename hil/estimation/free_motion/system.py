@@ -61,8 +61,10 @@ class Normal:
             self.N * weights[:, None, None], self.v * weights[:, None], self.square * weights
         )
 
-    def solution(self) -> Array:
-        """Least squares over all blocks."""
+    def solution(self, kept: Indices | None = None) -> Array:
+        """Least squares over all blocks; of `kept` unknowns alone, if given, the others zero."""
+        if kept is not None:
+            return embedded(self.only(kept).solution(), kept, self.v.shape[1])
         return solved(self.N.sum(axis=0), self.v.sum(axis=0))
 
     def error(self, x: Array) -> Array:
@@ -140,7 +142,7 @@ def residual_weights(products: Array, counts: Array, n_shared: int, kept: Indice
     totals = products.sum(axis=0, keepdims=True), counts.sum(axis=0, keepdims=True)
     for _ in range(ROUNDS):
         before, system = weights, normal(totals[0], n_shared, weights)
-        x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
+        x = system.solution(kept)
         left = mean_squares(*totals, n_shared, x)
         weights = 1.0 / np.maximum(left, 1e-9 * squares / np.maximum(counts.sum(axis=0), 1.0))
         weights = np.asarray(np.where(np.isfinite(weights), weights, 0.0))

@@ -114,7 +114,7 @@ class TwoRuns:
         # as if the gains were right: until there is a solution their columns are not those of one
         linear = np.delete(np.arange(len(state.x)), np.arange(first, first + n))
         whole = self._equations(terms, state, totals)
-        state = State(state.gains, embedded(whole.only(linear).solution(), linear, len(state.x)))
+        state = State(state.gains, whole.solution(linear))
         for _ in range(ROUNDS if n else 0):
             whole = self._equations(terms, state, totals)
             x = whole.solution()

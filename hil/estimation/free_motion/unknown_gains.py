@@ -34,7 +34,6 @@ from hil.estimation.free_motion.open_scale import (
 from hil.estimation.free_motion.result import GainValue
 from hil.estimation.free_motion.scaling import Scaling, recast
 from hil.estimation.free_motion.system import (
-    embedded,
     kept_unknowns,
     mean_squares,
     normal,
@@ -119,7 +118,7 @@ def _misfit(recorded: Products, scaling: Scaling) -> float:
 def _solution(products: Products, choice: Choice) -> Array:
     pieces, kept = summed(products.pieces, choice.slowest), choice.kept(products.n_shared)
     system = normal(pieces, products.n_shared, choice.weights)
-    return embedded(system.only(kept).solution(), kept, system.v.shape[1])
+    return system.solution(kept)
 
 
 def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
@@ -165,7 +164,7 @@ def _by_linear_problem(recorded: Products, unknown: tuple[int, ...], usual: Arra
     kept = kept_unknowns(linear.n_shared, [CLASSICAL] * n)
     weights = 1.0 / (usual**2 * mean_signal(recorded))
     system = normal(summed(linear.pieces), linear.n_shared, weights)
-    x = embedded(system.only(kept).solution(), kept, system.v.shape[1])
+    x = system.solution(kept)
     gains = usual.copy()
     gains[axes] = x[linear.n_shared - len(axes) : linear.n_shared]
     return np.clip(gains, usual / FARTHEST, usual * FARTHEST)
