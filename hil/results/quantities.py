@@ -126,13 +126,9 @@ def _parameter(model: Model, k: int) -> Reading | None:
         return None
     error = float(np.sqrt(max(model.scatter_covariance[k, k], 0.0)))
     value, degrees = float(model.values[k]), float(model.degrees_of_freedom[k])
-    return Reading(value, error, degrees, stands_for=stands_for(model, model.names[k]))
-
-
-def stands_for(model: Model, name: str) -> str:
-    """Sum that was identified in place of a parameter; empty where it is the parameter itself."""
-    sums = () if model.back_and_forth is None else model.back_and_forth.combinations
-    return next((each.stands_for for each in sums if each.name == name), "")
+    strokes = model.back_and_forth
+    total = "" if strokes is None else strokes.sum_of(model.names[k])
+    return Reading(value, error, degrees, stands_for=total)
 
 
 def _friction(models: Sequence[Model]) -> Iterator[Quantity]:

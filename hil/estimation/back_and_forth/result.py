@@ -92,3 +92,7 @@ class BackAndForthFit(FileModel):
     not_identified: tuple[str, ...]
     combinations: tuple[Combination, ...]
     remarks: tuple[str, ...]
+
+    def sum_of(self, name: str) -> str:
+        """Sum that was identified in place of a parameter; empty where it is the parameter."""
+        return next((each.stands_for for each in self.combinations if each.name == name), "")

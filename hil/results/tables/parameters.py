@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
-from hil.results.quantities import stands_for
 from hil.results.rounding import percent, rounded, signed
 from hil.results.tables.cells import uncertain, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
@@ -74,7 +73,8 @@ def _parameter(model: Model, k: int, prediction: Prediction | None) -> Row:
         return (base.names[k], NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
     value, error = float(model.values[k]), float(model.standard_errors[k])
     low, high = (float(end) for end in model.interval()[k])
-    total = stands_for(model, base.names[k])
+    strokes = model.back_and_forth
+    total = "" if strokes is None else strokes.sum_of(base.names[k])
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
         f"{base.names[k]} + …" if total else base.names[k],
