@@ -145,6 +145,12 @@ class RobotArrays:
         """Greatest joint torques [N m]; NaN where unknown."""
         return self._array(lambda joint: joint.torque_limit)
 
+    @property
+    def limits_known(self) -> bool:
+        """Whether the file states speeds, accelerations and torques of all joints."""
+        limits = self.velocity_limit, self.acceleration_limit, self.torque_limit
+        return all(np.isfinite(limit).all() for limit in limits)
+
     @cached_property
     def gear_ratio(self) -> NDArray[np.float64]:
         """Motor turns per joint turn; NaN where unknown."""

@@ -123,11 +123,13 @@ def friction_columns(motion: Motion, v: Array) -> Array:
 
 def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:
     """Speed limit of an axis; where that is unknown, its greatest speed in the motion."""
-    return _limit(robot.velocity_limit[axis], motion.smoothed(motion.qd[:, axis]))
+    return limit_or_reached(robot.velocity_limit[axis], motion.smoothed(motion.qd[:, axis]))
 
 
-def _limit(limit: float, reached: Array) -> float:
-    return float(np.abs(reached).max(initial=0.0) if np.isnan(limit) else limit)
+def limit_or_reached(limit: float, x: Array) -> float:
+    """Limit of a quantity; where that is unknown (NaN), the greatest size that it has, above 0."""
+    reached = max(float(np.abs(x).max(initial=0.0)), float(np.finfo(float).tiny))
+    return reached if np.isnan(limit) else float(limit)
 
 
 def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
@@ -141,7 +143,7 @@ def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
     """Samples of an axis in steady motion, away from reversals and corners, shape (n,)."""
     acceleration = motion.smoothed(motion.qdd[:, axis])
     jerk = np.abs(np.gradient(acceleration, motion.period))
-    steady: Mask = jerk < JERK * _limit(robot.acceleration_limit[axis], acceleration)
+    steady: Mask = jerk < JERK * limit_or_reached(robot.acceleration_limit[axis], acceleration)
     return moving(robot, motion, axis) & steady
 
 

@@ -6,8 +6,6 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
@@ -96,7 +94,8 @@ def identified(
             found = estimate(run.robot, campaign, method or method_for(run, others)[0])
         except (NotIdentifiable, NotEnoughData) as error:
             raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
-    if found.free is None and found.friction_law is None and _limits_known(run):
+    # limits decide which samples a law of friction is chosen by
+    if found.free is None and found.friction_law is None and run.robot.limits_known:
         prepared = prepared_for(run.robot, found, campaign)
         past = history(run.robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
@@ -110,13 +109,6 @@ def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
     if mistake is None:
         return error
     return type(error)(f"{mistake}; {mistake.remedy}\nas it stands, {error}")
-
-
-def _limits_known(run: Run) -> bool:
-    """Whether limits are known, by which samples for a law of friction are chosen."""
-    robot = run.robot
-    limits = robot.velocity_limit, robot.acceleration_limit, robot.torque_limit
-    return not any(np.isnan(limit).any() for limit in limits)
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from hil.estimation.condensed import groups
 from hil.regression.least_squares import orthonormal
-from hil.regression.terms import friction_columns, usable
+from hil.regression.terms import friction_columns, speed_scale, usable
 from hil.regression.thinned import smoothed_at
 from hil.regression.window import APART
 from hil.runs.recording import IDLE
@@ -148,7 +148,7 @@ def _channel(
         if len(index) < FEWEST:
             continue
         rows.append(_smoothed(s, axis, index))
-        shapes = friction_columns(s, s.qd[:, axis] / robot.velocity_limit[axis])
+        shapes = friction_columns(s, s.qd[:, axis] / speed_scale(robot, s, axis))
         basis, _ = orthonormal(smoothed_at(index, shapes, s.period), _SAME)
         time = float(s.time[index].mean())
         parts.append(Part(slice(first, first + len(index)), time, basis))

@@ -34,7 +34,6 @@ from hil.estimation.mistakes.reading import Reading
 from hil.estimation.mistakes.saturation import saturated
 from hil.estimation.mistakes.search import linear, tried
 from hil.estimation.signals import signals
-from hil.model.robot import Robot
 from hil.planning.measurement import shows_parameters
 from hil.regression.least_squares import orthonormal
 from hil.regression.window import HALF_WIDTH
@@ -49,21 +48,17 @@ if TYPE_CHECKING:
     from hil.estimation.mistakes.misfit import Explanation
     from hil.estimation.mistakes.search import Tried
     from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
-REACHED = 0.99
-"""Share of a recording's samples below the limit that counts where none is stated: a few are beyond
-what was meant, in noise and at its ends."""
-SMALLEST = 1e-6
-"""Such a limit of an axis that stands, by which is divided."""
 LEAVES = 0.5
-"""Share of the sum of squares that a mistake leaves at most, where limits are guessed: friction of
-slow samples, which a guess may let in, contradicts every model a little (public recordings of five
-machines: 0.94 and more)."""
+"""Share of the sum of squares that a mistake leaves at most, where limits are unknown: what is
+reached takes their place (`hil.regression.terms`), and friction of slow samples, which that lets
+in, contradicts every model a little (public recordings of five machines: 0.75 and more)."""
 AGREES = 1.15
 """Misfit of an axis up to which recordings agree with each other."""
 CONTRADICTS = 3.0
@@ -89,11 +84,10 @@ def find_mistake(
     where nothing explains most of the contradiction.
     """
     prepared = list(_prepared(recorded))
-    limited = _limited(robot, [s for _, s in prepared])
-    found = channels(limited, prepared)
+    found = channels(robot, prepared)
     if not found:
         return None
-    stated = Reading.stated(limited)
+    stated = Reading.stated(robot)
     campaign = Campaign(found, stated)
     explained = campaign.explain(stated)
     if not _off(campaign, stated, explained):
@@ -101,9 +95,9 @@ def find_mistake(
     if (limit := saturated(robot, prepared)) is not None:
         return limit
     likeliest = _likeliest(campaign, stated, explained)
-    if limited is not robot and likeliest is not None and likeliest.left > LEAVES:
-        return None
-    return likeliest
+    if robot.limits_known or likeliest is None or likeliest.left <= LEAVES:
+        return likeliest
+    return None
 
 
 def _prepared(
@@ -115,27 +109,6 @@ def _prepared(
                 yield measurement, signals(recording)
             except NotEnoughData:
                 continue
-
-
-def _limited(robot: Robot, recorded: Sequence[Signals]) -> Robot:
-    """The robot, its unknown limits those that were reached.
-
-    Limits say here only what is slow, what is a corner and what is little torque.
-    """
-    limits = {
-        "velocity_limit": [np.abs(s.smoothed(s.qd)) for s in recorded],
-        "acceleration_limit": [np.abs(s.smoothed(s.qdd)) for s in recorded],
-        "torque_limit": [np.abs(s.tau) for s in recorded],
-    }
-    if all(np.isfinite(getattr(robot, name)).all() for name in limits) or not recorded:
-        return robot
-    joints = list(robot.file.joints)
-    for name, values in limits.items():
-        unknown = np.flatnonzero(~np.isfinite(getattr(robot, name)))
-        for axis in unknown:
-            reached = max(float(np.quantile(each[:, axis], REACHED)) for each in values)
-            joints[axis] = joints[axis].model_copy(update={name: max(reached, SMALLEST)})
-    return Robot(robot.file.model_copy(update={"joints": tuple(joints)}), robot.source, robot.text)
 
 
 def _off(campaign: Campaign, stated: Reading, explained: Explanation) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 
 from hil.model.dynamics import mass_matrix
 from hil.regression.least_squares import orthonormal, solved
+from hil.regression.terms import limit_or_reached
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -70,7 +71,8 @@ class Campaign:
     def __init__(self, channels: Sequence[Channel], stated: Reading) -> None:
         self.channels = channels
         found = [_pure_error(channel, *stated.columns(channel)) for channel in channels]
-        least = FINEST * stated.robot.torque_limit[[channel.axis for channel in channels]]
+        limits = stated.robot.torque_limit
+        least = [FINEST * limit_or_reached(limits[c.axis], c.tau) for c in channels]
         self.pure_error = np.maximum(found, least)
         """Standard deviation by channel, shape (n_channels,) [N m]."""
 
