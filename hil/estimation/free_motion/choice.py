@@ -2,13 +2,14 @@
 
 Alternatives are compared by the error of prediction on blocks that were held out, in turn. What is
 usual, weighted least squares with the classical law, stands unless something richer is certainly
-better: the difference of squared errors has a mean and a standard error over blocks, which by
-Student's t is no chance (`CHANCE`). Up to `NEGLIGIBLE` less of the residual of the axis concerned
-is none. From there to `MATERIAL` all alternatives and axes share that chance (Bonferroni), since
-the best of many that are worth nothing looks as good; more than that does not come of choosing. So
-a few blocks, which show nothing with certainty, leave the usual. Chosen is the simplest that
-nothing beats in this way; if one that is simpler still predicts as well, that is. Nothing simpler
-than the usual is tried: it would save an unknown or two and leave more of some other motion.
+better. Of many alternatives that are worth nothing, the best looks better, too: so what counts is
+the greatest t of all differences of squared errors, against the greatest t of the same differences
+with signs of blocks drawn at random (White, A reality check for data snooping, Econometrica 68
+(2000) 1097-1126; studentised, since alternatives scatter differently). Alternatives that predict
+alike cost little in this way, and fewer than six blocks show nothing. Up to `NEGLIGIBLE` less of
+the residual of the axis concerned is none. Chosen is the simplest that nothing beats; if one that
+is simpler still predicts as well, that is. Nothing simpler than the usual is tried: it would save
+an unknown or two and leave more of some other motion.
 
 Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
 spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
@@ -22,7 +23,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import special
 
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.system import (
@@ -53,6 +53,8 @@ FOLDS = 12
 """Parts of the pieces that are held out in turn."""
 CHANCE = 0.025
 """Probability of a difference by chance below which it is none: of 5 %, either side."""
+FLIPS = 4096
+"""Draws of signs: the probability is known within 0.0025."""
 NEGLIGIBLE = 0.01
 """Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
 where friction is Coulomb's and viscous exactly (two axes, white noise)."""
@@ -146,25 +148,26 @@ def _locks_nowhere(products: Products, x: Array, kept: NDArray[np.intp], axis: i
     return bool(np.all((share >= 0.0) & (share < 1.0)))
 
 
-def simplest(errors: Mapping[str, Array], n_axes: int = 1, alternatives: int | None = None) -> str:
+def simplest(errors: Mapping[str, Array], n_axes: int = 1) -> str:
     """Name of the first alternative that no other certainly beats.
 
     Parameters
     ----------
     errors : mapping of name to ndarray, shape (n_blocks,)
-        Squared errors on held-out blocks, the simplest alternative first.
+        Squared errors on held-out blocks of all that was tried, the simplest alternative first.
     n_axes : int
         Axes that the errors are of, weighted alike, where the alternatives are of one of them: its
-        own residual is an n-th of theirs, and each of them is given as many chances.
-    alternatives : int, optional
-        That were tried, if these are the best of more.
+        own residual is an n-th of theirs.
     """
-    best = errors[min(errors, key=lambda name: float(errors[name].sum()))]
-    chances = n_axes * (alternatives or max(len(errors) - 1, 1))
+    squares = np.array(list(errors.values()))
+    sums = squares.sum(axis=1)
+    enough = ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * sums.min() / n_axes
     found = next(
-        name for name in errors if not _certainly_worse(errors[name], best, n_axes, chances)
+        k
+        for k, error in enumerate(squares)
+        if sums[k] - sums.min() <= enough or not _certainly_positive(error - squares)
     )
-    return next(name for name in errors if errors[name].sum() <= errors[found].sum())
+    return list(errors)[int(np.flatnonzero(sums <= sums[found])[0])]
 
 
 class HeldOut:
@@ -218,14 +221,21 @@ def _kept(products: Products, laws: Sequence[str]) -> NDArray[np.intp]:
     return kept_unknowns(products.n_shared, [LAWS[law] for law in laws])
 
 
-def _certainly_worse(errors: Array, best: Array, n_axes: int, chances: int) -> bool:
-    difference, n = errors - best, len(best)
-    more, own = float(difference.sum()), float(best.sum()) / n_axes
-    if n < 2 or more <= ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * own:
-        return False
-    small = more <= ((1.0 + MATERIAL) ** 2 - 1.0) * own
-    sure = special.stdtrit(n - 1, 1.0 - CHANCE / (chances if small else 1))
-    return bool(difference.mean() > sure * difference.std(ddof=1) / np.sqrt(n))
+def _certainly_positive(gains: Array) -> bool:
+    """Whether any row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
+    n = gains.shape[1]
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, n))
+    t = float(_t(gains, np.ones((1, n))).max())
+    by_chance = _t(gains, signs).max(axis=1) >= t * (1.0 - np.sqrt(np.finfo(float).eps))
+    return t > 0.0 and bool(by_chance.mean() <= CHANCE)
+
+
+def _t(gains: Array, signs: Array) -> Array:
+    """Mean over its standard error, of each row of gains with each row of signs."""
+    n = gains.shape[1]
+    mean = signs @ gains.T / n
+    variance = ((gains**2).mean(axis=1) - mean**2) / max(n - 1, 1)
+    return np.asarray(mean / np.sqrt(np.maximum(variance, np.finfo(float).tiny)))
 
 
 def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:

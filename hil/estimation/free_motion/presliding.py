@@ -86,9 +86,9 @@ class _Search:
             return min((d for d in found if d), key=lambda d: float(found[d][0].sum()))
 
         nearest = best([speed * each for each in DISTANCES])
-        nearest = best([nearest * each for each in FINER])
-        tried = {str(d): found[d][0] for d in (0.0, nearest)}
-        chosen = simplest(tried, self._products.shape[1], len(found) - 1)
+        best([nearest * each for each in FINER])
+        order = sorted(found, key=lambda d: (d > 0.0, float(found[d][0].sum())))
+        chosen = simplest({str(d): found[d][0] for d in order}, self._products.shape[1])
         self._products[:, axis] = found[float(chosen)][1]
         return float(chosen)
 

@@ -47,6 +47,16 @@ def test_a_richer_alternative_is_chosen_if_it_is_better_by_more_than_chance() ->
     assert simplest({"plain": plain, "rich": plain - rng.normal(0.001, 0.1, 30)}) == "plain"
 
 
+@pytest.mark.parametrize("n_blocks", [8, 30])
+def test_the_best_of_many_that_are_worth_nothing_is_seldom_chosen(n_blocks: int) -> None:
+    rng, times = np.random.default_rng(1), 0
+    for _ in range(100):
+        plain = rng.uniform(0.9, 1.1, n_blocks)
+        rich = {str(k): plain + rng.normal(0.0, 0.5, n_blocks) for k in range(12)}
+        times += simplest({"plain": plain, **rich}) != "plain"
+    assert times <= 6  # 2.5 of 100 are expected: 7 or more have a chance of 2 %
+
+
 def test_a_few_blocks_call_for_nothing_richer_than_the_usual() -> None:
     usual, rich = np.array([1.0, 1.2, 0.8, 3.0]), np.array([0.9, 1.1, 0.8, 1.0])
     assert simplest({"usual": usual, "rich": rich}) == "usual"
