@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 PERIOD, DURATION, NOISE = 0.004, 60.0, 1e-5
 """Of samples and of the recording [s]; of positions [rad]."""
-INVISIBLE = "^doubtful: too little|^good: .*if the stated gains are exact"
+INVISIBLE = r"^good: .*\bif (recorded torques are to scale|.*exactly as stated)"
 """What must be said where nothing in the recording can show the mistake."""
 REFUSED, NOT_GOOD = ("refused",), ("refused", "failed", "doubtful")
 
@@ -114,7 +114,7 @@ def spikes(size: float) -> Callable[[Array, np.random.Generator], Array]:
 
 POSITION, TORQUE = "position", "torque"
 CASES = (
-    Wrong("none: the right map", ("doubtful", "good"), ""),
+    Wrong("none: the right map", ("good",), ""),
     Wrong("position of axis 2 has the other sign", REFUSED, "joint 2", at(1, 0, lambda x, _: -x)),
     Wrong("torque of axis 2 has the other sign", REFUSED, "joint 2.*sign",
           joint=((1, TORQUE, {"sign": -1}),)),

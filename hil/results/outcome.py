@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from checked_files.yaml_file import FileModel
+from hil.estimation.free_motion.result import FEW_BLOCKS
 from hil.estimation.mistakes.mistake import MistakeName
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.results.prediction import FreeTorques
@@ -49,11 +50,8 @@ WHOLE = frozenset(
 """Mistakes that leave nothing of the parameters; others are of any size."""
 LEFT = 0.7
 """Share of the residual that remains without a mistake, below which this spoils the parameters."""
-NAIVE = 0.5**0.5
+UNEXPLAINED = 0.5**0.5
 """Residual over that of the mean torque from which on under half of the variance is explained."""
-FEW_BLOCKS = 8
-"""Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
-it is uncertain by a quarter, 1 / sqrt(2 * 7)."""
 SPOILT = 0.1
 """Share of an axis's torque that correcting a mistake may move: as much as `UNEXCITED` doubts."""
 UNEXCITED = 0.1
@@ -100,9 +98,8 @@ def outcome(
         As of an `Estimate`: what usual tolerances of drives add to the model's covariance.
     """
     found = [
-        *_mistaken(model, mistake), *_unexplained(model), *_unexcited(model),
-        *data_reservations(model),
-        *_causes(model.error_budget),
+        *_mistaken(model, mistake), *_unexplained(model), *_biased(model), *_driving(model),
+        *_unexcited(model), *data_reservations(model), *_causes(model.error_budget),
     ]  # fmt: skip
     # of equally bad ones the first, which Python's sort keeps in front
     worst = sorted(found, key=lambda each: -OUTCOME_WORDS.index(each.word))
@@ -154,7 +151,7 @@ def _few(model: Model) -> Iterator[Outcome]:
 
 
 def _unexplained(model: Model) -> Iterator[Outcome]:
-    """Torques that the model of free motions does not explain, or by a friction that is none."""
+    """Torques of free motions of which the model leaves about as much as their mean does."""
     fit = model.friction
     if fit is None:
         return
@@ -165,21 +162,31 @@ def _unexplained(model: Model) -> Iterator[Outcome]:
         if left is not None and naive is not None and axis not in fit.still
     }
     worst = max(shares, key=lambda axis: shares[axis], default=0)
-    if worst and shares[worst] > NAIVE:
+    if worst and shares[worst] > UNEXPLAINED:
         yield Outcome(
             word="failed",
             reason=f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the"
             f" torque unexplained, the mean torque alone {fit.naive_residual[worst - 1]:.0%}",
             remedy="check the columns, signs and units of the map, and the direction of gravity",
         )
-    if fit.bias_test is not None and fit.bias_test.biased:
+
+
+def _biased(model: Model) -> Iterator[Outcome]:
+    """Parameters that noise of the positions shifts."""
+    fit = model.friction
+    if fit is not None and fit.bias_test is not None and fit.bias_test.biased:
         yield Outcome(
             word="doubtful",
             reason="noise of the positions shifts the parameters by up to"
             f" {fit.bias_test.shift:.2g} standard errors",
             remedy="state a lower cut_off in the map, or take --method 'instrumental variables'",
         )
-    if fit.driving:
+
+
+def _driving(model: Model) -> Iterator[Outcome]:
+    """Friction that is none."""
+    fit = model.friction
+    if fit is not None and fit.driving:
         yield Outcome(
             word="doubtful",
             reason=f"axis {', '.join(map(str, fit.driving))}: the friction found gives power to the"
@@ -221,9 +228,7 @@ def _one_way(model: Model) -> Iterator[Outcome]:
         if axis.one_way is not None:
             yield Outcome(
                 word="doubtful",
-                reason=f"axis {number} moves in one direction only, so Coulomb friction and an"
-                f" offset cannot be separated: together they are {axis.one_way.together.value:.3g}"
-                f" {model.robot.torque_unit(number - 1)}",
+                reason=f"axis {number} {axis.one_way} {model.robot.torque_unit(number - 1)}",
                 remedy="add recordings in both directions",
             )
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.free_motion.accumulation import division, recorded_products
-from hil.estimation.free_motion.result import BiasTest
+from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
 from hil.estimation.free_motion.system import normal, summed
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import solved
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-FEWEST = 8
-"""Blocks below which Student's t hardly tells anything: with 7 degrees of freedom and 40 parameters
-a difference must be 5.5 standard errors, with 30 degrees 3.6."""
 OVERSAMPLED = 8.0
 """Samples in a period of the cut-off frequency, so that halves of them show the motion."""
 
@@ -60,7 +57,7 @@ def bias_test(
     )
     products = scaling.applied(recorded)
     n = len(base_parameters(robot))
-    if products.instruments is None or len(products.pieces) < FEWEST:
+    if products.instruments is None or len(products.pieces) < FEW_BLOCKS:
         return None
     kept = choice.kept(products.n_shared)
     plain, crossed = (

@@ -16,6 +16,7 @@ from hil.estimation.free_motion.friction_terms import (
     friction_columns,
 )
 from hil.estimation.free_motion.result import (
+    FEW_BLOCKS,
     AxisFriction,
     CoupledFriction,
     LagValue,
@@ -43,12 +44,8 @@ POOR = 1000.0
 """Condition number from which on a remark is made."""
 SHORT = 30.0
 """Duration of all recordings below which a remark is made [s]."""
-FEW = 10
-"""Pieces of time below which a remark is made."""
 SURE = 2.0
 """Standard errors by which friction drives an axis before that counts."""
-TWICE = 1.96
-"""Standard errors of an interval of 95 %."""
 LOOSE = 0.01
 """Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 
@@ -168,7 +165,7 @@ def remarks(
     other, whatever the motion.
     """
     said = []
-    if found.duration < SHORT or len(products.pieces) < FEW:
+    if found.duration < SHORT or len(products.pieces) < FEW_BLOCKS:
         said.append(
             f"{found.duration:.3g} s of recordings are little: intervals show less than may be"
             f" wrong; add some, {SHORT:g} s or more"
@@ -182,11 +179,8 @@ def remarks(
         axes = ", ".join(str(axis + 1) for axis in found.still)
         said.append(f"axis {axes} stands still in all recordings: its friction is not identified")
     for axis, one in _one_way(products, solution).items():
-        value, half = one.together.value, TWICE * one.together.standard_error
         said.append(
-            f"axis {axis + 1} moves in one direction only, so Coulomb friction and an offset cannot"
-            f" be separated: together they are {value:.3g} ± {half:.2g} {robot.torque_unit(axis)};"
-            " add recordings in both directions"
+            f"axis {axis + 1} {one} {robot.torque_unit(axis)}; add recordings in both directions"
         )
     if not solution.possible:
         said.append(

@@ -6,6 +6,9 @@ from checked_files.yaml_file import FileModel
 
 CHANCE = 0.01
 """Probability below which a difference is no chance."""
+FEW_BLOCKS = 8
+"""Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
+it is uncertain by a quarter, 1 / sqrt(2 * 7)."""
 NOTICEABLE = 0.5
 """Standard errors from which on a difference matters."""
 
@@ -30,6 +33,13 @@ class OneWay(FileModel):
 
     direction: int
     together: TermValue
+
+    def __str__(self) -> str:
+        value, half = self.together.value, 1.96 * self.together.standard_error
+        return (
+            "moves in one direction only, so Coulomb friction and an offset cannot be separated:"
+            f" together they are {value:.3g} ± {half:.2g}"
+        )
 
 
 class AxisFriction(FileModel):
