@@ -6,7 +6,8 @@ positive
     the same, and if that makes the mass matrix negative anywhere on the motion, the nearest
     solution that does not (`hil.estimation.free_motion.positive`), unless the torques contradict
     it; its covariance counts what other laws of friction would have found
-    (`hil.estimation.free_motion.alternatives`);
+    (`hil.estimation.free_motion.alternatives`), and offsets of friction that pass for weight
+    (`hil.estimation.free_motion.offsets`);
 robust
     pieces of time that fit worse than most count less (Huber's weights, found by iteration);
 total
@@ -27,6 +28,7 @@ from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.alternatives import covariance_of_choices
 from hil.estimation.free_motion.choice import MATERIAL
 from hil.estimation.free_motion.friction_terms import COLUMNS
+from hil.estimation.free_motion.offsets import with_doubt
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.free_motion.system import (
     embedded,
@@ -74,6 +76,8 @@ class Solution:
         Change of the unknowns that makes the mass matrix positive, over their standard errors.
     possible : bool
         Whether they were moved; else the torques contradict it.
+    unusual : tuple of int
+        Axes, from 0, whose offset is larger than friction's usually is, and passes for weight.
     """
 
     x: Array
@@ -82,6 +86,7 @@ class Solution:
     condition: float
     moved: float = 0.0
     possible: bool = True
+    unusual: tuple[int, ...] = ()
 
 
 def solve(
@@ -142,7 +147,7 @@ def _by_solver(
 def _possible(
     robot: Robot, products: Products, choice: Choice, found: Solution, configurations: Array
 ) -> Solution:
-    """Make the mass matrix positive, unless the torques contradict that.
+    """Doubt unusual offsets, and make the mass matrix positive unless the torques contradict that.
 
     The move costs the least in what it leaves of the torques: its metric is that of the normal
     equations. A residual that grows by more than `MATERIAL` on any axis shows that something else
@@ -154,13 +159,17 @@ def _possible(
     metric[np.ix_(kept, kept)] = inverse(
         normal(pieces, n_shared, choice.weights).only(kept).N.sum(axis=0)
     )
+    covariance, unusual = with_doubt(found.x, found.covariance, metric, n_shared)
     nearest = nearest_positive(robot, found.x, metric, configurations)
-    error = np.sqrt(np.maximum(np.diag(found.covariance), np.finfo(float).tiny))
+    error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     moved = float(np.abs((nearest - found.x) / error)[kept].max(initial=0.0))
     counts = products.counts[:, :, choice.slowest :].sum(axis=2)
     before, after = (mean_squares(pieces, counts, n_shared, x) for x in (found.x, nearest))
     possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
-    return replace(found, x=nearest if possible else found.x, moved=moved, possible=possible)
+    return replace(
+        found, x=nearest if possible else found.x, covariance=covariance, moved=moved,
+        possible=possible, unusual=tuple(unusual),
+    )  # fmt: skip
 
 
 def require_determined(robot: Robot, pieces: Normal) -> None:

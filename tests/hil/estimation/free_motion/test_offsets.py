@@ -1,0 +1,47 @@
+"""An unusual offset of friction that passes for weight makes both doubtful; others do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.estimation.free_motion.friction_terms import COLUMNS
+from hil.estimation.free_motion.offsets import ASYMMETRY, with_doubt
+
+OFFSET, COULOMB = 1 + COLUMNS.index("offset"), 1 + COLUMNS.index("Coulomb")
+G = 9.81
+FRICTION = 20.0
+
+
+def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
+    """One mass and the friction of its axis: both off by `error` [N], the offset by `own` more."""
+    x = np.zeros(1 + len(COLUMNS))
+    x[0], x[OFFSET], x[COULOMB] = 8.0 - error / G, error, FRICTION
+    along = np.zeros(len(x))
+    along[0], along[OFFSET] = -1.0 / G, 1.0
+    V = 4.0 * np.outer(along, along)
+    V[OFFSET, OFFSET] += own**2
+    return x, V
+
+
+def test_weight_is_as_uncertain_as_an_unusual_offset() -> None:
+    x, V = unknowns(error=12.0, own=0.01)
+    covariance, axes = with_doubt(x, V, V, 1)
+    assert axes == [0]
+    unusual = np.sqrt(12.0**2 - (ASYMMETRY * FRICTION) ** 2)
+    assert np.sqrt(covariance[0, 0]) == pytest.approx(unusual / G, rel=1e-3)
+    assert abs(x[0] - 8.0) < 1.96 * np.sqrt(covariance[0, 0])
+
+
+def test_a_usual_offset_is_no_reason_to_doubt() -> None:
+    x, V = unknowns(error=0.5, own=0.01)
+    covariance, axes = with_doubt(x, V, V, 1)
+    assert covariance == pytest.approx(V)
+    assert axes == []
+
+
+def test_an_offset_that_the_motion_shows_by_itself_is_no_reason_to_doubt() -> None:
+    x, V = unknowns(error=12.0, own=3.0)
+    covariance, axes = with_doubt(x, V, V, 1)
+    assert covariance == pytest.approx(V)
+    assert axes == []
