@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from checked_files.yaml_file import FileModel
+from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import FEW_BLOCKS
 from hil.estimation.mistakes.mistake import MistakeName
 from hil.model.drive_train_file import USUAL_BOUND
@@ -99,7 +100,8 @@ def outcome(
     """
     found = [
         *_mistaken(model, mistake), *_unexplained(model), *_biased(model), *_driving(model),
-        *_unexcited(model), *data_reservations(model), *_causes(model.error_budget),
+        *_unusual(model), *_unexcited(model), *data_reservations(model),
+        *_causes(model.error_budget),
     ]  # fmt: skip
     # of equally bad ones the first, which Python's sort keeps in front
     worst = sorted(found, key=lambda each: -OUTCOME_WORDS.index(each.word))
@@ -193,6 +195,19 @@ def _driving(model: Model) -> Iterator[Outcome]:
             " motion, which no friction does",
             remedy="check the sign of its torque, and whether a spring, a lag or an inertia is"
             " missing",
+        )
+
+
+def _unusual(model: Model) -> Iterator[Outcome]:
+    """Offsets that friction does not have, and that the motion hardly tells from rigid bodies."""
+    fit = model.friction
+    if fit is not None and fit.unusual:
+        yield Outcome(
+            word="doubtful",
+            reason=f"axis {', '.join(map(str, fit.unusual))}: an offset of more than"
+            f" {ASYMMETRY:.0%} of friction, which these motions hardly distinguish from torques of"
+            " the rigid bodies: a sensor's zero, a spring, or wrong parameters",
+            remedy="add recordings with greater acceleration, or that reach further",
         )
 
 

@@ -15,7 +15,6 @@ from hil.estimation.free_motion.friction_terms import (
     LAWS,
     friction_columns,
 )
-from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import (
     FEW_BLOCKS,
     AxisFriction,
@@ -182,13 +181,6 @@ def remarks(
     for axis, one in _one_way(products, solution).items():
         said.append(
             f"axis {axis + 1} {one} {robot.torque_unit(axis)}; add recordings in both directions"
-        )
-    if solution.unusual:
-        axes = ", ".join(str(axis + 1) for axis in solution.unusual)
-        said.append(
-            f"axis {axes}: weight and an offset of friction hardly differ in the torque, and the"
-            f" offset is larger than usual ({100 * ASYMMETRY:g} % of friction): a sensor's zero, a"
-            " spring, or wrong; add recordings with greater acceleration"
         )
     if not solution.possible:
         said.append(

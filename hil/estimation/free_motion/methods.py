@@ -102,6 +102,7 @@ def estimate_from(robot: Robot, name: str, solver: Solver, gathered: Gathered) -
         blocks=len(products.pieces),
         still=tuple(axis + 1 for axis in found.still),
         driving=driving_axes(solution, products.n_shared, robot.n_joints),
+        unusual=tuple(axis + 1 for axis in solution.unusual),
         bias_test=bias_test(robot, found, processing, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, solution.x[:n], visited),
         remarks=remarks(robot, products, solution, found, plain.condition),

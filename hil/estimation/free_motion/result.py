@@ -174,9 +174,9 @@ class FreeMotionFit(FileModel):
         written without.
     blocks : int, optional
         Pieces of time that the recordings were divided into; None in models written without.
-    still, driving : tuple of int
-        Axes, from 1, that stand still in all recordings, and those whose law of friction gives
-        power to the motion.
+    still, driving, unusual : tuple of int
+        Axes, from 1, that stand still in all recordings, those whose law of friction gives power to
+        the motion, and those with a larger offset than friction has, which passes for weight.
     bias_test : BiasTest, optional
         None where there are too few blocks or samples too far apart.
     least_inertia : float
@@ -207,6 +207,7 @@ class FreeMotionFit(FileModel):
     blocks: int | None = None
     still: tuple[int, ...] = ()
     driving: tuple[int, ...] = ()
+    unusual: tuple[int, ...] = ()
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()
     lag: tuple[LagValue, ...] = ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from free_run import TRUTH, arm, classical, recorded, write_free_run
 
 from hil.results.identification import identify
+from hil.results.outcome import outcome as judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,3 +65,12 @@ def test_friction_that_gives_power_is_doubted_by_its_axis(tmp_path: Path) -> Non
     found = identify(write_free_run(tmp_path / "run", arm(), data)).friction
     assert found is not None
     assert found.driving == (2,)
+
+
+def test_an_unusual_offset_that_passes_for_weight_is_doubted_by_its_axis(tmp_path: Path) -> None:
+    model = identified(tmp_path, lambda tau: tau)
+    assert model.friction is not None
+    unusual = model.friction.model_copy(update={"unusual": (2,)})
+    found = judged(replace(model, friction=unusual))
+    assert found.word == "doubtful"
+    assert found.reason.startswith("axis 2: an offset of more than 15% of friction")
