@@ -1,0 +1,303 @@
+"""What is identified of recorded runs of every kind, kept to the last digits, and what changed.
+
+Runs are recorded once into a folder: campaigns, trajectories and friction on the virtual plant,
+sound and flawed, imports of its twins, back and forth, loads, unknown gains; and, where a folder of
+public recordings is named, those. Each result is a file that a command writes: its figures and
+words stand in ``benchmarks/golden/``, one file a result. ``check`` writes them again and lists
+what is not the same::
+
+    python benchmarks/golden.py record FOLDER [--public FOLDER]
+    python benchmarks/golden.py keep FOLDER [RESULT ...]
+    python benchmarks/golden.py check FOLDER [RESULT ...]
+
+Of a square matrix the diagonal and the norm are kept. Figures are the same within `SAME` of the
+greatest of their list, so that another library of linear algebra is no change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+from back_and_forth import exported, strokes
+from flawed_plants import CASES
+from foreign_recordings import ROBOTS, record
+from loads import write as write_loads
+
+from hil.model.robot import load_robot
+from hil.planning.plan import dump_plan
+from hil.runs.run import Run
+from sim_plant.plant_file import load_plant_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MANUTEC = "manutec-r15"
+KEPT = Path(__file__).parent / "golden"
+SAME = 1e-9
+"""Relative difference of figures that are the same: rounding, times condition numbers of 1e4 and
+some hundred operations."""
+SHOWN = 12
+"""Differences that are listed of a result."""
+NOT_COMPARED = {"provenance", "robot_file", "validations", "validated", "run", "model", "hil"}
+"""Keys of dates, versions and paths."""
+ROUGH = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
+PLANS: dict[str, tuple[object, ...]] = {
+    "rough": ("plan", MANUTEC, *ROUGH),
+    "whole": ("plan", MANUTEC),
+    "mixed": ("plan", MANUTEC, "--minutes", 10, "--with-trajectories"),
+    "periodic": ("trajectory", "plan", MANUTEC, "--minutes", 3),
+    "sweep": ("friction", "plan", MANUTEC),
+    "stops": ("friction", "plan", MANUTEC, "--experiment", "stops", "--axis", 2),
+}
+LOAD = {"mass": 10.86, "centre": [0, 0, 0.14], "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047}
+"""The paper's."""
+LIGHT = {"mass": 4.0, "centre": [0, 0, 0.14], "Ixx": 0.01, "Iyy": 0.01, "Izz": 0.02}
+"""With which the drives still follow the trajectory."""
+CAMPAIGNS: dict[str, tuple[str, int, dict[str, Any] | str]] = {
+    "strokes": ("rough", 731, {}),
+    "strokes-loaded": ("rough", 732, {"payload": LOAD}),
+    "strokes-strong-drift": ("rough", 733, {"drift_strength": 3.0}),
+    "strokes-torque-constant": ("rough", 734, "torque constant of axis 2, 30 %"),
+    "strokes-gravity": ("rough", 735, "gravity, 10 degrees"),
+    "strokes-end-load": ("rough", 736, "load of 5 kg"),
+    "campaign": ("whole", 737, {}),
+    "mixed": ("mixed", 738, {}),
+    "trajectory": ("periodic", 739, {}),
+    "trajectory-loaded": ("periodic", 740, {"payload": LIGHT}),
+    "sweep": ("sweep", 741, {}),
+    "stops": ("stops", 742, {}),
+}
+"""Plan, seed, and what the plant has otherwise: keys, or one of the flaws of `flawed_plants`."""
+TWINS = {
+    "scara": ("250 Hz", 751), "ur10e": ("250 Hz", 752), "panda": ("100 Hz", 753),
+    "cartesian": ("20 s", 754), "manutec-r15": ("16 bit", 755),
+}  # fmt: skip
+PUBLIC = {
+    "lwr4": ("m1", "m2"), "kr300": ("A", "B", "C"),
+    "rokae": ("motor_train", "motor_val", "sensor_train", "sensor_val"),
+}  # fmt: skip
+IDENTIFIED: dict[str, tuple[str, tuple[object, ...]]] = {
+    **{name: (name, ()) for name in CAMPAIGNS if name not in ("sweep", "stops")},
+    "strokes-published": ("strokes", ("--method", "published")),
+    "strokes-two-runs": ("strokes", ("--with", "strokes-strong-drift")),
+    "strokes-consistent": ("strokes", ("--consistent",)),
+    "trajectory-strongest": ("trajectory", ("--method", "strongest")),
+    "trajectory-by-period": ("trajectory-loaded", ("--method", "friction by period")),
+    "pan-tilt": ("pan-tilt", ()),
+    "pan-tilt-plain": ("pan-tilt", ("--method", "least squares")),
+    "pan-tilt-instruments": ("pan-tilt", ("--method", "instrumental variables")),
+    "pan-tilt-gain": ("pan-tilt-gain", ()),
+    **{f"twin-{name}": (f"twin-{name}", ()) for name in TWINS},
+    "back-and-forth-trapezoids": ("back-and-forth-trapezoids", ()),
+    "back-and-forth-improved": ("back-and-forth-trapezoids", ("--method", "improved")),
+    "back-and-forth-smooth": ("back-and-forth-smooth", ()),
+    "lwr4": ("lwr4-m1", ()),
+    "rokae-motor": ("rokae-motor_train", ()),
+    "rokae-sensor": ("rokae-sensor_train", ()),
+    "kr300": ("kr300-A", ("--with", "kr300-B")),
+}
+"""Results of ``hil identify``: run and options."""
+OTHERS: dict[str, tuple[tuple[object, ...], str]] = {
+    "friction-sweep": (("friction", "fit", "sweep", "--model", "campaign"), "sweep/friction.yaml"),
+    "load-strokes": (("payload", "strokes", "strokes-loaded"), "strokes-loaded/payload.yaml"),
+    "load-imported": (
+        ("payload", "scara-bare", "scara-loaded", "--mass", 2.805, "--gains"),
+        "scara-loaded/payload.yaml",
+    ),
+    "diagnosis": (
+        ("diagnose", "strokes-torque-constant"),
+        "strokes-torque-constant/diagnosis.yaml",
+    ),
+}
+"""Results of other commands, and the file that they write."""
+
+
+def hil(folder: Path, *arguments: object) -> str:
+    """Call the command line in a folder; return what it says where it refuses or fails."""
+    command = [sys.executable, "-m", "hil", *map(str, arguments)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return done.stderr if done.returncode else ""
+
+
+def must(folder: Path, *arguments: object) -> None:
+    """Call the command line, which must not fail."""
+    if said := hil(folder, *arguments):
+        sys.exit(said)
+
+
+def record_all(folder: Path, public: Path | None) -> None:
+    """Record what is not there yet."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (command, *rest) in PLANS.items():
+        if not (folder / f"{name}.yaml").exists():
+            must(folder, command, *rest, "-o", f"{name}.yaml")
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda name: _campaign(folder, name), CAMPAIGNS))
+    _imports(folder)
+    _back_and_forth(folder)
+    if not (folder / "scara-bare").exists():
+        write_loads(folder / "loads")
+        for name in ("bare", "loaded"):
+            (folder / "loads" / name).rename(folder / f"scara-{name}")
+    for machine, names in PUBLIC.items() if public else ():
+        for name in names:
+            if not (folder / f"{machine}-{name}").exists():
+                must(folder, "import", public / machine / f"{name}.map.yaml", "-o",
+                     f"{machine}-{name}")  # fmt: skip
+
+
+def _campaign(folder: Path, name: str) -> None:
+    if (folder / name).exists():
+        return
+    plan, seed, differs = CAMPAIGNS[name]
+    content = load_plant_file(MANUTEC).model_dump(mode="json")
+    if isinstance(differs, str):
+        change = CASES[differs].plant
+        assert change is not None
+        change(content)
+    else:
+        content |= differs
+    plant = folder / f"{name}.plant.yaml"
+    plant.write_text(yaml.safe_dump(content, sort_keys=False))
+    must(folder, "run", f"{plan}.yaml", "-o", name, "--channel", plant, "--bus-option",
+         f"seed={seed}")  # fmt: skip
+
+
+def _imports(folder: Path) -> None:
+    """Twins, and the example with its gain and without."""
+    for name, (case, seed) in TWINS.items():
+        if not (folder / f"twin-{name}").exists():
+            recorded = record(folder / "recorded", name, case, seed)
+            must(folder, "import", recorded / "seen.yaml", "-o", f"twin-{name}")
+    example = Path(__file__).parents[1] / "examples" / "pan_tilt"
+    if not (folder / "pan-tilt").exists():
+        must(folder, "import", example / "excitation.yaml", "-o", "pan-tilt")
+        content = yaml.safe_load((example / "excitation.yaml").read_text())
+        content["robot"] = str(example / content["robot"])
+        content["files"] = [str(example / each) for each in content["files"]]
+        content["joints"][1]["torque"]["gain"] = "unknown"
+        (folder / "gain.yaml").write_text(yaml.safe_dump(content))
+        must(folder, "import", "gain.yaml", "-o", "pan-tilt-gain")
+
+
+def _back_and_forth(folder: Path) -> None:
+    """Strokes of the pan-tilt head's twin, as CSV files have them."""
+    robot_file, twin = ROBOTS / "pan-tilt.yaml", folder / "pan-tilt-twin"
+    if not twin.exists():
+        subprocess.run(
+            [sys.executable, "-m", "sim_plant", "new", str(robot_file), "-o", str(twin)], check=True
+        )
+    for kind in ("trapezoids", "smooth"):
+        name = f"back-and-forth-{kind}"
+        if (folder / name).exists():
+            continue
+        measured = folder / f"{name}-measured"
+        chosen = strokes(load_robot(str(robot_file)), kind)
+        own = chosen.robot.model_copy(update={"file": str(robot_file)})
+        (folder / f"{name}.yaml").write_text(dump_plan(chosen.model_copy(update={"robot": own})))
+        must(folder, "run", f"{name}.yaml", "-o", measured, "--channel", twin / "plant.yaml",
+             "--drives", twin / "drives.yaml", "--bus-option", "seed=761")  # fmt: skip
+        exported(Run.open(measured), folder / f"{name}-csv")
+        (folder / f"{name}-csv" / "run").rename(folder / name)
+
+
+def results(folder: Path, chosen: list[str]) -> Iterator[tuple[str, Any]]:
+    """Each result, in order, as its command writes it now."""
+    for name, (run, options) in IDENTIFIED.items():
+        if (not chosen or name in chosen) and (folder / run).exists():
+            (folder / run / "model.yaml").unlink(missing_ok=True)
+            said = hil(folder, "identify", run, *options)
+            yield name, _content(folder / run / "model.yaml", said)
+    for name, (command, path) in OTHERS.items():
+        if (not chosen or name in chosen) and (folder / path).parent.exists():
+            (folder / path).unlink(missing_ok=True)
+            yield name, _content(folder / path, hil(folder, *command))
+
+
+def _content(path: Path, said: str) -> Any:
+    return _compact(yaml.safe_load(path.read_text())) if path.exists() else {"refused": said}
+
+
+def _compact(value: Any) -> Any:
+    """Drop what is not compared, and of square matrices all but diagonal and norm."""
+    if isinstance(value, dict):
+        return {k: _compact(v) for k, v in value.items() if k not in NOT_COMPARED}
+    if isinstance(value, list):
+        if len(value) > 2 and all(
+            isinstance(row, list) and len(row) == len(value) for row in value
+        ):
+            matrix = np.array(value, dtype=float)
+            return [*np.diag(matrix).tolist(), float(np.linalg.norm(matrix))]
+        return [_compact(each) for each in value]
+    return value
+
+
+def differences(was: Any, now: Any, place: str = "", scale: float = 0.0) -> Iterator[str]:
+    """Places where two results are not the same."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        largest = _largest(was.values())
+        for key in was | now:
+            if key not in was or key not in now:
+                yield f"{place}.{key}: {'new' if key in now else 'gone'}"
+            else:
+                yield from differences(was[key], now[key], f"{place}.{key}", largest)
+    elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        largest = _largest(was)
+        for k, (a, b) in enumerate(zip(was, now, strict=True)):
+            yield from differences(a, b, f"{place}[{k}]", largest)
+    elif _is_number(was) and _is_number(now):
+        if not math.isclose(was, now, rel_tol=SAME, abs_tol=SAME * scale) and was != now:
+            yield f"{place}: {was:.12g} -> {now:.12g}"
+    elif was != now:
+        yield f"{place}: {was} -> {now}"
+
+
+def _largest(values: Any) -> float:
+    return max((abs(v) for v in values if _is_number(v) and math.isfinite(v)), default=0.0)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def main() -> None:
+    """Record, keep or check."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("what", choices=("record", "keep", "check"))
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("result", nargs="*")
+    parser.add_argument("--public", type=Path, help="folder of public recordings")
+    given = parser.parse_args()
+    folder = given.folder.resolve()
+    if given.what == "record":
+        record_all(folder, given.public and given.public.resolve())
+        return
+    KEPT.mkdir(exist_ok=True)
+    changed = 0
+    for name, now in results(folder, given.result):
+        path = KEPT / f"{name}.json"
+        if given.what == "keep":
+            path.write_text(json.dumps(now, indent=0) + "\n")
+            print(name, flush=True)
+            continue
+        found = differences(json.loads(path.read_text()), json.loads(json.dumps(now)))
+        listed = list(islice(found, SHOWN + 1))
+        changed += bool(listed)
+        print(f"{name}: {'changed' if listed else 'the same'}", flush=True)
+        print("".join(f"    {each}\n" for each in listed[:SHOWN]), end="")
+        print("    ...\n" if len(listed) > SHOWN else "", end="")
+    sys.exit(1 if changed else 0)
+
+
+if __name__ == "__main__":
+    main()
