@@ -52,7 +52,7 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
     shapes = capsules(robot)
     return {
         "revolute": bool(robot.revolute[joint]),
-        "before": zero_pose(robot, joint).ravel().tolist(),
+        "before": (zero_pose(robot, joint).ravel() + 0.0).tolist(),  # no -0.0
         "lower": float(robot.q_min[joint]),
         "upper": float(robot.q_max[joint]),
         "velocity": _known(robot.velocity_limit[joint]),
