@@ -17,7 +17,7 @@ import yaml
 
 from hil.model.robot import load_robot
 from hil.planning.design.trajectories import Search, design_trajectory
-from hil.study.truth import find_plant
+from hil.study.plant_file import find_plant
 from sim_plant.machine_protocol import Reading
 from sim_plant.physics import state as st
 from sim_plant.plant import load_plant

@@ -33,7 +33,7 @@ import numpy as np
 from scipy import signal
 
 from hil.model.dynamics import regressor
-from hil.model.frames import link_pose
+from hil.model.link_poses import link_pose
 from hil.results.identification import identified
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques

@@ -11,8 +11,7 @@ from hil.cli import dry_run_view
 from hil.errors import Mismatch
 from hil.model.robot import ROBOTS, load_robot, refuse_unknown
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
-from hil.planning.workspace import load_workspace
-from hil.planning.workspace_check import remarks
+from hil.planning.workspace_check import load_workspace, remarks
 from hil.runs.atomic_file import write_file
 from hil.terminal.console import out, say
 

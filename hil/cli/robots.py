@@ -102,8 +102,8 @@ def _from_urdf(
     urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float]
 ) -> tuple[str, str, float]:
     """Text of a robot file, what it is of, and how far angles were rounded [rad]."""
-    from hil.model.robot_draft import draft_robot
-    from hil.model.urdf import read_urdf
+    from hil.model.readers.robot_draft import draft_robot
+    from hil.model.readers.urdf import read_urdf
 
     chain = read_urdf(urdf, base, tip)
     joints = ", ".join(joint.name for joint in chain.joints)
@@ -115,8 +115,8 @@ def _from_table(
     dh: Path | None, mdh: Path | None, gravity: tuple[float, float, float]
 ) -> tuple[str, str, float]:
     """The same of a table."""
-    from hil.model.dh_table import read_dh
-    from hil.model.robot_draft import draft_robot_of_table
+    from hil.model.readers.dh_table import read_dh
+    from hil.model.readers.robot_draft import draft_robot_of_table
 
     table = read_dh(dh, "standard") if dh is not None else read_dh(str(mdh), "modified")
     types = ", ".join(f"{joint.name} {joint.type}" for joint in table.joints)

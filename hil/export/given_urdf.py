@@ -11,8 +11,8 @@ import numpy as np
 from hil.errors import Mismatch
 from hil.export.simulated_robot import likely_of
 from hil.export.urdf_links import UrdfLinks
-from hil.model.axes_to_frames import frames_of
-from hil.model.urdf import MOVING, UrdfChain, UrdfReader
+from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.urdf import MOVING, UrdfChain, UrdfReader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,8 +13,9 @@ import numpy as np
 
 from hil.export.friction_of_joints import friction_of_joints
 from hil.model.added_parameters import added_inertias
-from hil.model.axes_to_frames import frames_of
-from hil.model.frames import inverse, parameter_map, pose_of, pseudo_inertia
+from hil.model.frames import inverse, parameter_map, pseudo_inertia
+from hil.model.link_poses import zero_pose
+from hil.model.readers.axes_to_frames import frames_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.export.simple_friction import SimpleFriction
+    from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
-    from hil.model.urdf import UrdfChain
     from hil.results.consistent_robot import ConsistentRobot
     from hil.results.model import Model
 
@@ -181,7 +182,7 @@ def _of_robot_file(robot: Robot) -> list[_Placed]:
         _Placed(
             name=f"joint{j + 1}",
             link=f"link{j + 1}",
-            before=pose_of(robot.alpha[j], robot.d[j], robot.theta[j], robot.r[j]),
+            before=zero_pose(robot, j),
             axis=np.array([0.0, 0.0, 1.0]),
             mdh=np.eye(4),
         )

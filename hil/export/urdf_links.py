@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.frames import parameter_map
-from hil.model.urdf import UrdfReader
+from hil.model.readers.urdf import UrdfReader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,8 +10,7 @@ import yaml
 from checked_files.yaml_file import FileError
 from hil.errors import UnknownName
 from hil.model.drive_train_file import UNKNOWN
-from hil.model.robot import Robot, available_robots, load_robot, parse_robot
-from hil.model.urdf_robot import robot_from_urdf
+from hil.model.robot import Robot, available_robots, load_robot, parse_robot, robot_from_urdf
 
 if TYPE_CHECKING:
     from hil.imports.map_file import MapFile

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.combination import Combination
-    from hil.model.robot_arrays import RobotArrays
+    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 
@@ -39,18 +39,9 @@ _SHAPES: dict[str, Callable[[Array], Array]] = {
     "cosine": np.cos,
     "sine": np.sin,
 }
-_LETTERS = {"linear": "k", "cosine": "kc", "sine": "ks"}
 
 
-def added_names(robot: RobotArrays) -> tuple[str, ...]:
-    """Names of all of them, in the order that everything here has."""
-    own = [f"Ia{j + 1}" for j in np.flatnonzero(robot.rotor_inertia_unknown)]
-    shared = [f"Iam{each.motor + 1}" for each in robot.couplings]
-    springs = [f"{_LETTERS[each.shape]}{each.joint}" for each in robot.file.springs or ()]
-    return (*own, *shared, *springs)
-
-
-def added_inertias(robot: RobotArrays) -> Array:
+def added_inertias(robot: Robot) -> Array:
     """H of each, shape (n_added, n_joints, n_joints); zero for springs."""
     unit = np.eye(robot.n_joints)
     own = [np.outer(unit[j], unit[j]) for j in np.flatnonzero(robot.rotor_inertia_unknown)]
@@ -62,7 +53,7 @@ def added_inertias(robot: RobotArrays) -> Array:
     return np.array([*own, *shared, *springs]).reshape(-1, robot.n_joints, robot.n_joints)
 
 
-def added_loads(robot: RobotArrays, q: Array) -> Array:
+def added_loads(robot: Robot, q: Array) -> Array:
     """Torque at position q per unit of each, shape (n_samples, n_joints, n_added).
 
     Parameters
@@ -71,17 +62,17 @@ def added_loads(robot: RobotArrays, q: Array) -> Array:
         [rad or m].
     """
     springs = robot.file.springs or ()
-    found = np.zeros((*q.shape, len(added_names(robot))))
+    found = np.zeros((*q.shape, len(robot.added_parameters)))
     for k, each in enumerate(springs, start=found.shape[-1] - len(springs)):
         found[:, each.joint - 1, k] = _SHAPES[each.shape](q[:, each.joint - 1])
     return found
 
 
-def added_unit(robot: RobotArrays, name: str) -> str:
+def added_unit(robot: Robot, name: str) -> str:
     """Unit of one of them."""
-    index = added_names(robot).index(name)
+    index = robot.added_parameters.index(name)
     springs = robot.file.springs or ()
-    spring = index - len(added_names(robot)) + len(springs)
+    spring = index - len(robot.added_parameters) + len(springs)
     if spring >= 0:
         turns = bool(robot.revolute[springs[spring].joint - 1])
         linear = springs[spring].shape == "linear"
@@ -135,7 +126,7 @@ class Merged:
         return rows
 
 
-def merge_added(robot: RobotArrays, observed: Array, placement: Array) -> Merged:
+def merge_added(robot: Robot, observed: Array, placement: Array) -> Merged:
     """Find which of them act as base parameters of the links do.
 
     Parameters

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.frames import link_pose
+from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

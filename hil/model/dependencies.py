@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
-from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion, link_pose
+from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion
+from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

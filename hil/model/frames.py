@@ -1,4 +1,4 @@
-"""Frames of a chain in modified Denavit-Hartenberg notation, and what changes with the frame.
+"""Frames in modified Denavit-Hartenberg notation, and what changes with the frame.
 
 Frame j stands in frame j-1 as turn by alpha and shift by d about x, then turn by theta and shift
 by r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. From the pose
@@ -20,24 +20,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.model.robot import Robot
-
     Array = NDArray[np.float64]
 
 _RIGHT_ANGLE = 1e-9
 """An angle this near to a multiple of pi/2 is meant to be one [rad]."""
-
-
-def link_pose(robot: Robot, joint: int) -> Array:
-    """Pose of frame j in frame j-1 at q_j + theta_j = 0 (revolute) or q_j = 0 (prismatic)."""
-    return _link_pose(robot, joint, robot.d[joint], robot.r[joint])
-
-
-def symbolic_link_pose(robot: Robot, joint: int) -> NDArray[np.object_]:
-    """`link_pose` with entries that are polynomials in the lengths' names."""
-    pose = _link_pose(robot, joint, robot.d_expressions[joint], robot.r_expressions[joint])
-    lifted = [x if isinstance(x, Polynomial) else Polynomial.constant(x) for x in pose.flat]
-    return np.array(lifted, dtype=object).reshape(4, 4)
 
 
 def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
@@ -56,11 +42,6 @@ def cos_sin(angle: float) -> tuple[float, float]:
     if abs(angle - quarters * math.pi / 2) < _RIGHT_ANGLE:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
     return math.cos(angle), math.sin(angle)
-
-
-def _link_pose(robot: Robot, joint: int, d: Any, r: Any) -> NDArray[Any]:
-    theta = 0.0 if robot.revolute[joint] else robot.theta[joint]
-    return pose_of(robot.alpha[joint], d, theta, r)
 
 
 def pose_of(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:

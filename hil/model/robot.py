@@ -1,9 +1,9 @@
 """A robot as everything above it sees it, and how it comes to be.
 
-A `Robot` is immutable. It comes by name from those that come along, from a file, or from values;
-what one field alone cannot show (names of lengths, ties between parameters) is checked here. Its
-digest is that of the content, not of the text: plans keep it, so that no plan moves a robot that it
-was not made for.
+A `Robot` is immutable. It comes by name from those that come along, from a file, from a URDF, or
+from values; what one field alone cannot show (names of lengths, ties between parameters) is checked
+here. Its digest is that of the content, not of the text: plans keep it, so that no plan moves a
+robot that it was not made for.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from pydantic import ValidationError
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, line_of, parse_yaml, place, problems, read_text
 from hil.errors import InvalidValue, UnknownName
+from hil.model.readers.robot_draft import robot_as_stated
+from hil.model.readers.urdf import read_urdf
 from hil.model.robot_arrays import RobotArrays
 from hil.model.robot_checks import unknown_for_motion, wrong_names
 from hil.model.robot_file import RobotFile
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 ROBOTS = Path(__file__).parents[1] / "robots"
+EARTH = (0.0, 0.0, -9.81)
+"""Gravity where the base stands upright [m/s^2]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,7 +75,7 @@ class Robot(RobotArrays):
         cls,
         name: str,
         joints: Sequence[Mapping[str, object]],
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = EARTH,
         lengths: Mapping[str, float] | None = None,
         ties: Sequence[str] = (),
     ) -> Robot:
@@ -140,11 +144,33 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """
     path = Path(name_or_path)
     if path.suffix == ".urdf":
-        from hil.model.urdf_robot import robot_from_urdf  # noqa: PLC0415 - makes a robot itself
-
         return robot_from_urdf(path)
     is_path = path.suffix in {".yaml", ".yml"} or len(path.parts) > 1
     return Robot.from_file(path) if is_path else Robot.load(str(name_or_path))
+
+
+def robot_from_urdf(
+    path: Path | str,
+    base: str | None = None,
+    tip: str | None = None,
+    gravity: Sequence[float] = EARTH,
+) -> Robot:
+    """Make a robot of the chain between two links of a URDF.
+
+    Parameters
+    ----------
+    path : path
+    base, tip : str, optional
+        Names of links; by default those of the chain with most joints that move.
+    gravity : sequence of three floats
+        In the link `base` [m/s^2].
+
+    Raises
+    ------
+    FileError
+        No URDF, no such link, or a chain with a joint that cannot be driven by itself.
+    """
+    return parse_robot(robot_as_stated(read_urdf(path, base, tip), gravity), str(path))
 
 
 def refuse_unknown(robot: Robot) -> None:

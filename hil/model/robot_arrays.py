@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.model.added_parameters import added_names
 from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, USUAL_UNCERTAINTY, Drive
 from hil.model.polynomial import Polynomial, parse
-from hil.model.robot_checks import split_tie
-from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile
+from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile, split_tie
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
+
+
+_SPRINGS = {"linear": "k", "cosine": "kc", "sine": "ks"}
 
 
 class MotorCoupling(NamedTuple):
@@ -230,7 +231,10 @@ class RobotArrays:
     @cached_property
     def added_parameters(self) -> tuple[str, ...]:
         """Names of unknowns that no link has (`hil.model.added_parameters`)."""
-        return added_names(self)
+        own = (f"Ia{j + 1}" for j in np.flatnonzero(self.rotor_inertia_unknown))
+        shared = (f"Iam{each.motor + 1}" for each in self.couplings)
+        springs = (f"{_SPRINGS[each.shape]}{each.joint}" for each in self.file.springs or ())
+        return (*own, *shared, *springs)
 
     @property
     def standard_parameters(self) -> tuple[str, ...]:

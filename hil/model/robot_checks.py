@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.model.robot_file import split_tie
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from hil.model.robot import Robot
+    from hil.model.robot_arrays import RobotArrays
 
     Problem = tuple[tuple[str | int, ...], str]
 
@@ -18,7 +20,7 @@ _NEEDED = "is unknown; state it, since nothing moves without it"
 _TIE = re.compile(r"^\s*(\w+)\s*=\s*(\w+)\s*$")
 
 
-def wrong_names(robot: Robot) -> Iterator[Problem]:
+def wrong_names(robot: RobotArrays) -> Iterator[Problem]:
     """Yield the place in the file, and what is wrong there."""
     yield from _unknown_lengths(robot)
     yield from _wrong_ties(robot)
@@ -26,7 +28,7 @@ def wrong_names(robot: Robot) -> Iterator[Problem]:
     yield from _wrong_springs(robot)
 
 
-def unknown_for_motion(robot: Robot) -> Iterator[Problem]:
+def unknown_for_motion(robot: RobotArrays) -> Iterator[Problem]:
     """Yield what the file leaves unknown and nothing moves without; rotor inertias are not."""
     limits = ("velocity_limit", "acceleration_limit", "torque_limit")
     for j, joint in enumerate(robot.file.joints):
@@ -44,13 +46,7 @@ def unknown_for_motion(robot: Robot) -> Iterator[Problem]:
                 yield ("joints", j, "drive", key), _NEEDED
 
 
-def split_tie(tie: str) -> tuple[str, str]:
-    """Names of the tied parameter, and of the one whose value it has."""
-    tied, value = tie.split("=")
-    return tied.strip(), value.strip()
-
-
-def _unknown_lengths(robot: Robot) -> Iterator[Problem]:
+def _unknown_lengths(robot: RobotArrays) -> Iterator[Problem]:
     known = robot.file.lengths
     for index in range(robot.n_joints):
         for key in ("d", "r"):
@@ -60,7 +56,7 @@ def _unknown_lengths(robot: Robot) -> Iterator[Problem]:
                 yield ("joints", index, "frame", key), f"{name} is no length; {names} in lengths"
 
 
-def _wrong_ties(robot: Robot) -> Iterator[Problem]:
+def _wrong_ties(robot: RobotArrays) -> Iterator[Problem]:
     valid = [tie for tie in robot.file.ties if _TIE.match(tie)]
     left = [split_tie(tie)[0] for tie in valid]
     for index, tie in enumerate(robot.file.ties):
@@ -80,7 +76,7 @@ def _wrong_ties(robot: Robot) -> Iterator[Problem]:
             yield at, f"{tied} and {value} have different units; tie inertia to inertia"
 
 
-def _wrong_couplings(robot: Robot) -> Iterator[Problem]:
+def _wrong_couplings(robot: RobotArrays) -> Iterator[Problem]:
     stated = robot.file.couplings or ()
     for index, coupling in enumerate(stated):
         for key in ("motor", "joint"):
@@ -97,7 +93,7 @@ def _wrong_couplings(robot: Robot) -> Iterator[Problem]:
             )
 
 
-def _wrong_springs(robot: Robot) -> Iterator[Problem]:
+def _wrong_springs(robot: RobotArrays) -> Iterator[Problem]:
     stated = robot.file.springs or ()
     for index, spring in enumerate(stated):
         if spring.joint > robot.n_joints:

@@ -35,10 +35,10 @@ from hil.model.frames import (
     adjoint_rate,
     inverse,
     joint_motion,
-    link_pose,
     parameter_map,
     parameter_rate,
 )
+from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,8 @@ from checked_files.yaml_file import FileError, FileModel, line_of, load_yaml, pl
 from hil.planning import LONGEST
 from hil.planning.measurement import KEYS, Measurement
 from hil.planning.plan_values import LONGEST_NAME, Fraction, to_millionths
-from hil.planning.workspace import Workspace, refuse_unfit
+from hil.planning.workspace import Workspace
+from hil.planning.workspace_check import refuse_unfit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,12 +15,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator, model_validator
 
-from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
-from hil.model.robot_file import Point
-from hil.planning.workspace_check import misfits
+from checked_files.yaml_file import FileModel
+from hil.model.link_file import Point
 
 if TYPE_CHECKING:
-    from pathlib import Path
     from typing import Self
 
     from hil.model.robot import Robot
@@ -84,52 +82,6 @@ class Workspace(FileModel):
             if names.count(name) > 1:
                 raise ValueError(f"{name} stands twice; give each box a name of its own")
         return value
-
-
-def load_workspace(path: Path | str, robot: Robot) -> Workspace:
-    """Read a workspace file for `robot`.
-
-    Raises
-    ------
-    FileError
-        It is no workspace, or not one for this robot.
-    """
-    text = read_text(path)
-    workspace = parse_yaml(text, Workspace, str(path))
-    refuse_unfit(workspace, robot, str(path), text)
-    return workspace
-
-
-def refuse_unfit(
-    workspace: Workspace,
-    robot: Robot,
-    source: str,
-    text: str | None = None,
-    within: tuple[str, ...] = (),
-) -> None:
-    """Refuse a workspace with joints, ranges or boxes that `robot` cannot have.
-
-    Parameters
-    ----------
-    source, text : str
-        The file's name, and its text to find lines in.
-    within : tuple of str
-        Keys under which the workspace stands in that file.
-
-    Raises
-    ------
-    FileError
-        One line for each problem.
-    """
-    problems = [((*within, *place), reason) for place, reason in misfits(workspace, robot)]
-    if problems:
-        raise FileError(
-            "\n".join(
-                f"{source}{'' if text is None else f':{line_of(text, place)}'}:"
-                f" {'.'.join(map(str, place))}: {reason}"
-                for place, reason in problems
-            )
-        )
 
 
 def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:

@@ -15,14 +15,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from checked_files.yaml_file import FileError, line_of, parse_yaml, read_text
 from hil.model.capsules import capsules, reaches
 from hil.planning.clearance import intrusions
+from hil.planning.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from hil.model.robot import Robot
-    from hil.planning.workspace import Box, Workspace
+    from hil.planning.workspace import Box
 
 FARTHEST = 20.0
 """Coordinates of a box may be this many times the reach of the arm."""
@@ -32,6 +35,52 @@ CONFIGURATIONS = 256
 """Configurations, spread over the joint ranges, in which a link must stand clear of a box once."""
 
 Place = tuple[str | int, ...]
+
+
+def load_workspace(path: Path | str, robot: Robot) -> Workspace:
+    """Read a workspace file for `robot`.
+
+    Raises
+    ------
+    FileError
+        It is no workspace, or not one for this robot.
+    """
+    text = read_text(path)
+    workspace = parse_yaml(text, Workspace, str(path))
+    refuse_unfit(workspace, robot, str(path), text)
+    return workspace
+
+
+def refuse_unfit(
+    workspace: Workspace,
+    robot: Robot,
+    source: str,
+    text: str | None = None,
+    within: tuple[str, ...] = (),
+) -> None:
+    """Refuse a workspace with joints, ranges or boxes that `robot` cannot have.
+
+    Parameters
+    ----------
+    source, text : str
+        The file's name, and its text to find lines in.
+    within : tuple of str
+        Keys under which the workspace stands in that file.
+
+    Raises
+    ------
+    FileError
+        One line for each problem.
+    """
+    problems = [((*within, *place), reason) for place, reason in misfits(workspace, robot)]
+    if problems:
+        raise FileError(
+            "\n".join(
+                f"{source}{'' if text is None else f':{line_of(text, place)}'}:"
+                f" {'.'.join(map(str, place))}: {reason}"
+                for place, reason in problems
+            )
+        )
 
 
 def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:

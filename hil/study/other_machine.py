@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.model.robot import Robot
-    from hil.study.truth import Plant, PlantAxis
+    from hil.study.plant_file import Plant, PlantAxis
 
     Place = tuple[str | int, ...]
 

@@ -15,7 +15,7 @@ import yaml
 
 from checked_files.yaml_file import FileError
 from hil.runs.atomic_file import file_errors, write_file
-from hil.study.truth import find_plant
+from hil.study.plant_file import find_plant
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.capsules import capsules, reaches
-from hil.model.frames import link_pose, pose_of
+from hil.model.link_poses import zero_pose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,20 +48,11 @@ def workspace_data(workspace: Workspace | None) -> dict[str, object] | None:
     return {"margin": workspace.margin, "boxes": boxes}
 
 
-def standing(robot: Robot, joint: int) -> Array:
-    """Pose of frame j in frame j-1 at q_j = 0, shape (4, 4)."""
-    pose = link_pose(robot, joint)
-    if not robot.revolute[joint]:
-        return pose
-    turned: Array = pose @ pose_of(0.0, 0.0, float(robot.theta[joint]), 0.0)
-    return turned
-
-
 def _joint(robot: Robot, joint: int) -> dict[str, object]:
     shapes = capsules(robot)
     return {
         "revolute": bool(robot.revolute[joint]),
-        "before": standing(robot, joint).ravel().tolist(),
+        "before": (zero_pose(robot, joint).ravel() + 0.0).tolist(),  # no -0.0
         "lower": float(robot.q_min[joint]),
         "upper": float(robot.q_max[joint]),
         "velocity": _known(robot.velocity_limit[joint]),

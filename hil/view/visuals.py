@@ -14,13 +14,13 @@ from urllib.parse import unquote
 import numpy as np
 
 from hil.errors import FileError, Mismatch
-from hil.model.axes_to_frames import frames_of
 from hil.model.frames import inverse
-from hil.model.urdf import UrdfReader
+from hil.model.link_poses import zero_pose
+from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.urdf import UrdfReader
 from hil.view.mesh_files import read_triangles
 from hil.view.packed import packed
 from hil.view.primitives import box, cylinder, sphere
-from hil.view.robot_data import standing
 from hil.view.thinned_mesh import FINEST, thinned
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
-    from hil.model.urdf import UrdfChain
     from hil.view.thinned_mesh import Mesh
 
     Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
     if len(chain.joints) == n:
         poses = frames.poses(np.zeros(n), robot.revolute)
         steps = [inverse(a) @ b for a, b in zip([frames.base, *poses[:-1]], poses, strict=True)]
-        if all(np.abs(step - standing(robot, j)).max() < SAME for j, step in enumerate(steps)):
+        if all(np.abs(step - zero_pose(robot, j)).max() < SAME for j, step in enumerate(steps)):
             return
     raise Mismatch(
         f"{urdf}: its joints from {chain.base} to {chain.tip} are not where those of {robot.name}"

@@ -17,7 +17,8 @@ from hil.cli import main
 from hil.estimation.identify import estimate
 from hil.runs.pooling import recorded
 from hil.study.comparison import comparison
-from hil.study.truth import find_plant, true_parameters
+from hil.study.plant_file import find_plant
+from hil.study.truth import true_parameters
 
 COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
 

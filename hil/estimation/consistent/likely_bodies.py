@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.frames import body_parameters, link_pose
+from hil.model.frames import body_parameters
+from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

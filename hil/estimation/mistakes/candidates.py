@@ -19,8 +19,7 @@ from hil.estimation.mistakes.mistake import MistakeName
 from hil.estimation.mistakes.reading import Added, GainDrift, Slip
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
-from hil.model.robot_checks import split_tie
-from hil.model.robot_file import LINK_PARAMETERS
+from hil.model.robot_file import LINK_PARAMETERS, split_tie
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

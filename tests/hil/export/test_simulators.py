@@ -22,8 +22,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor, Spring
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
-from hil.model.robot import Robot, load_robot
-from hil.model.urdf_robot import robot_from_urdf
+from hil.model.robot import Robot, load_robot, robot_from_urdf
 from hil.results.consistency import with_consistent_robot
 
 FILES = [

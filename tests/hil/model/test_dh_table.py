@@ -12,17 +12,17 @@ import pytest
 
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.model.base_parameters import base_parameters
-from hil.model.dh_table import read_dh
 from hil.model.dynamics import inverse_dynamics
+from hil.model.readers.dh_table import read_dh
+from hil.model.readers.robot_draft import draft_robot_of_table
 from hil.model.robot import parse_robot
-from hil.model.robot_draft import draft_robot_of_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from hil.model.dh_table import DhRobot, Notation
+    from hil.model.readers.dh_table import DhRobot, Notation
 
     Array = NDArray[np.float64]
     Rows = list[tuple[float, float, float, float, str]]

@@ -12,20 +12,20 @@ import pytest
 from urdf_robots import CONTINUOUS, REVOLUTE, ROBOTS, H, urdf
 
 from checked_files.yaml_file import UNSTATED, FileError
-from hil.model.axes_to_frames import frames_of
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
+from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.robot_draft import draft_robot
+from hil.model.readers.urdf import read_urdf
 from hil.model.robot import load_robot, parse_robot
-from hil.model.robot_draft import draft_robot
-from hil.model.urdf import read_urdf
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
+    from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
-    from hil.model.urdf import UrdfChain
 
     Array = NDArray[np.float64]
 

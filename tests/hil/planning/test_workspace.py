@@ -20,8 +20,8 @@ from hil.planning.design.by_counts import design
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, WarmUp, dump_plan, load_plan
-from hil.planning.workspace import Box, Workspace, load_workspace
-from hil.planning.workspace_check import remarks
+from hil.planning.workspace import Box, Workspace
+from hil.planning.workspace_check import load_workspace, remarks
 
 FLOOR = Box(name="floor", low=(-3, -3, -1.5), high=(3, 3, -0.8), ignore_links=(1,))
 POST = Box(name="post", low=(0.7, 0.3, -0.8), high=(0.9, 0.5, 1.0))

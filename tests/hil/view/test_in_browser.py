@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from browser import colour_scheme, opened_browser, require_browser, resize
 
-from hil.model.axes_to_frames import Frames
+from hil.model.readers.axes_to_frames import Frames
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.trajectory import Trajectory

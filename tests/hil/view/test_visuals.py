@@ -11,9 +11,9 @@ import pytest
 from urdf_robots import ROBOTS, urdf
 
 from hil.errors import FileError, Mismatch
-from hil.model.axes_to_frames import Frames, frames_of
+from hil.model.readers.axes_to_frames import Frames, frames_of
+from hil.model.readers.urdf import read_urdf
 from hil.model.robot import load_robot
-from hil.model.urdf import read_urdf
 from hil.view.mesh_files import read_triangles
 from hil.view.thinned_mesh import thinned
 from hil.view.visuals import MOST_TRIANGLES, _allowance, visuals

@@ -24,11 +24,11 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
-from hil.model.axes_to_frames import Frames
-from hil.model.dh_text import yaml_of_table
-from hil.model.limited_joint import LimitedJoint
 from hil.model.polynomial import parse
-from hil.model.urdf import MOST_JOINTS, QUARTER, ROUNDED
+from hil.model.readers.axes_to_frames import Frames
+from hil.model.readers.dh_text import yaml_of_table
+from hil.model.readers.limited_joint import LimitedJoint
+from hil.model.readers.urdf import MOST_JOINTS, QUARTER, ROUNDED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

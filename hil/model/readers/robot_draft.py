@@ -2,9 +2,9 @@
 
 A URDF says nothing of gears, rotors, torque constants and accelerations, and a table of
 Denavit-Hartenberg parameters as a rule nothing but frames, so these lines are marked as in a first
-drives file. Link parameters are all ten of each link: what is zero by symmetry is
-yours to leave out. To identify what somebody else recorded no more need be known: `robot_of` leaves
-open what the URDF does, rotor inertias among it, which are identified then.
+drives file. Link parameters are all ten of each link: what is zero by symmetry is yours to leave
+out. To identify what somebody else recorded no more need be known: `robot_as_stated` leaves open
+what the URDF does, rotor inertias among it, which are identified then.
 """
 
 from __future__ import annotations
@@ -16,21 +16,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import UNSTATED
-from hil.model.axes_to_frames import PARALLEL, frames_of
 from hil.model.drive_train_file import UNKNOWN
-from hil.model.limited_joint import LimitedJoint
-from hil.model.robot import parse_robot
-from hil.model.urdf import QUARTER
+from hil.model.readers.axes_to_frames import PARALLEL, frames_of
+from hil.model.readers.limited_joint import LimitedJoint
+from hil.model.readers.urdf import QUARTER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from hil.model.axes_to_frames import Frames
-    from hil.model.dh_table import DhRobot
-    from hil.model.robot import Robot
-    from hil.model.urdf import UrdfChain, UrdfJoint
+    from hil.model.readers.axes_to_frames import Frames
+    from hil.model.readers.dh_table import DhRobot
+    from hil.model.readers.urdf import UrdfChain, UrdfJoint
 
     Array = NDArray[np.float64]
     _Rest = Callable[[LimitedJoint], Iterator[str]]
@@ -80,27 +78,20 @@ def draft_robot_of_table(table: DhRobot, gravity: Sequence[float]) -> str:
     return _text(table.name, in_frame_0, title, table.joints, table.frames, _to_be_stated)
 
 
-def robot_of(chain: UrdfChain, gravity: Sequence[float], source: str) -> Robot:
-    """A robot of which no more is known than its URDF says.
+def robot_as_stated(chain: UrdfChain, gravity: Sequence[float]) -> str:
+    """Text of a robot file that states no more than the URDF: enough to identify what was recorded.
 
     Parameters
     ----------
     chain : UrdfChain
     gravity : sequence of three floats
         In the base link [m/s^2].
-    source : str
-        Names the file in messages.
-
-    Raises
-    ------
-    FileError
-        A URDF that states a value which a robot cannot have.
     """
     title = [
         f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, as its URDF says.",
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
-    return parse_robot(_of_chain(chain, gravity, title, _left_open), source)
+    return _of_chain(chain, gravity, title, _left_open)
 
 
 def _of_chain(chain: UrdfChain, gravity: Sequence[float], title: Sequence[str], rest: _Rest) -> str:

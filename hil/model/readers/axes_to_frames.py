@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.frames import inverse, pose_of
-from hil.model.urdf import QUARTER
+from hil.model.readers.urdf import QUARTER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.model.urdf import UrdfChain
+    from hil.model.readers.urdf import UrdfChain
 
     Array = NDArray[np.float64]
 

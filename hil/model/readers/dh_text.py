@@ -22,7 +22,7 @@ _COMMENT = "#"
 
 
 def yaml_of_table(text: str, source: str) -> str:
-    """Text of a CSV as YAML of `hil.model.dh_table.DhTable`, on the same lines.
+    """Text of a CSV as YAML of `hil.model.readers.dh_table.DhTable`, on the same lines.
 
     Raises
     ------

@@ -1,0 +1,1 @@
+"""URDF and tables of Denavit-Hartenberg parameters, as the text of a robot file."""
