@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from hil.results.acceptance import Check
+    from hil.results.acceptance_file import Check
     from hil.results.tables.table import Row
     from hil.runs.run import Run
 
