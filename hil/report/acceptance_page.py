@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from hil.report.header import when
 from hil.report.page import TEMPLATES
-from hil.results.rounding import signed
-from hil.results.tables.cells import unit
+from hil.results.rounding import signed, unit
 from hil.results.tables.html import environment
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.runs.atomic_file import write_file

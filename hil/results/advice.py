@@ -18,8 +18,7 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
 from hil.regression.least_squares import inverse
-from hil.results.rounding import signed
-from hil.results.tables.cells import unit
+from hil.results.rounding import signed, unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.results.rounding import rounded, significant
-from hil.results.tables.cells import uncertain
+from hil.results.rounding import rounded, significant, uncertain
 from hil.results.tables.parameters import parameters
 from hil.results.tables.table import Column, Part, Table, figures
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.friction_law import friction_torque, friction_variance
-from hil.results.rounding import significant
-from hil.results.tables.cells import uncertain
+from hil.results.rounding import significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:

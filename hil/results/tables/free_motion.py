@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.results.rounding import significant
-from hil.results.tables.cells import probability, uncertain
+from hil.results.rounding import probability, significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.estimation.friction.models import units
-from hil.results.rounding import signed, significant
-from hil.results.tables.cells import probability, uncertain
+from hil.results.rounding import probability, signed, significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:

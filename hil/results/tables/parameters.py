@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
-from hil.results.rounding import percent, rounded, signed
-from hil.results.tables.cells import uncertain, unit
+from hil.results.rounding import percent, rounded, signed, uncertain, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
