@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
-    from hil.results.error_budget import ErrorTerm
+    from hil.results.error_term import ErrorTerm
     from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
 
