@@ -15,7 +15,7 @@ from hil.results.rounding import unit
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.results.history import History
+    from hil.results.compared_runs import History
 
 DAY = 86400.0
 

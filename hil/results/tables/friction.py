@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.model_choice import AxisFriction
     from hil.estimation.friction.models import FrictionModel
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.results.friction import FrictionResult
+    from hil.results.friction_result import FrictionResult
     from hil.results.tables.table import Row
 
 AXIS = Column("axis")

@@ -11,7 +11,7 @@ from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
     from hil.results.changes import Change
-    from hil.results.history import History, KnownRun
+    from hil.results.compared_runs import History, KnownRun
     from hil.results.quantities import Quantity, Reading
     from hil.results.tables.table import Row
 
