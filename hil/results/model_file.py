@@ -63,7 +63,7 @@ class Parameter(FileModel):
 
 
 class ModelFile(FileModel):
-    """Content of `model.yaml`.
+    """Content of `model.yaml`; keys that are not listed are fields of `IdentifiedRobot`.
 
     Attributes
     ----------
@@ -73,29 +73,11 @@ class ModelFile(FileModel):
         The drives' part of it.
     degrees_of_freedom : tuple of float, optional
         Effective ones of the statistical part.
-    residual : tuple of float or None
-        Root mean square of what the method's models leave of each axis's torque [N m].
-    condition : dict
-        Condition number of each group's observation matrix, or of all parameters' (``all``).
-    error_budget : tuple of ErrorTerm
-        The largest first.
-    friction : FreeMotionFit, optional
-        Friction and settings of an estimate from free motions.
-    back_and_forth : BackAndForthFit, optional
-        Curves of friction and settings of an estimate from axes that moved back and forth.
-    outcome : Outcome, optional
-        What the identification is worth.
     friction_law : FrictionLaw, optional
         Friction over the campaign, of methods for strokes and trajectories; that of free motions
         stands in `friction`.
-    validations : tuple of KeptVerdict
-        What the model was worth on other recordings, as `hil validate` found.
-    consistent : ConsistentRobot, optional
-        The nearest robot that consists of bodies, as `hil identify --consistent` found.
     robot_file : str, optional
         The robot file, verbatim.
-    torque_effect : tuple of tuple of float, optional
-        Change of the values per relative change of each axis's torque, a row a parameter.
     """
 
     format: Literal[1] = 1

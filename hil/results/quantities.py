@@ -138,7 +138,7 @@ def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
     for axis in range(robot.n_joints):
         laws = [model.friction_law.axes[axis] for model in models if model.friction_law is not None]
         known = [law for law in laws if law is not None]
-        unit = "N m" if robot.revolute[axis] else "N"
+        unit = robot.torque_unit(axis)
         for speed in _speeds(known):
             name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
             yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)

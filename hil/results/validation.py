@@ -99,7 +99,7 @@ def validate(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
     for each in predicted:
         sums[each.axis].add(each)
     scores = tuple(
-        each.score(axis, "N m" if model.robot.revolute[axis] else "N", float(model.residual[axis]))
+        each.score(axis, model.robot.torque_unit(axis), float(model.residual[axis]))
         for axis, each in enumerate(sums)
         if each.n >= FEWEST
     )

@@ -76,22 +76,18 @@ def plain(model: IdentifiedRobot) -> Table:
 
 def _plain(model: IdentifiedRobot, curve: FrictionCurve) -> Row:
     axis = curve.axis - 1
-    units = {"viscous": f"{_torque(model, axis)} s/{model.robot.position_unit(axis)}"}
+    unit = model.robot.torque_unit(axis)
+    units = {"viscous": f"{unit} s/{model.robot.position_unit(axis)}"}
     classical = [
-        f"{name} {_value(term)} {units.get(name, _torque(model, axis))}"
-        for name, term in curve.plain.items()
+        f"{name} {_value(term)} {units.get(name, unit)}" for name, term in curve.plain.items()
     ]
     constant, per_speed = curve.by_direction
-    even = f"{_value(constant)} {_torque(model, axis)}, {_value(per_speed)} {units['viscous']}"
+    even = f"{_value(constant)} {unit}, {_value(per_speed)} {units['viscous']}"
     return str(curve.axis), ", ".join(classical), even
 
 
 def _value(term: TermValue) -> str:
     return " ± ".join(uncertain(term.value, term.standard_error))
-
-
-def _torque(model: IdentifiedRobot, axis: int) -> str:
-    return "N m" if model.robot.revolute[axis] else "N"
 
 
 def left_by_strokes(model: IdentifiedRobot) -> Table:

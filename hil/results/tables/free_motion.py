@@ -51,7 +51,7 @@ def friction(model: IdentifiedRobot) -> Table:
 def _axis(model: IdentifiedRobot, axis: int) -> Row:
     assert model.friction is not None  # noqa: S101 - the table is empty without
     law = model.friction.axes[axis]
-    unit = "N m" if model.robot.revolute[axis] else "N"
+    unit = model.robot.torque_unit(axis)
     named = [
         _coefficient(term, value, law, unit, model.robot.position_unit(axis))
         for term, value in law.terms.items()
