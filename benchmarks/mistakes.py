@@ -35,7 +35,7 @@ from hil.errors import HilError
 from hil.estimation.identify import estimate
 from hil.estimation.mistakes.finding import find_mistake
 from hil.results.identification import model_of
-from hil.results.outcome import uncertainty
+from hil.results.prediction import uncertainty
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
 from hil.study.comparison import comparison

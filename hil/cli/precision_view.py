@@ -13,8 +13,7 @@ from rich.table import Table
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.precision import IMPRECISE
-from hil.results.rounding import rounded, significant
-from hil.results.tables.cells import unit
+from hil.results.rounding import rounded, significant, unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

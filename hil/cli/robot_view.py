@@ -9,7 +9,7 @@ from rich.table import Table
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
-from hil.results.tables.cells import unit
+from hil.results.rounding import unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

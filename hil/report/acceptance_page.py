@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from hil.report.header import when
 from hil.report.page import TEMPLATES
-from hil.results.rounding import signed
-from hil.results.tables.cells import unit
+from hil.results.rounding import signed, unit
 from hil.results.tables.html import environment
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.runs.atomic_file import write_file
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from hil.results.acceptance import Check
+    from hil.results.acceptance_file import Check
     from hil.results.tables.table import Row
     from hil.runs.run import Run
 

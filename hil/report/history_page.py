@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from hil.results.history import History
+    from hil.results.compared_runs import History
     from hil.results.quantities import Kind
 
 _CAPTION = "Values with intervals of 95 %, thin lines with what temperature may add to friction."

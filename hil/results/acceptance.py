@@ -7,14 +7,14 @@ torque that the fit leaves, what the identification is worth) and from its journ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 
 from hil.errors import Mismatch
-from hil.results.acceptance_file import Limits, QuantityLimits
+from hil.results.acceptance_file import Check, Limits, QuantityLimits
+from hil.results.outcome import OUTCOME_WORDS
 from hil.results.quantities import Quantity, quantities, reading
 
 if TYPE_CHECKING:
@@ -24,32 +24,8 @@ if TYPE_CHECKING:
     from hil.results.quantities import Kind
     from hil.runs.run import Run
 
-OUTCOMES = ("good", "doubtful", "failed")
-"""What an identification may be worth, best first."""
 FACTOR = 3.0
 """By what a draft widens intervals where nothing else is stated."""
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """A value and its limits; texts where they are no numbers.
-
-    Attributes
-    ----------
-    name, unit : str
-    value : float, str or None
-        None where the run does not give it.
-    least, most : float, str or None
-        None where there is no such limit.
-    passed : bool
-    """
-
-    name: str
-    unit: str
-    value: float | str | None
-    least: float | str | None
-    most: float | str | None
-    passed: bool
 
 
 def judge(run: Run, model: Model, limits: Limits) -> tuple[Check, ...]:
@@ -132,7 +108,7 @@ def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
 
 def _outcome(model: Model, limits: Limits) -> Check:
     word = "doubtful" if model.outcome is None else model.outcome.word
-    passed = OUTCOMES.index(word) <= OUTCOMES.index(limits.outcome)
+    passed = OUTCOME_WORDS.index(word) <= OUTCOME_WORDS.index(limits.outcome)
     return Check("identification", "", word, limits.outcome, None, passed)
 
 

@@ -1,7 +1,8 @@
-"""Files of an acceptance: the limits, and the outcome as JUnit XML, which CI systems read."""
+"""Files of an acceptance: the limits, and the checks as JUnit XML, which CI systems read."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 from xml.etree import ElementTree as ET
 
@@ -14,8 +15,6 @@ from hil.runs.atomic_file import write_file
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-
-    from hil.results.acceptance import Check
 
 Axis = Annotated[int, Field(ge=1)]
 Amount = Annotated[float, Field(ge=0)]
@@ -67,6 +66,28 @@ class Limits(FileModel):
     flagged: Annotated[float, Field(ge=0, le=1)] = 0.001
     residual: dict[Axis, Amount] = Field(default_factory=dict)
     quantities: tuple[QuantityLimits, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A value and its limits; texts where they are no numbers.
+
+    Attributes
+    ----------
+    name, unit : str
+    value : float, str or None
+        None where the run does not give it.
+    least, most : float, str or None
+        None where there is no such limit.
+    passed : bool
+    """
+
+    name: str
+    unit: str
+    value: float | str | None
+    least: float | str | None
+    most: float | str | None
+    passed: bool
 
 
 def write_limits(path: Path, limits: Limits) -> None:

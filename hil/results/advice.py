@@ -18,8 +18,7 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
 from hil.regression.least_squares import inverse
-from hil.results.rounding import signed
-from hil.results.tables.cells import unit
+from hil.results.rounding import signed, unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
-    from hil.results.error_budget import ErrorTerm
+    from hil.results.error_term import ErrorTerm
     from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.model.base_parameters import base_parameters
-from hil.results.tables.cells import probability
+from hil.results.rounding import probability
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

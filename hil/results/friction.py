@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.errors import Mismatch, NotEnoughData
@@ -13,6 +12,7 @@ from hil.estimation.friction.model_choice import choose
 from hil.estimation.friction.points import GravityModel, points
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import Friction, recorded_as
+from hil.results.friction_result import FrictionResult
 from hil.results.model import Model
 
 if TYPE_CHECKING:
@@ -21,57 +21,12 @@ if TYPE_CHECKING:
 
     from hil.estimation.friction.drift import Drift
     from hil.estimation.friction.history import History
-    from hil.estimation.friction.model_choice import AxisFriction
     from hil.estimation.friction.points import FrictionPoint
-    from hil.estimation.friction.symmetry import Symmetry
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
     from hil.runs.run import Run
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrictionResult:
-    """Everything that a run says about friction.
-
-    Attributes
-    ----------
-    robot : Robot
-    planned : dict
-        Friction measurements by id.
-    points : tuple of FrictionPoint
-        In the order of the plan.
-    axes : tuple of AxisFriction
-        Axes with enough speeds for models.
-    symmetry : tuple of Symmetry
-        Axes whose gravity torque is known.
-    drifts : tuple of Drift
-        Axes with enough levels over time.
-    history : History
-    left_out : tuple of str
-    model_folder : str, optional
-        Run whose model compensated gravity.
-    """
-
-    robot: Robot
-    planned: dict[str, Friction]
-    points: tuple[FrictionPoint, ...]
-    axes: tuple[AxisFriction, ...]
-    symmetry: tuple[Symmetry, ...]
-    drifts: tuple[Drift, ...]
-    history: History
-    left_out: tuple[str, ...]
-    model_folder: str | None
-
-    @property
-    def gravity(self) -> str:
-        """How gravity was compensated."""
-        return f"model of {self.model_folder}" if self.model_folder else "half-differences"
-
-    def of_axis(self, axis: int) -> list[FrictionPoint]:
-        """Points of one axis (index from 0)."""
-        return [point for point in self.points if point.axis == axis]
 
 
 def evaluate(

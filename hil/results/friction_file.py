@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.results.friction import FrictionResult
+    from hil.results.friction_result import FrictionResult
     from hil.runs.run import Run
 
 NAME = "friction.yaml"

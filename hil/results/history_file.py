@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.results.changes import Change
-    from hil.results.history import History, KnownRun
+    from hil.results.compared_runs import History, KnownRun
     from hil.results.quantities import Reading
     from hil.results.rescaled_torque import Rescaled
 

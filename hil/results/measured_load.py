@@ -21,9 +21,8 @@ from hil.model.robot_file import LINK_PARAMETERS
 from hil.results.load_pose import helpful_poses, parameter_of
 from hil.results.naming import named
 from hil.results.payload_file import QuantityRecord
-from hil.results.rounding import rounded
+from hil.results.rounding import rounded, unit
 from hil.results.stamp import RunStamp, same_recordings
-from hil.results.tables.cells import unit
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import pooled

@@ -24,10 +24,10 @@ from hil.estimation.intervals import MANY, degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.consistent_robot import ConsistentRobot
-from hil.results.error_budget import ErrorTerm
+from hil.results.error_term import ErrorTerm
 from hil.results.outcome import Outcome
+from hil.results.provenance import Provenance
 from hil.results.verdict import KeptVerdict
-from hil.runs.journal import was_simulated
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-    from hil.results.model import Model
 
     Array = NDArray[np.float64]
 
@@ -63,41 +62,8 @@ class Parameter(FileModel):
         return degrees_behind(half / self.standard_error if self.standard_error else 0.0)
 
 
-class Provenance(FileModel):
-    """Where a model comes from.
-
-    `together_with` names further runs that it was made from, `without` measurements that whoever
-    identified it left out, `drives` what each axis's drive said it is, in the last session; empty
-    where that was not recorded. `simulated` is whether any of the runs was measured on the virtual
-    plant, `recordings` a digest of each recording (`hil.results.stamp.digests`); None and empty in
-    files of earlier versions.
-    """
-
-    robot: str
-    robot_digest: str
-    plan_digest: str
-    measured: str
-    bus: str
-    simulated: bool | None = None
-    drives: tuple[str, ...] = ()
-    measurements: int
-    missing: int = 0
-    together_with: tuple[str, ...] = ()
-    left_out: tuple[str, ...]
-    without: tuple[str, ...] = ()
-    identified: str
-    method: str
-    version: str
-    recordings: tuple[str, ...] = ()
-
-    @property
-    def of_virtual_plant(self) -> bool:
-        """Whether any of what the model was made from was measured on the virtual plant."""
-        return was_simulated(self.simulated, self.bus)
-
-
 class ModelFile(FileModel):
-    """Content of `model.yaml`.
+    """Content of `model.yaml`; keys that are not listed are fields of `IdentifiedRobot`.
 
     Attributes
     ----------
@@ -107,29 +73,11 @@ class ModelFile(FileModel):
         The drives' part of it.
     degrees_of_freedom : tuple of float, optional
         Effective ones of the statistical part.
-    residual : tuple of float or None
-        Root mean square of what the method's models leave of each axis's torque [N m].
-    condition : dict
-        Condition number of each group's observation matrix, or of all parameters' (``all``).
-    error_budget : tuple of ErrorTerm
-        The largest first.
-    friction : FreeMotionFit, optional
-        Friction and settings of an estimate from free motions.
-    back_and_forth : BackAndForthFit, optional
-        Curves of friction and settings of an estimate from axes that moved back and forth.
-    outcome : Outcome, optional
-        What the identification is worth.
     friction_law : FrictionLaw, optional
         Friction over the campaign, of methods for strokes and trajectories; that of free motions
         stands in `friction`.
-    validations : tuple of KeptVerdict
-        What the model was worth on other recordings, as `hil validate` found.
-    consistent : ConsistentRobot, optional
-        The nearest robot that consists of bodies, as `hil identify --consistent` found.
     robot_file : str, optional
         The robot file, verbatim.
-    torque_effect : tuple of tuple of float, optional
-        Change of the values per relative change of each axis's torque, a row a parameter.
     """
 
     format: Literal[1] = 1
@@ -164,28 +112,6 @@ class ModelFile(FileModel):
         if degrees is not None and (len(degrees) != n or not min(degrees, default=1.0) > 0):
             raise ValueError(f"degrees_of_freedom must be {n} positive values, one a parameter")
         return self
-
-    @classmethod
-    def of(cls, model: Model) -> ModelFile:
-        """What the file of a model holds."""
-        return cls(
-            provenance=model.provenance,
-            parameters=_parameters(model),
-            covariance=_rows(model.covariance),
-            drive_covariance=_rows(model.drive_covariance),
-            degrees_of_freedom=tuple(model.degrees_of_freedom.tolist()),
-            residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
-            condition=model.condition,
-            error_budget=model.error_budget,
-            friction=model.friction,
-            back_and_forth=model.back_and_forth,
-            outcome=model.outcome,
-            friction_law=None if model.friction else model.friction_law,
-            validations=model.validations,
-            consistent=model.consistent,
-            robot_file=model.robot.text,
-            torque_effect=None if model.torque_effect is None else _rows(model.torque_effect),
-        )
 
     def robot(self, path: Path) -> Robot:
         """Robot of the model in the file at `path`.
@@ -274,29 +200,6 @@ def read_model_file(path: Path) -> ModelFile:
 def file_of(path: Path) -> Path:
     """Path of a model's file, by its own or by that of the folder it lies in."""
     return path if path.suffix and not path.is_dir() else path / NAME
-
-
-def _parameters(model: Model) -> tuple[Parameter, ...]:
-    base = base_parameters(model.robot)
-    group_of = {index: group for group, members in base.groups.items() for index in members}
-    errors, intervals = model.standard_errors.tolist(), model.interval().tolist()
-    identified = model.identified.tolist()
-    return tuple(
-        Parameter(
-            name=base.names[k],
-            expression=base.expressions[k],
-            group=group_of[k],
-            unit=base.units[k],
-            value=value,
-            standard_error=errors[k] if identified[k] else None,
-            interval_95=tuple(intervals[k]) if identified[k] else None,
-        )
-        for k, value in enumerate(model.values.tolist())
-    )
-
-
-def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(row) for row in matrix.tolist())
 
 
 class _Dumper(yaml.SafeDumper):

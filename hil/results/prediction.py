@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
+    from hil.results.identified_robot import IdentifiedRobot
 
     Array = NDArray[np.float64]
 
@@ -49,6 +50,12 @@ class FreeTorques:
         variance = np.einsum("njk,kl,njl->j", self._A, covariance, self._A, optimize=True)
         torques: Array = np.sqrt(np.maximum(variance, 0.0) / len(self._A))
         return torques
+
+    def relative(self, part: Array, p: Array) -> Array:
+        """Over the torques of base parameters, shape (n_joints,); 0 for a joint without torque."""
+        torque = self.rms(p)
+        share: Array = np.where(torque > 0, part / np.where(torque > 0, torque, 1.0), 0.0)
+        return share
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,3 +99,31 @@ def predict(estimate: Estimate, robot: Robot) -> Prediction:
         standard_error=torques.standard_error(estimate.covariance + estimate.drive_covariance),
         effect=torques.of_each(estimate.standard_error),
     )
+
+
+def uncertainty(model: IdentifiedRobot, more: Array | float = 0.0) -> Array | None:
+    """Standard error of each axis's torque on a free motion over that torque, (n_joints,).
+
+    None where nothing is known of speeds; 0 for an axis without torque.
+
+    Parameters
+    ----------
+    more : ndarray, shape (n_base, n_base), optional
+        Added to the model's covariance.
+    """
+    free = free_torques(model)
+    if free is None:
+        return None
+    return free.relative(free.standard_error(model.covariance + more), model.values)
+
+
+def free_torques(model: IdentifiedRobot) -> FreeTorques | None:
+    """Torques on a free motion of a model's robot; None where nothing is known of speeds.
+
+    Where limits are unknown it is as fast as the recordings were, and as its period has it
+    accelerate.
+    """
+    speed = None if model.friction is None else [law.speed for law in model.friction.axes]
+    if speed is None and not np.isfinite(model.robot.velocity_limit).all():
+        return None
+    return FreeTorques(model.robot, speed)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.estimation.friction_law import AxisLaw
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
 
 Kind = Literal["gravity parameter", "inertia parameter", "friction level", "offset"]
 SHARES = (0.1, 0.7)
@@ -84,17 +84,19 @@ class Reading(NamedTuple):
     stands_for: str = ""
 
 
-def quantities(models: Sequence[Model]) -> tuple[Quantity, ...]:
+def quantities(models: Sequence[IdentifiedRobot]) -> tuple[Quantity, ...]:
     """All that models of one robot can be compared by, parameters first."""
     return (*_parameters(models[0]), *_friction(models))
 
 
-def reading(model: Model, quantity: Quantity, least_wander: float = 0.0) -> Reading | None:
+def reading(
+    model: IdentifiedRobot, quantity: Quantity, least_wander: float = 0.0
+) -> Reading | None:
     """Value of a quantity in a model; None where the model does not know it.
 
     Parameters
     ----------
-    model : Model
+    model : IdentifiedRobot
     quantity : Quantity
     least_wander : float
         Share of friction's level that temperature may move it by, whatever the campaign showed.
@@ -113,7 +115,7 @@ def reading(model: Model, quantity: Quantity, least_wander: float = 0.0) -> Read
     return Reading(level, error, degrees, wander * abs(level))
 
 
-def _parameters(model: Model) -> Iterator[Quantity]:
+def _parameters(model: IdentifiedRobot) -> Iterator[Quantity]:
     base = base_parameters(model.robot)
     gravity = base.groups["gravity"]
     for k, name in enumerate(base.names):
@@ -121,7 +123,7 @@ def _parameters(model: Model) -> Iterator[Quantity]:
         yield Quantity(name, kind, base.units[k], base.expressions[k])
 
 
-def _parameter(model: Model, k: int) -> Reading | None:
+def _parameter(model: IdentifiedRobot, k: int) -> Reading | None:
     if not model.identified[k]:
         return None
     error = float(np.sqrt(max(model.scatter_covariance[k, k], 0.0)))
@@ -131,12 +133,12 @@ def _parameter(model: Model, k: int) -> Reading | None:
     return Reading(value, error, degrees, stands_for=total)
 
 
-def _friction(models: Sequence[Model]) -> Iterator[Quantity]:
+def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
     robot = models[0].robot
     for axis in range(robot.n_joints):
         laws = [model.friction_law.axes[axis] for model in models if model.friction_law is not None]
         known = [law for law in laws if law is not None]
-        unit = "N m" if robot.revolute[axis] else "N"
+        unit = robot.torque_unit(axis)
         for speed in _speeds(known):
             name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
             yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
@@ -154,7 +156,7 @@ def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
             yield float(f"{slowest + share * (fastest - slowest):.2g}")
 
 
-def _degrees(model: Model, law: AxisLaw) -> float:
+def _degrees(model: IdentifiedRobot, law: AxisLaw) -> float:
     """Degrees of freedom of a law: of its measurements, or of the parameters found with it."""
     if law.measurements is not None:
         return max(float(law.measurements - len(law.terms)), FEWEST)

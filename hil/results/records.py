@@ -15,11 +15,11 @@ from hil.estimation.friction.drift import Drift, Level, TimeConstant
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.local_values import LocalValue
 from hil.results.advice import Advice
-from hil.results.error_budget import ErrorTerm
+from hil.results.error_term import ErrorTerm
 from hil.results.model import Model
-from hil.results.model_file import Provenance
 from hil.results.outcome import Outcome
 from hil.results.prediction import Prediction
+from hil.results.provenance import Provenance
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

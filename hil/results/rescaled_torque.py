@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.results.changes import Change
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
 
     Array = NDArray[np.float64]
 
@@ -64,12 +64,12 @@ class Rescaled(NamedTuple):
         )
 
 
-def rescaled(model: Model, tests: Sequence[Change]) -> Rescaled | None:
+def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None:
     """Axis and factor that explain all that is marked of a run against another one.
 
     Parameters
     ----------
-    model : Model
+    model : IdentifiedRobot
         Of the other run.
     tests : sequence of Change
         All that was tested between both.
@@ -82,7 +82,9 @@ def rescaled(model: Model, tests: Sequence[Change]) -> Rescaled | None:
     return min(best, key=lambda each: each.half_width / abs(each.share), default=None)
 
 
-def _by_axis(model: Model, axis: int, tests: Sequence[Change], marked: int) -> Rescaled | None:
+def _by_axis(
+    model: IdentifiedRobot, axis: int, tests: Sequence[Change], marked: int
+) -> Rescaled | None:
     effect = np.array([_effect(model, axis, each) for each in tests])
     sizes = np.array([each.size for each in tests])
     shown = effect / np.array([each.half_width or np.inf for each in tests])
@@ -105,7 +107,7 @@ def _fitted(effect: Array, sizes: Array, shown: Array) -> tuple[float, float]:
     return float(shown @ (sizes / errors)) / information, 1.0 / float(np.sqrt(information))
 
 
-def _effect(model: Model, axis: int, each: Change) -> float:
+def _effect(model: IdentifiedRobot, axis: int, each: Change) -> float:
     """Change of a quantity per relative change of the axis's torque."""
     assert model.torque_effect is not None  # noqa: S101 - asked for before
     if each.quantity.axis is None:

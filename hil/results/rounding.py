@@ -1,4 +1,4 @@
-"""How many decimals a figure deserves: two digits of its uncertainty, no more."""
+"""How figures are written: two digits of their uncertainty, no more; units and probabilities."""
 
 from __future__ import annotations
 
@@ -44,3 +44,18 @@ def clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+def uncertain(value: float, standard_error: float) -> tuple[str, str]:
+    """Write a value and its standard error, both with the decimals that the latter deserves."""
+    return rounded(value, standard_error), rounded(standard_error, standard_error)
+
+
+def unit(name: str) -> str:
+    """Write a unit with its power raised: ``kg m²``."""
+    return name.replace("m2", "m²")
+
+
+def probability(p: float) -> str:
+    """Write a p-value; tiny ones by their bound."""
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"

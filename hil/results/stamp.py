@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.results.model_file import Provenance
+    from hil.results.provenance import Provenance
 
 SHORT = 16
 """Characters of a recording's digest that are kept: 64 bits, by chance the same in 1 of 2e19."""

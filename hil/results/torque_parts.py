@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.friction_law import FrictionLaw
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
 
     Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ PARTS = ("rigid bodies", "motors", "friction")
 
 
 def torque_of(
-    model: Model,
+    model: IdentifiedRobot,
     parts: Collection[str],
     q: Array,
     qd: Array,
@@ -69,7 +69,7 @@ def torque_of(
 
 
 def interval_of(
-    model: Model,
+    model: IdentifiedRobot,
     parts: Collection[str],
     q: Array,
     qd: Array,
@@ -106,7 +106,7 @@ def interval_of(
     return half
 
 
-def known_friction(model: Model, *, of_all: bool = False) -> FrictionLaw:
+def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionLaw:
     """Law of friction of a model.
 
     Raises
@@ -125,7 +125,7 @@ def known_friction(model: Model, *, of_all: bool = False) -> FrictionLaw:
     return law
 
 
-def lacking(model: Model) -> str:
+def lacking(model: IdentifiedRobot) -> str:
     """State which axes have no law of friction, why, and the remedy; empty where all have one."""
     axes = model.axes_without_friction
     if model.friction_law is None or not axes:
@@ -137,7 +137,7 @@ def lacking(model: Model) -> str:
     )
 
 
-def _warn_of_lacking(model: Model) -> None:
+def _warn_of_lacking(model: IdentifiedRobot) -> None:
     """Warn once a line of the caller's, as Python does by default."""
     if lack := lacking(model):
         text = f"torques of {model.robot.name} lack friction: {lack}"

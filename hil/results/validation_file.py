@@ -14,8 +14,7 @@ import yaml
 from checked_files.yaml_file import FileModel
 from hil.results.model import Model
 from hil.results.stamp import RunStamp, recordings_in_common
-from hil.results.validation import Validation
-from hil.results.verdict import KeptVerdict
+from hil.results.verdict import KeptVerdict, Validation
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 

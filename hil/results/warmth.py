@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from hil.estimation.friction.warmth import Warmth
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
 
     Array = NDArray[np.float64]
 
 
-def known_warmth(model: Model) -> tuple[Warmth | None, ...]:
+def known_warmth(model: IdentifiedRobot) -> tuple[Warmth | None, ...]:
     """How friction of each axis depends on its warmth; None where that is not identified."""
     if model.friction_law is None:
         return (None,) * model.robot.n_joints
     return tuple(None if law is None else law.warmth for law in model.friction_law.axes)
 
 
-def warmth_of(model: Model, warmth: ArrayLike | None, q: Array) -> Array | None:
+def warmth_of(model: IdentifiedRobot, warmth: ArrayLike | None, q: Array) -> Array | None:
     """Stated warmth in the shape of `q`; None where none is stated.
 
     Raises
@@ -57,7 +57,7 @@ def warmth_of(model: Model, warmth: ArrayLike | None, q: Array) -> Array | None:
     return found
 
 
-def warmth_along(model: Model, time: ArrayLike, qd: ArrayLike, start: ArrayLike) -> Array:
+def warmth_along(model: IdentifiedRobot, time: ArrayLike, qd: ArrayLike, start: ArrayLike) -> Array:
     """Warmth along a motion; see `hil.results.model.Model.warmth`."""
     (speed,) = samples(model.robot.n_joints, qd=qd)
     speed, t = np.atleast_2d(speed), np.asarray(time, dtype=np.float64)

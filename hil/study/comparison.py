@@ -19,8 +19,7 @@ from hil.model.base_parameters import base_parameters
 from hil.results.model_file import NAME, read_model_file
 from hil.results.naming import named
 from hil.results.prediction import FreeTorques
-from hil.results.rounding import clock, rounded, signed
-from hil.results.tables.cells import unit
+from hil.results.rounding import clock, rounded, signed, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.results.tables.terminal import show
 from hil.runs.pooling import pooled

@@ -9,7 +9,7 @@ from hil.estimation.friction_law import AxisLaw, FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters
 from hil.results.model import Model
-from hil.results.model_file import Provenance
+from hil.results.provenance import Provenance
 
 RELATIVE_ERROR = 0.05
 

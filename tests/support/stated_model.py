@@ -12,7 +12,7 @@ from hil.estimation.friction.warmth import Warmth
 from hil.estimation.friction_law import AxisLaw, FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.results.model import Model
-from hil.results.model_file import Provenance
+from hil.results.provenance import Provenance
 
 if TYPE_CHECKING:
     from collections.abc import Collection

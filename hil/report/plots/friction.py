@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.report.charts.chart import Item
-    from hil.results.friction import FrictionResult
+    from hil.results.friction_result import FrictionResult
 
     Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ import numpy as np
 from hil.report.charts.chart import Chart, Panel, Points
 from hil.report.charts.colours import MEASURED, MODEL, MUTED
 from hil.results.history_file import half_width
-from hil.results.tables.cells import unit
+from hil.results.rounding import unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.results.history import History
+    from hil.results.compared_runs import History
 
 DAY = 86400.0
 

@@ -6,24 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.results.rounding import rounded, significant
-from hil.results.tables.cells import uncertain
+from hil.results.rounding import rounded, significant, uncertain
 from hil.results.tables.parameters import parameters
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
     from hil.estimation.back_and_forth.result import BackAndForthFit, CurvePoint, FrictionCurve
     from hil.estimation.free_motion.result import TermValue
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
 
-def tables(model: Model) -> tuple[Table, ...]:
+def tables(model: IdentifiedRobot) -> tuple[Table, ...]:
     """All that is found of such motions."""
     return parameters(model), curves(model), plain(model), left_by_strokes(model)
 
 
-def curves(model: Model) -> Table:
+def curves(model: IdentifiedRobot) -> Table:
     """Friction of each axis over its speed."""
     return Table(
         title="Friction over the speed",
@@ -42,7 +41,7 @@ def curves(model: Model) -> Table:
     )
 
 
-def _curves(model: Model) -> tuple[FrictionCurve, ...]:
+def _curves(model: IdentifiedRobot) -> tuple[FrictionCurve, ...]:
     return () if model.back_and_forth is None else model.back_and_forth.curves
 
 
@@ -56,7 +55,7 @@ def _point(curve: FrictionCurve, point: CurvePoint) -> Row:
     return str(curve.axis), significant(point.speed, 3), *friction, str(point.pairs)
 
 
-def plain(model: Model) -> Table:
+def plain(model: IdentifiedRobot) -> Table:
     """What classical laws would be, and what differs by direction."""
     rows = tuple(_plain(model, curve) for curve in _curves(model))
     return Table(
@@ -75,15 +74,15 @@ def plain(model: Model) -> Table:
     )
 
 
-def _plain(model: Model, curve: FrictionCurve) -> Row:
+def _plain(model: IdentifiedRobot, curve: FrictionCurve) -> Row:
     axis = curve.axis - 1
-    units = {"viscous": f"{_torque(model, axis)} s/{model.robot.position_unit(axis)}"}
+    unit = model.robot.torque_unit(axis)
+    units = {"viscous": f"{unit} s/{model.robot.position_unit(axis)}"}
     classical = [
-        f"{name} {_value(term)} {units.get(name, _torque(model, axis))}"
-        for name, term in curve.plain.items()
+        f"{name} {_value(term)} {units.get(name, unit)}" for name, term in curve.plain.items()
     ]
     constant, per_speed = curve.by_direction
-    even = f"{_value(constant)} {_torque(model, axis)}, {_value(per_speed)} {units['viscous']}"
+    even = f"{_value(constant)} {unit}, {_value(per_speed)} {units['viscous']}"
     return str(curve.axis), ", ".join(classical), even
 
 
@@ -91,11 +90,7 @@ def _value(term: TermValue) -> str:
     return " ± ".join(uncertain(term.value, term.standard_error))
 
 
-def _torque(model: Model, axis: int) -> str:
-    return "N m" if model.robot.revolute[axis] else "N"
-
-
-def left_by_strokes(model: Model) -> Table:
+def left_by_strokes(model: IdentifiedRobot) -> Table:
     """Residuals of the samples that were used, axis by axis and of all axes together."""
     fit = model.back_and_forth
     if fit is None:

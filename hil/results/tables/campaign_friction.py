@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.friction_law import friction_torque, friction_variance
-from hil.results.rounding import significant
-from hil.results.tables.cells import uncertain
+from hil.results.rounding import significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
     from hil.estimation.friction_law import AxisLaw
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
 
-def campaign_friction(model: Model) -> Table:
+def campaign_friction(model: IdentifiedRobot) -> Table:
     """Law of each axis and its friction at two speeds; empty where none was found."""
     law = model.friction_law
     if law is None or model.friction is not None:
@@ -40,7 +39,7 @@ def campaign_friction(model: Model) -> Table:
     )
 
 
-def _row(model: Model, axis: int, own: AxisLaw) -> Row:
+def _row(model: IdentifiedRobot, axis: int, own: AxisLaw) -> Row:
     assert model.friction_law is not None  # noqa: S101 - there is no row without
     slowest, fastest = own.speeds or (0.0, own.speed)
     qd = np.zeros((2, model.robot.n_joints))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from hil.results.rounding import signed
-from hil.results.tables.cells import uncertain
+from hil.results.rounding import signed, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.estimation.drive_train import compliance_units
 from hil.estimation.simultaneous import SIGNIFICANT
-from hil.results.tables.cells import uncertain
+from hil.results.rounding import uncertain
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:

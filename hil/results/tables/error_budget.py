@@ -10,7 +10,7 @@ from hil.results.tables.table import Column, Part, Table, figures
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.results.error_budget import ErrorTerm
+    from hil.results.error_term import ErrorTerm
     from hil.results.tables.table import Row
 
 

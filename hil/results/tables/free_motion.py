@@ -6,22 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.results.rounding import significant
-from hil.results.tables.cells import probability, uncertain
+from hil.results.rounding import probability, significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.estimation.free_motion.result import AxisFriction, FreeMotionFit, TermValue
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
 _SHOWN = 3
 """Alternatives to a law, with their errors."""
 
 
-def friction(model: Model) -> Table:
+def friction(model: IdentifiedRobot) -> Table:
     """Law of friction of each axis, its coefficients, and what other laws predict."""
     fit = model.friction
     if fit is None:
@@ -49,10 +48,10 @@ def friction(model: Model) -> Table:
     )
 
 
-def _axis(model: Model, axis: int) -> Row:
+def _axis(model: IdentifiedRobot, axis: int) -> Row:
     assert model.friction is not None  # noqa: S101 - the table is empty without
     law = model.friction.axes[axis]
-    unit = "N m" if model.robot.revolute[axis] else "N"
+    unit = model.robot.torque_unit(axis)
     named = [
         _coefficient(term, value, law, unit, model.robot.position_unit(axis))
         for term, value in law.terms.items()
@@ -98,7 +97,7 @@ def _coupled(fit: FreeMotionFit, k: int) -> Row:
     )
 
 
-def left_by_free_motions(model: Model) -> Table:
+def left_by_free_motions(model: IdentifiedRobot) -> Table:
     """Residuals of all samples at every speed, axis by axis and of all axes together."""
     fit = model.friction
     if fit is None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.estimation.friction.models import units
-from hil.results.rounding import signed, significant
-from hil.results.tables.cells import probability, uncertain
+from hil.results.rounding import probability, signed, significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from hil.estimation.friction.model_choice import AxisFriction
     from hil.estimation.friction.models import FrictionModel
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.results.friction import FrictionResult
+    from hil.results.friction_result import FrictionResult
     from hil.results.tables.table import Row
 
 AXIS = Column("axis")

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 from hil.results.changes import FALSE_ALARM
 from hil.results.history_file import half_width
-from hil.results.rounding import rounded, signed, significant
-from hil.results.tables.cells import probability, unit
+from hil.results.rounding import probability, rounded, signed, significant, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
     from hil.results.changes import Change
-    from hil.results.history import History, KnownRun
+    from hil.results.compared_runs import History, KnownRun
     from hil.results.quantities import Quantity, Reading
     from hil.results.tables.table import Row
 

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
-from hil.results.rounding import percent, rounded, signed
-from hil.results.tables.cells import uncertain, unit
+from hil.results.rounding import percent, rounded, signed, uncertain, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
     from hil.results.prediction import Prediction
     from hil.results.tables.table import Row
 
@@ -29,7 +28,7 @@ EXPLANATION = (
 )
 
 
-def parameters(model: Model, prediction: Prediction | None = None) -> Table:
+def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> Table:
     """Table 3 with uncertainties, by group.
 
     With `prediction` in full, as a page has room for: intervals by their ends, their degrees of
@@ -55,7 +54,7 @@ def parameters(model: Model, prediction: Prediction | None = None) -> Table:
     )
 
 
-def _title(model: Model) -> str:
+def _title(model: IdentifiedRobot) -> str:
     origin, condition = model.provenance, model.condition.get("all")
     title = f"{model.robot.name}: {origin.measurements} measurements, {origin.method} method"
     return title if condition is None else f"{title}, condition number {condition:.3g}"
@@ -66,7 +65,7 @@ def _group(group: str, condition: dict[str, float]) -> str:
     return f"{name}, condition number {condition[group]:.3g}" if group in condition else name
 
 
-def _parameter(model: Model, k: int, prediction: Prediction | None) -> Row:
+def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) -> Row:
     base = base_parameters(model.robot)
     if not model.identified[k]:
         empty = [""] * (5 if prediction else 3)
@@ -93,7 +92,7 @@ def _effect(prediction: Prediction, k: int) -> str:
     return f"{percent(float(effect[joint]), 1.0)} % of joint {joint + 1}"
 
 
-def methods(model: Model, check: Model) -> Table:
+def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:
     """Two models of one run side by side; differences beyond `DISAGREEMENT` stand out."""
     return Table(
         title=f"{model.robot.name}: {model.method} and {check.method} method",
@@ -111,7 +110,7 @@ def methods(model: Model, check: Model) -> Table:
     )
 
 
-def _method(model: Model, check: Model, k: int) -> Row:
+def _method(model: IdentifiedRobot, check: IdentifiedRobot, k: int) -> Row:
     difference = float(check.values[k] - model.values[k])
     errors = float(model.standard_errors[k]), float(check.standard_errors[k])
     ratio = difference / math.hypot(*errors)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.results.rounding import rounded, signed
-from hil.results.tables.cells import uncertain, unit
+from hil.results.rounding import rounded, signed, uncertain, unit
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
-    from hil.results.model import Model
+    from hil.results.identified_robot import IdentifiedRobot
     from hil.results.prediction import Prediction
     from hil.results.tables.table import Row
 
 
-def residuals(model: Model) -> Table:
+def residuals(model: IdentifiedRobot) -> Table:
     """What the method's models leave of each axis's torque."""
     axes, unit = range(model.robot.n_joints), model.robot.torque_units
     return Table(
@@ -29,7 +29,7 @@ def residuals(model: Model) -> Table:
     )
 
 
-def _residual(model: Model, axis: int) -> Row:
+def _residual(model: IdentifiedRobot, axis: int) -> Row:
     left, limit = float(model.residual[axis]), float(model.robot.torque_limit[axis])
     if np.isnan(left):
         return str(axis + 1), f"{limit:g}", "not measured", ""

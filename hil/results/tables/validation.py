@@ -11,8 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.results.tables.table import Row
-    from hil.results.validation import AxisScore, Validation
-    from hil.results.verdict import KeptVerdict
+    from hil.results.verdict import AxisScore, KeptVerdict, Validation
 
 
 REFITTED = ("friction fitted, %", "inside, %")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
-    from hil.results.error_budget import ErrorTerm
+    from hil.results.error_term import ErrorTerm
     from hil.runs.recording import Recording
 
     Recorded = Sequence[tuple[Measurement, Recording]]

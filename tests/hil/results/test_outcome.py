@@ -18,9 +18,9 @@ from hil.results import identification
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.outcome import outcome
+from hil.results.outcome_rules import outcome
 from hil.results.validation import validate
-from hil.results.verdict import judged
+from hil.results.verdict_rules import judged
 
 if TYPE_CHECKING:
     from pathlib import Path

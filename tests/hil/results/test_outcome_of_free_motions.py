@@ -10,7 +10,7 @@ import pytest
 from free_run import TRUTH, arm, classical, recorded, write_free_run
 
 from hil.results.identification import identify
-from hil.results.outcome import outcome as judged
+from hil.results.outcome_rules import outcome as judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,8 +14,9 @@ from hil.estimation.signals import signals
 from hil.results.identification import identify
 from hil.results.outcome import Outcome
 from hil.results.predicted_torques import PredictedTorque, predicted_torques
-from hil.results.validation import AxisScore, validate
-from hil.results.verdict import INSIDE, judged
+from hil.results.validation import validate
+from hil.results.verdict import AxisScore
+from hil.results.verdict_rules import INSIDE, judged
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:

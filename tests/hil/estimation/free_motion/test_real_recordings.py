@@ -17,7 +17,7 @@ from hil.model.robot import load_robot
 from hil.planning.free_motion import FreeMotion
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.model_file import Provenance
+from hil.results.provenance import Provenance
 from hil.results.recorded_torque import predict_recording
 from hil.runs.recording import Recording
 

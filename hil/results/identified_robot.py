@@ -1,0 +1,172 @@
+"""What was identified of a robot: base parameters with their errors, friction, and their worth.
+
+Every method gives the same. It is data, with what follows from it by a formula; what calculates
+torques with it, writes it to a file or shows it as tables is given it (`hil.results.model`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import InvalidArray
+from hil.estimation.intervals import half_width
+from hil.model.base_parameters import base_parameters
+from hil.regression.uncertainty import correlation_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.back_and_forth.result import BackAndForthFit
+    from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.estimation.friction_law import FrictionLaw
+    from hil.estimation.local_values import LocalValue
+    from hil.model.robot import Robot
+    from hil.results.consistent_robot import ConsistentRobot
+    from hil.results.error_term import ErrorTerm
+    from hil.results.outcome import Outcome
+    from hil.results.provenance import Provenance
+    from hil.results.verdict import KeptVerdict
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedRobot:
+    """A robot and what was identified of it.
+
+    Attributes
+    ----------
+    robot : Robot
+    values : ndarray, shape (n_base,)
+        Base parameters [kg m^2, kg m or kg, as in `units`].
+    scatter_covariance, drive_covariance : ndarray, shape (n_base, n_base)
+        Of errors that show in the data, and of those of torque constants and rotor inertias as the
+        robot file states their uncertainty.
+    degrees_of_freedom : ndarray, shape (n_base,)
+        Effective ones of the errors that show in the data.
+    residual : ndarray, shape (n_joints,)
+        Root mean square of what the method's models leave of each axis's torque [N m]; NaN where
+        an axis was not measured.
+    condition : dict
+        Condition number of each group's observation matrix, or of all parameters' (``"all"``).
+    provenance : Provenance
+        Run, plan, method and version behind it.
+    local : tuple of LocalValue
+        Each measurement by itself, as the two-step methods take it; empty for a conventional
+        method and for a model that was read from a file.
+    error_budget : tuple of ErrorTerm
+        Causes of error, the largest first; empty where nothing but noise matters.
+    friction : FreeMotionFit, optional
+        Friction of each axis and what was chosen, where free motions were identified.
+    back_and_forth : BackAndForthFit, optional
+        Friction of each axis as a curve over its speed, and which parameters were not identified,
+        where axes moved back and forth by themselves.
+    outcome : Outcome, optional
+        What the identification is worth; None of a model that no version of this has judged.
+    friction_law : FrictionLaw, optional
+        Friction that the drives have to overcome, whatever the method; None where the model was
+        read from a file of a version that found none.
+    validations : tuple of KeptVerdict
+        What the model was worth on other recordings.
+    consistent : ConsistentRobot, optional
+        The nearest robot that consists of bodies, and what it costs, where it was asked for.
+    torque_effect : ndarray, shape (n_base, n_joints), optional
+        Change of `values` per relative change of each axis's torque, as another torque constant
+        makes it; None where the method states none.
+    """
+
+    robot: Robot
+    values: Array
+    scatter_covariance: Array
+    drive_covariance: Array
+    degrees_of_freedom: Array
+    residual: Array
+    condition: dict[str, float]
+    provenance: Provenance
+    local: tuple[LocalValue, ...] = ()
+    error_budget: tuple[ErrorTerm, ...] = ()
+    friction: FreeMotionFit | None = None
+    back_and_forth: BackAndForthFit | None = None
+    outcome: Outcome | None = None
+    friction_law: FrictionLaw | None = None
+    validations: tuple[KeptVerdict, ...] = ()
+    consistent: ConsistentRobot | None = None
+    torque_effect: Array | None = None
+
+    @property
+    def failed(self) -> bool:
+        """Whether its identification failed: it should not be used."""
+        return self.outcome is not None and self.outcome.word == "failed"
+
+    @property
+    def method(self) -> str:
+        """Method by which it was identified."""
+        return self.provenance.method
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters, ``p1`` and on."""
+        return base_parameters(self.robot).names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of `values`."""
+        return base_parameters(self.robot).units
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """What each base parameter is made up of, in standard parameters and lengths."""
+        return base_parameters(self.robot).expressions
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of `values` from both kinds of error, shape (n_base, n_base)."""
+        return self.scatter_covariance + self.drive_covariance
+
+    @property
+    def identified(self) -> NDArray[np.bool_]:
+        """Which of `values` were identified, shape (n_base,); the others are zero."""
+        lost = () if self.back_and_forth is None else self.back_and_forth.not_identified
+        return np.array([name not in lost for name in self.names])
+
+    @property
+    def axes_without_friction(self) -> tuple[int, ...]:
+        """Axes, from 1, whose friction is unknown: `torque` lacks it there, intervals are NaN."""
+        law = self.friction_law
+        return tuple(range(1, self.robot.n_joints + 1)) if law is None else law.unknown
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors of `values`, shape (n_base,); NaN for those that were not identified."""
+        errors: Array = np.where(self.identified, np.sqrt(np.diag(self.covariance)), np.nan)
+        return errors
+
+    @property
+    def correlation(self) -> Array:
+        """Correlations of the errors of `values`, shape (n_base, n_base)."""
+        return correlation_of(self.covariance)
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Confidence intervals of `values`, shape (n_base, 2): lower and upper ends.
+
+        NaN for those that were not identified.
+
+        Raises
+        ------
+        InvalidArray
+            A level that is not between 0 and 1.
+        """
+        scatter, drives = np.diag(self.scatter_covariance), np.diag(self.drive_covariance)
+        half = half_width(scatter, drives, self.degrees_of_freedom, checked_level(level))
+        half = np.where(self.identified, half, np.nan)
+        return np.stack([self.values - half, self.values + half], axis=-1)
+
+
+def checked_level(level: float) -> float:
+    """Return a level of confidence, or refuse one that is not between 0 and 1."""
+    if not 0 < level < 1:
+        raise InvalidArray(f"level {level} must be between 0 and 1: 0.95 stands for 95 %")
+    return level

@@ -1,0 +1,34 @@
+"""All tables of what was identified, and what restricts it, by the method that found it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.results.ripple import ripple_left_out
+from hil.results.tables import back_and_forth
+from hil.results.tables.campaign_friction import campaign_friction
+from hil.results.tables.free_motion import friction, left_by_free_motions, statements
+from hil.results.tables.parameters import parameters
+from hil.results.tables.summary import Summary
+from hil.results.tables.torques import residuals
+from hil.results.torque_parts import lacking
+
+if TYPE_CHECKING:
+    from hil.results.identified_robot import IdentifiedRobot
+
+
+def summary(model: IdentifiedRobot) -> Summary:
+    """Parameters with their uncertainty, residuals and what could not be used."""
+    remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
+    if model.friction is not None:
+        tables = parameters(model), friction(model), left_by_free_motions(model)
+        return Summary(tables, (*statements(model.friction), *remarks))
+    if (strokes := model.back_and_forth) is not None:
+        found = back_and_forth.tables(model)
+        return Summary(found, (*back_and_forth.statements(strokes), *remarks))
+    if lack := lacking(model):
+        remarks = (*remarks, lack)
+    if model.method == "improved" and (ripple := ripple_left_out(model.robot)):
+        remarks = (*remarks, ripple)
+    tables = parameters(model), residuals(model), campaign_friction(model)
+    return Summary(tuple(table for table in tables if table.parts), remarks)
