@@ -17,7 +17,7 @@ import numpy as np
 
 from hil.errors import NotIdentifiable
 from hil.estimation.condensed import Condensed, stack
-from hil.estimation.estimate import LoadFriction
+from hil.estimation.drive_train import LoadFriction
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import (
     IDENTIFIABLE,

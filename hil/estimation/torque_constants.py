@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.payload import load_columns
+from hil.estimation.load_columns import load_columns
 from hil.estimation.payload_figures import MASS
 from hil.regression.least_squares import solved
 from hil.regression.terms import N_COMMON

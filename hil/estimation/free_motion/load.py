@@ -21,7 +21,7 @@ from scipy import linalg, special
 from hil.estimation.free_motion.two_runs import BLOCKS, LoadTerms, State, TwoRuns
 from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.estimation.intervals import MANY
-from hil.estimation.payload import load_columns, without_mass
+from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import IDENTIFIABLE, inverse, undetermined
