@@ -31,7 +31,12 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.regression.least_squares import eliminated, orthonormal, shares_without_nuisance
+from hil.regression.least_squares import (
+    eliminated,
+    orthonormal,
+    projected_out,
+    shares_without_nuisance,
+)
 from hil.regression.uncertainty import correlation_of, leave_one_out
 
 if TYPE_CHECKING:
@@ -189,7 +194,7 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
     for name, u in zip(robot.standard_parameters, K.T, strict=True):
         if name in robot.present and name not in robot.ties:
             continue
-        if np.linalg.norm(u - inside @ (inside.T @ u)) > _SAME:
+        if np.linalg.norm(projected_out(inside, u)) > _SAME:
             shown[name] = u
         elif name not in robot.ties:
             absorbed.append(name)

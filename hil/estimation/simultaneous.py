@@ -19,13 +19,7 @@ from hil.errors import NotIdentifiable
 from hil.estimation.condensed import Condensed, stack
 from hil.estimation.drive_train import LoadFriction
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import (
-    IDENTIFIABLE,
-    inverse,
-    solved,
-    undetermined,
-    without_nuisance,
-)
+from hil.regression.least_squares import inverse, solved, undetermined_beside
 from hil.regression.terms import LOAD, n_unknowns, place
 from hil.regression.uncertainty import sandwich, scatter
 
@@ -164,9 +158,7 @@ class SimultaneousFit:
 
     def undetermined(self) -> NDArray[np.bool_]:
         """Base parameters that all measurements together leave open, shape (n_base,)."""
-        N, n = self._sum[0], self._n_base
-        left = without_nuisance(N, n) @ N[:, :n]
-        return undetermined(left, IDENTIFIABLE, np.diag(N)[:n])
+        return undetermined_beside(self.information, self._n_base)
 
     def _load_friction(self) -> LoadFriction:
         """Mu of every axis, with its standard error from the measurements' scores."""

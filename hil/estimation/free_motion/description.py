@@ -24,8 +24,9 @@ from hil.estimation.free_motion.result import (
     OneWay,
     TermValue,
 )
-from hil.estimation.free_motion.system import mean_squares, only_directions, summed
+from hil.estimation.free_motion.system import only_directions, summed
 from hil.model.base_parameters import base_parameters
+from hil.regression.normal_equations import mean_squares
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -146,7 +147,7 @@ class Residuals(NamedTuple):
 
 def residuals(products: Products, solution: Solution) -> Residuals:
     """What a solution leaves of the torques, and what their means leave."""
-    counts, pieces = products.counts.sum(axis=2), summed(products.pieces)
+    counts, pieces = summed(products.counts), summed(products.pieces)
     squares = mean_squares(pieces, counts, products.n_shared, solution.x)
     torque = products.squares / np.maximum(counts.sum(axis=0), 1.0)
     some = np.where(torque > 0, torque, np.nan)

@@ -152,12 +152,12 @@ def _determined(
     n, k = terms.columns.shape
     two = TwoRuns(runs, n, axes)
     state = two.solved(terms, start)
-    lost = undetermined(two.pieces(terms, state).N.sum(axis=0), IDENTIFIABLE)
+    lost = undetermined(two.pieces(terms, state).information, IDENTIFIABLE)
     kept = tuple(a for a, each in zip(axes, lost[n + k :], strict=False) if not each)
     if kept != axes:
         two = TwoRuns(runs, n, kept)
         state = two.solved(terms, start)
-        lost = undetermined(two.pieces(terms, state).N.sum(axis=0), IDENTIFIABLE)
+        lost = undetermined(two.pieces(terms, state).information, IDENTIFIABLE)
     return two, state, lost[n : n + k]
 
 
