@@ -153,8 +153,8 @@ def examine(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -
     whole = complete(robot)
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
-    shares, sides = zip(*SimultaneousFit(whole, prepared).shares, strict=True)
-    measured = _Measured(*shares_without_nuisance(np.array(shares), np.array(sides), len(K)))
+    shares = SimultaneousFit(whole, prepared).shares
+    measured = _Measured(*shares_without_nuisance(shares.N, shares.v, len(K)))
     absent, absorbed = _absent(robot, K, stated)
     candidates, unmeasured = _grouped(measured, stated, absent)
     threshold = SIGNIFICANCE / max(len(candidates), 1)

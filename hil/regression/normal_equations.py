@@ -27,7 +27,7 @@ from hil.regression.layout import axis_place, embedded
 from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -101,24 +101,6 @@ class Normal:
         return found
 
 
-def added_up(found: Iterable[tuple[Indices, float, Normal]], n: int) -> Normal:
-    """Equations of all `n` unknowns from those of a few.
-
-    Parameters
-    ----------
-    found : iterable of (ndarray of int, float, Normal)
-        Places of the unknowns among all, weight, and equations; all of the same blocks.
-    """
-    given = list(found)
-    n_blocks = len(given[0][2].v)
-    N, v, square = np.zeros((n_blocks, n, n)), np.zeros((n_blocks, n)), np.zeros(n_blocks)
-    for place, weight, own in given:
-        N[:, place[:, None], place] += weight * own.N
-        v[:, place] += weight * own.v
-        square += weight * own.square
-    return Normal(N, v, square)
-
-
 def normal(products: Array, n_shared: int, weights: Array) -> Normal:
     """Normal equations of all unknowns from inner products of each axis.
 
@@ -129,32 +111,34 @@ def normal(products: Array, n_shared: int, weights: Array) -> Normal:
     weights : ndarray, shape (n_joints,)
         Of the axes' rows.
     """
-    n_joints, n_own = products.shape[1], products.shape[-1] - 1 - n_shared
-    return added_up(
-        (
-            (axis_place(n_shared, n_own, axis), weights[axis], Normal.of(products[:, axis]))
-            for axis in range(n_joints)
-        ),
-        n_shared + n_joints * n_own,
-    )
+    n_blocks, n_joints = products.shape[:2]
+    n_own = products.shape[-1] - 1 - n_shared
+    n = n_shared + n_joints * n_own
+    N, v, square = np.zeros((n_blocks, n, n)), np.zeros((n_blocks, n)), np.zeros(n_blocks)
+    for axis, weight in enumerate(weights):
+        place, own = axis_place(n_shared, n_own, axis), Normal.of(products[:, axis])
+        N[:, place[:, None], place] += weight * own.N
+        v[:, place] += weight * own.v
+        square += weight * own.square
+    return Normal(N, v, square)
 
 
-def mean_squares(products: Array, counts: Array, n_shared: int, x: Array) -> Array:
+def mean_squares(products: Sequence[Array], counts: Array, n_shared: int, x: Array) -> Array:
     """Mean square of what `x`, of all unknowns, leaves of each axis's torque, shape (n_joints,).
 
     Parameters
     ----------
-    products : ndarray, shape (n_blocks, n_joints, 1 + m, 1 + m)
-        As of `normal`.
-    counts : ndarray, shape (n_blocks, n_joints)
+    products : sequence (n_joints,) of ndarray, shape (1 + m, 1 + m)
+        Of all blocks together, columns as of `normal`.
+    counts : ndarray, shape (n_joints,)
         Samples behind them.
     """
-    n_own = products.shape[-1] - 1 - n_shared
-    found = np.zeros(products.shape[1])
-    for axis in range(products.shape[1]):
-        around = np.concatenate([[1.0], -x[axis_place(n_shared, n_own, axis)]])
-        total = products[:, axis].sum(axis=0)
-        found[axis] = max(float(around @ total @ around), 0.0) / max(counts[:, axis].sum(), 1.0)
+    squares = np.zeros(len(products))
+    for axis, product in enumerate(products):
+        place = axis_place(n_shared, len(product) - 1 - n_shared, axis)
+        around = np.concatenate([[1.0], -x[place]])
+        squares[axis] = max(float(around @ product @ around), 0.0)
+    found: Array = squares / np.maximum(counts, 1.0)
     return found
 
 

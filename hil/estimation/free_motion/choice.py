@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
-from hil.estimation.free_motion.system import kept_unknowns, residual_weights, summed
+from hil.estimation.free_motion.system import kept_unknowns, residual_weights, squares_left, summed
 from hil.regression.layout import embedded
 from hil.regression.least_squares import solved
-from hil.regression.normal_equations import mean_squares, normal, successive
+from hil.regression.normal_equations import normal, successive
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -100,7 +100,7 @@ def choose(products: Products) -> Choice:
     plain, n_shared = without_choice(products, weighted=True), products.n_shared
     whole, all_counts = summed(products.pieces), summed(products.counts)
     scored = normal(whole, n_shared, plain.weights)
-    least = mean_squares(whole, all_counts, n_shared, scored.solution(plain.kept(n_shared)))
+    least = squares_left(whole, all_counts, n_shared, scored.solution(plain.kept(n_shared)))
     for slowest in sorted({_dead_zone(products, plain), 0}, reverse=True):
         pieces = summed(products.pieces, slowest)
         counts = summed(products.counts, slowest)
@@ -121,7 +121,7 @@ def choose(products: Products) -> Choice:
             laws[axis] = simplest(found, products.n_joints)
             errors.append(_relative(found, laws[axis]))
         kept = _kept(products, laws)
-        left = mean_squares(whole, all_counts, n_shared, system.solution(kept))
+        left = squares_left(whole, all_counts, n_shared, system.solution(kept))
         if np.all(left <= (1.0 + MATERIAL) ** 2 * least):
             break
     weights = residual_weights(pieces, counts, products.n_shared, kept)

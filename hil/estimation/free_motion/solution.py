@@ -30,12 +30,17 @@ from hil.estimation.free_motion.choice import MATERIAL
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import with_doubt
 from hil.estimation.free_motion.positive import nearest_positive
-from hil.estimation.free_motion.system import only_directions, split_covariance, summed
+from hil.estimation.free_motion.system import (
+    only_directions,
+    split_covariance,
+    squares_left,
+    summed,
+)
 from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.model.base_parameters import base_parameters
 from hil.regression.layout import embedded
 from hil.regression.least_squares import condition, inverse, total_least_squares, undetermined
-from hil.regression.normal_equations import mean_squares, normal
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -156,7 +161,7 @@ def _possible(
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     moved = float(np.abs((nearest - found.x) / error)[kept].max(initial=0.0))
     counts = summed(products.counts, choice.slowest)
-    before, after = (mean_squares(pieces, counts, n_shared, x) for x in (found.x, nearest))
+    before, after = (squares_left(pieces, counts, n_shared, x) for x in (found.x, nearest))
     possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
     return replace(
         found, x=nearest if possible else found.x, covariance=covariance, moved=moved,

@@ -42,6 +42,19 @@ def kept_unknowns(n_shared: int, laws: Sequence[Sequence[str]]) -> Indices:
     return np.concatenate([np.arange(n_shared, dtype=np.intp), np.array(own, dtype=np.intp)])
 
 
+def squares_left(products: Array, counts: Array, n_shared: int, x: Array) -> Array:
+    """Mean square of what `x`, of all unknowns, leaves of each axis's torque, shape (n_joints,).
+
+    Parameters
+    ----------
+    products : ndarray, shape (n_blocks, n_joints, m, m)
+        The torque is column 0.
+    counts : ndarray, shape (n_blocks, n_joints)
+    """
+    totals = [each.sum(axis=0) for each in np.swapaxes(products, 0, 1)]
+    return mean_squares(totals, counts.sum(axis=0), n_shared, x)
+
+
 def residual_weights(products: Array, counts: Array, n_shared: int, kept: Indices) -> Array:
     """Reciprocal residual variances of the axes, found by solving again and again."""
     squares = np.einsum("bjkk->jk", products)[:, 0]
@@ -50,7 +63,7 @@ def residual_weights(products: Array, counts: Array, n_shared: int, kept: Indice
 
     def weigh(weights: Array) -> Array:
         x = normal(totals[0], n_shared, weights).solution(kept)
-        left = mean_squares(*totals, n_shared, x)
+        left = squares_left(*totals, n_shared, x)
         found = 1.0 / np.maximum(left, 1e-9 * squares / np.maximum(counts.sum(axis=0), 1.0))
         return np.asarray(np.where(np.isfinite(found), found, 0.0))
 

@@ -33,9 +33,9 @@ from hil.estimation.free_motion.open_scale import (
 )
 from hil.estimation.free_motion.result import GainValue
 from hil.estimation.free_motion.scaling import Scaling, recast
-from hil.estimation.free_motion.system import kept_unknowns, summed
+from hil.estimation.free_motion.system import kept_unknowns, squares_left, summed
 from hil.model.base_parameters import base_parameters
-from hil.regression.normal_equations import mean_squares, normal
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,7 +106,7 @@ def _misfit(recorded: Products, scaling: Scaling) -> float:
     """Mean logarithm of the residual variances of the signals, up to a constant."""
     products = Scaling(scaling.gains, (), np.zeros(0)).applied(recorded)
     counts = summed(products.counts)
-    left = mean_squares(summed(products.pieces), counts, products.n_shared, scaling.x)
+    left = squares_left(summed(products.pieces), counts, products.n_shared, scaling.x)
     floor = np.finfo(float).tiny
     return float(counts.sum(axis=0) @ np.log(np.maximum(left / scaling.gains**2, floor)))
 
