@@ -176,7 +176,7 @@ def _held_out(products: Array, terms: Sequence[str]) -> Array:
 def _solution(products: Array, terms: Sequence[str]) -> tuple[Array, Array]:
     """Coefficients, shape (n_terms,), and their covariance by the measurements' scores."""
     at = [0, *_places(terms)]
-    system = Normal.of(products[:, at][:, :, at])
+    system = Normal.split(products[:, at][:, :, at])
     values = system.solution()
     return values, sandwich(inverse(system.information), scatter(system.scores(values), few=True))
 
@@ -203,4 +203,4 @@ def _places(terms: Sequence[str]) -> list[int]:
 
 def _terms(names: Sequence[str], values: Array, covariance: Array) -> dict[str, TermValue]:
     rows = zip(names, values, np.diag(covariance), strict=True)
-    return {name: TermValue.of(value, variance) for name, value, variance in rows}
+    return {name: TermValue.estimated(value, variance) for name, value, variance in rows}

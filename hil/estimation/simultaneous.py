@@ -209,6 +209,7 @@ class SimultaneousFit:
         return products, counts
 
     def _residual_variance(self, total: Array, count: Array, solution: Array) -> Array:
+        """Mean square of what a solution leaves of each axis's torque, shape (n_joints,)."""
         squares = np.zeros(self._n_joints)
         for axis, own in enumerate(total):
             x = solution[place(self._robot, axis)]

@@ -52,7 +52,7 @@ class Normal:
     square: Array
 
     @classmethod
-    def of(cls, products: Array) -> Normal:
+    def split(cls, products: Array) -> Normal:
         """Equations from inner products of torque and columns, shape (n_blocks, 1 + n, 1 + n)."""
         return cls(products[:, 1:, 1:], products[:, 1:, 0], products[:, 0, 0])
 
@@ -116,7 +116,7 @@ def normal(products: Array, n_shared: int, weights: Array) -> Normal:
     n = n_shared + n_joints * n_own
     N, v, square = np.zeros((n_blocks, n, n)), np.zeros((n_blocks, n)), np.zeros(n_blocks)
     for axis, weight in enumerate(weights):
-        place, own = axis_place(n_shared, n_own, axis), Normal.of(products[:, axis])
+        place, own = axis_place(n_shared, n_own, axis), Normal.split(products[:, axis])
         N[:, place[:, None], place] += weight * own.N
         v[:, place] += weight * own.v
         square += weight * own.square

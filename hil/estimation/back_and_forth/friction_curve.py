@@ -113,4 +113,4 @@ def _plain(robot: Robot, recordings: Sequence[Halves], x: Array) -> dict[str, Te
         return {}
     found = leave_one_out(N, v)
     rows = zip(CLASSICAL, found.x, np.diag(found.covariance), strict=True)
-    return {name: TermValue.of(value, variance) for name, value, variance in rows}
+    return {name: TermValue.estimated(value, variance) for name, value, variance in rows}

@@ -126,7 +126,7 @@ def _weights(
         total = _whole(plain, data, weights)
         return solved_square(total.information, total.vector)
 
-    def of_residuals(weights: Array) -> Array:
+    def residual_weights(weights: Array) -> Array:
         return np.asarray(1.0 / np.maximum(_squares_left(data, solution(weights)), 1e-12))
 
     if weighting == "torque":
@@ -136,4 +136,4 @@ def _weights(
         base = slice(1, 1 + data.n_base)
         squares = np.einsum("i,aij,j->a", p, plain.sum(axis=0)[:, base, base], p)
         return np.asarray(np.maximum(data.counts.sum(axis=0), 1.0) / squares)
-    return reweighted(of_residuals, of_torque, ROUNDS, 1e-6)
+    return reweighted(residual_weights, of_torque, ROUNDS, 1e-6)

@@ -97,7 +97,7 @@ def _one_way(products: Products, solution: Solution) -> dict[int, OneWay]:
             variance = float(both @ solution.covariance[np.ix_(places, places)] @ both)
             found[axis] = OneWay(
                 direction=int(direction),
-                together=TermValue.of(float(both @ solution.x[places]), variance),
+                together=TermValue.estimated(float(both @ solution.x[places]), variance),
             )
     return found
 
@@ -241,4 +241,4 @@ def dead_zone(choice: Choice) -> float:
 
 
 def _value(solution: Solution, place: int) -> TermValue:
-    return TermValue.of(solution.x[place], solution.covariance[place, place])
+    return TermValue.estimated(solution.x[place], solution.covariance[place, place])

@@ -23,7 +23,7 @@ class TermValue(FileModel):
     standard_error: float
 
     @classmethod
-    def of(cls, value: float, variance: float) -> Self:
+    def estimated(cls, value: float, variance: float) -> Self:
         """From a variance, which rounding may leave below zero."""
         return cls(value=float(value), standard_error=math.sqrt(max(variance, 0.0)))
 

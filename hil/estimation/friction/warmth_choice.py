@@ -189,7 +189,7 @@ def _fitted(levels: Levels, warmth: Array, steps: int) -> _Fit:
     """Law and slope for given warmth, by steps of Gauss and Newton; no slope without a range."""
     n, m = levels.products.shape[0], len(levels.directed)
     shares = warmth - warmth.mean()
-    values, slope = Normal.of(levels.products).solution(), 0.0
+    values, slope = Normal.split(levels.products).solution(), 0.0
     for _ in range(steps):
         columns = np.zeros((n, 1 + m, 2 + m))
         columns[:, 0, 0] = 1.0
@@ -199,7 +199,7 @@ def _fitted(levels: Levels, warmth: Array, steps: int) -> _Fit:
         columns[:, 1:, 1 + m] = shares[:, np.newaxis] * np.where(levels.directed, values, 0.0)
         P = np.einsum("nki,nkl,nlj->nij", columns, levels.products, columns, optimize=True)
         used = slice(2 + m if shares.any() else 1 + m)
-        system = Normal.of(P[:, used, used])
+        system = Normal.split(P[:, used, used])
         found = system.solution()
         values = found[:m]
         slope += float(found[m]) if len(found) > m else 0.0

@@ -67,7 +67,7 @@ def test_errors_are_squares_of_what_rows_leave(rows: Array, products: Array) -> 
 
 
 def test_scores_of_all_blocks_cancel_at_the_solution(products: Array) -> None:
-    system = Normal.of(products[:, 0])
+    system = Normal.split(products[:, 0])
     scores = system.scores(system.solution())
     assert scores.sum(axis=0) == pytest.approx(0.0, abs=1e-9)
     doubled = system.weighted(np.full(N_BLOCKS, 2.0))
