@@ -31,7 +31,12 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.regression.least_squares import eliminated, orthonormal, shares_without_nuisance
+from hil.regression.least_squares import (
+    eliminated,
+    orthonormal,
+    projected_out,
+    shares_without_nuisance,
+)
 from hil.regression.uncertainty import correlation_of, leave_one_out
 
 if TYPE_CHECKING:
@@ -148,8 +153,8 @@ def examine(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -
     whole = complete(robot)
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
-    shares, sides = zip(*SimultaneousFit(whole, prepared).shares, strict=True)
-    measured = _Measured(*shares_without_nuisance(np.array(shares), np.array(sides), len(K)))
+    shares = SimultaneousFit(whole, prepared).shares
+    measured = _Measured(*shares_without_nuisance(shares.N, shares.v, len(K)))
     absent, absorbed = _absent(robot, K, stated)
     candidates, unmeasured = _grouped(measured, stated, absent)
     threshold = SIGNIFICANCE / max(len(candidates), 1)
@@ -189,7 +194,7 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
     for name, u in zip(robot.standard_parameters, K.T, strict=True):
         if name in robot.present and name not in robot.ties:
             continue
-        if np.linalg.norm(u - inside @ (inside.T @ u)) > _SAME:
+        if np.linalg.norm(projected_out(inside, u)) > _SAME:
             shown[name] = u
         elif name not in robot.ties:
             absorbed.append(name)

@@ -26,7 +26,8 @@ from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction.warmth_choice import Levels, find_warmth
 from hil.estimation.friction_law import DIRECTED, AxisLaw, FrictionLaw
 from hil.planning.measurement import FOR_A_LAW
-from hil.regression.least_squares import inverse, solved
+from hil.regression.least_squares import inverse
+from hil.regression.normal_equations import Normal
 from hil.regression.terms import ASYMMETRIC, LOAD
 from hil.regression.uncertainty import sandwich, scatter
 
@@ -174,11 +175,10 @@ def _held_out(products: Array, terms: Sequence[str]) -> Array:
 
 def _solution(products: Array, terms: Sequence[str]) -> tuple[Array, Array]:
     """Coefficients, shape (n_terms,), and their covariance by the measurements' scores."""
-    at = _places(terms)
-    N, v = products[:, at][:, :, at], products[:, at, 0]
-    values = solved(N.sum(axis=0), v.sum(axis=0))
-    scores = v - N @ values
-    return values, sandwich(inverse(N.sum(axis=0)), scatter(scores, few=True))
+    at = [0, *_places(terms)]
+    system = Normal.split(products[:, at][:, :, at])
+    values = system.solution()
+    return values, sandwich(inverse(system.information), scatter(system.scores(values), few=True))
 
 
 def _wander(products: Array, terms: Sequence[str], values: Array) -> float:
@@ -202,6 +202,5 @@ def _places(terms: Sequence[str]) -> list[int]:
 
 
 def _terms(names: Sequence[str], values: Array, covariance: Array) -> dict[str, TermValue]:
-    errors = np.sqrt(np.diag(covariance).clip(0.0))
-    rows = zip(names, values.tolist(), errors.tolist(), strict=True)
-    return {name: TermValue(value=value, standard_error=error) for name, value, error in rows}
+    rows = zip(names, values, np.diag(covariance), strict=True)
+    return {name: TermValue.estimated(value, variance) for name, value, variance in rows}

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
 
+MOTOR = 1
+"""Place of the motor's part of the torque in the products of a `Condensed`."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Condensed:
@@ -76,7 +79,7 @@ class Condensed:
     @property
     def motor(self) -> Array:
         """X' times the motor's part of the torque, shape (n_base + N_COMMON,)."""
-        return self.product[2:, 1]
+        return self.product[2:, MOTOR]
 
     def without(self, columns: NDArray[np.intp]) -> Condensed:
         """The same less some rows and columns of `product`."""

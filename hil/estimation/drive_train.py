@@ -1,15 +1,16 @@
-"""What lies between the current and the arm: late readings and soft gears, axis by axis.
+"""What lies between the current and the arm, axis by axis: late readings, soft gears, friction.
 
 Drives filter or queue the current that they report, positions they do not: 4 ms between the two
 cost half a percent of the inertias and leave residuals that look like friction. And encoders sit on
 the motors' side of gears that give way: with a compliance c_j of the gear of axis j, which
-transmits Q_t,j, the link is at q_j = theta_j - c_j Q_t,j where the encoder says theta_j.
+transmits Q_t,j, the link is at q_j = theta_j - c_j Q_t,j where the encoder says theta_j. A share
+mu_j of what a gear transmits is friction.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -71,6 +72,16 @@ class DriveTrain:
         # what is transmitted is that of the links' own motion, so once more
         moved = replace(found, twist=twist)
         return replace(found, twist=c * inverse_dynamics(robot, self.p, *moved.link))
+
+
+class LoadFriction(NamedTuple):
+    """Share of the transmitted torque that is friction, axis by axis, and its standard error.
+
+    Both of shape (n_joints,); NaN where no transmitted torque shows it.
+    """
+
+    mu: Array
+    standard_error: Array
 
 
 def directly_driven(robot: Robot) -> DriveTrain:

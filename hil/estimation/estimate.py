@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.half_sums import HalfSums
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.causes import Cause
-    from hil.estimation.drive_train import DriveTrain
+    from hil.estimation.drive_train import DriveTrain, LoadFriction
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
@@ -32,16 +32,6 @@ class LeftOut(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.id}: {self.reason}"
-
-
-class LoadFriction(NamedTuple):
-    """Share of the transmitted torque that is friction, axis by axis, and its standard error.
-
-    Both of shape (n_joints,); NaN where no transmitted torque shows it.
-    """
-
-    mu: Array
-    standard_error: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

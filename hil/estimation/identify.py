@@ -1,7 +1,8 @@
 """All methods by name, and the one for what was recorded.
 
 Two-step methods take measurements (`two_step_methods`), conventional ones trajectories
-(`conventional`), the others motions that somebody else recorded (`free_motion`, `back_and_forth`).
+(`conventional`), the others motions that somebody else recorded (`free_motion_methods`,
+`back_and_forth_method`).
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def _conventional(name: str) -> Identify:
 def _free_motion(name: str) -> Identify:
     def identify(robot: Robot, recorded: Recorded) -> Estimate:
         # spectra and filters load for half a second, and what was measured here needs none
-        from hil.estimation.free_motion.methods import fit_free_motions  # noqa: PLC0415
+        from hil.estimation.free_motion_methods import fit_free_motions  # noqa: PLC0415
 
         return fit_free_motions(robot, recorded, name)
 
@@ -52,7 +53,7 @@ def _free_motion(name: str) -> Identify:
 
 
 def _back_and_forth(robot: Robot, recorded: Recorded) -> Estimate:
-    from hil.estimation.back_and_forth.method import fit_back_and_forth  # noqa: PLC0415 - the same
+    from hil.estimation.back_and_forth_method import fit_back_and_forth  # noqa: PLC0415 - the same
 
     return fit_back_and_forth(robot, recorded)
 

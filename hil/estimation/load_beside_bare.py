@@ -19,7 +19,7 @@ from hil.estimation.condensed import stack
 from hil.estimation.load_misfit import load_misfit
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.load import embedding
-from hil.regression.least_squares import IDENTIFIABLE, solved, undetermined, without_nuisance
+from hil.regression.least_squares import solved, undetermined_beside
 from hil.regression.terms import n_unknowns, place
 from hil.regression.uncertainty import bias_reduced
 
@@ -160,6 +160,4 @@ def _lost(N: Array, load: slice) -> NDArray[np.bool_]:
     """Which of the load's parameters the measurements leave open."""
     at = np.arange(len(N))
     order = np.concatenate([at[load], np.delete(at, at[load])])
-    turned, n = N[np.ix_(order, order)], load.stop - load.start
-    left = without_nuisance(turned, n) @ turned[:, :n]
-    return undetermined(left, IDENTIFIABLE, np.diag(turned)[:n])
+    return undetermined_beside(N[np.ix_(order, order)], load.stop - load.start)

@@ -138,8 +138,8 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) ->
 
 def _solution(joint: SimultaneousFit) -> tuple[Array, Array]:
     """All unknowns, and the inverse of the information."""
-    matrix, vector = (np.sum(part, axis=0) for part in zip(*joint.shares, strict=True))
-    return solved(matrix, vector), solved(matrix, np.eye(len(matrix)))
+    matrix = joint.shares.information
+    return joint.shares.solution(), solved(matrix, np.eye(len(matrix)))
 
 
 def _likeliest(sums: Sequence[_Sums], white: float, walk: float) -> tuple[float, float]:

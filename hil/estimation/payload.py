@@ -5,13 +5,13 @@ change by
 
     dp = p_with - p_without = K_n phi,
 
-K_n being the columns of K (p = K p_standard) that belong to that link: the expected changes of the
-paper's Table 3, computed from the expressions of the base parameters. dp has the sum of both runs'
-covariances; errors of torque constants and rotor inertias are the same in both and enter by the
-difference of their effects. phi follows by generalised least squares with that covariance. Only
-what the robot file calls present at the last link is free: the rest it states to be zero for the
-load too, and `unseen` names it. What is left, dp - K_n phi, should be no larger than its
-covariance: a chi-squared test.
+with the columns K_n of `hil.estimation.load_columns`: the expected changes of the paper's Table 3,
+computed from the expressions of the base parameters. dp has the sum of both runs' covariances;
+errors of torque constants and rotor inertias are the same in both and enter by the difference of
+their effects. phi follows by generalised least squares with that covariance. Only what the robot
+file calls present at the last link is free: the rest it states to be zero for the load too, and
+`unseen` names it. What is left, dp - K_n phi, should be no larger than its covariance: a
+chi-squared test.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ import numpy as np
 from scipy import special
 
 from hil.errors import NoLoad
+from hil.estimation.load_columns import load_columns, payload_names, without_mass
 from hil.estimation.payload_figures import MASS, Payload
-from hil.model.base_parameters import base_parameters
-from hil.model.robot_file import LINK_PARAMETERS
 from hil.regression.least_squares import inverse, inverse_root, orthonormal
 
 if TYPE_CHECKING:
@@ -39,7 +38,6 @@ ABSENT = 0.01
 """Chance of a load's figures without a load, above which there is none."""
 SWAPPED = 4.0
 """Standard errors below zero from which on a mass is negative."""
-_SHOWN = 1e-9
 
 
 def estimate_payload(
@@ -89,34 +87,6 @@ def estimate_payload(
     )
 
 
-def load_columns(robot: Robot) -> tuple[Array, Array]:
-    """K_n, shape (n_base, 10), and how the free parameters make up phi, shape (10, n_free)."""
-    own = slice(10 * (robot.n_joints - 1), 10 * robot.n_joints)
-    names = robot.link_parameters[own]
-    carriers = [name for name in names if name in robot.present and name not in robot.ties]
-    free = np.array([
-        [float(robot.ties.get(name, name) == carrier and name in robot.present)
-         for carrier in carriers] for name in names
-    ]).reshape(10, len(carriers))  # fmt: skip
-    K = base_parameters(robot).matrix[:, own]
-    shown = np.abs(K @ free).max(axis=0, initial=0.0) > _SHOWN
-    return K, free[:, shown]
-
-
-def payload_names(robot: Robot) -> tuple[tuple[str, ...], tuple[tuple[int, str], ...]]:
-    """Of the load's ten parameters those that the robot file takes as zero, and the others.
-
-    Returns
-    -------
-    absent : tuple of str
-    present : tuple of (int, str)
-        With their places in eq. (4).
-    """
-    last = {name[: -len(str(robot.n_joints))] for name in robot.present if _of_last(robot, name)}
-    absent = tuple(name for name in LINK_PARAMETERS if name not in last)
-    return absent, tuple((k, name) for k, name in enumerate(LINK_PARAMETERS) if name in last)
-
-
 def require_load(found: Payload) -> None:
     """Refuse a load that does not stand out of its error, or whose mass is negative.
 
@@ -154,12 +124,3 @@ def no_load(mass: float, error: float, chance: float) -> NoLoad:
         f"no load stands out of its error: {figure} (p = {chance:.2g}); check that this run carries"
         " it, or record longer with a heavier one"
     )
-
-
-def without_mass(free: Array) -> Array:
-    """Columns of the free parameters but that of the mass."""
-    return free[:, free[MASS] == 0]
-
-
-def _of_last(robot: Robot, name: str) -> bool:
-    return name in robot.link_parameters[10 * (robot.n_joints - 1) :]

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.regression.least_squares import orthonormal
+from hil.regression.least_squares import orthonormal, projected_out
 from hil.regression.ripple import RIPPLE_ORDERS
 from hil.regression.terms import multiples, place
 from hil.regression.thinned import smoothed_at
@@ -125,7 +125,7 @@ def _piece(robot: Robot, s: Signals, each: Stacked, solution: Array) -> _Piece:
     columns = smoothed_at(each.index - own.start, multiples(angle, ORDERS).T, s.period)
     residual = each.torques[:, 0] - each.X @ solution[place(robot, each.axis)]
     free, _ = orthonormal(each.friction)
-    return _Piece(columns - free @ (free.T @ columns), residual - free @ (free.T @ residual))
+    return _Piece(projected_out(free, columns), projected_out(free, residual))
 
 
 def _found(pieces: list[_Piece], chance: float) -> tuple[dict[int, float], list[Array]]:

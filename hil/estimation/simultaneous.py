@@ -16,17 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.condensed import Condensed, stack
-from hil.estimation.estimate import LoadFriction
+from hil.estimation.condensed import MOTOR, stack
+from hil.estimation.drive_train import LoadFriction
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import (
-    IDENTIFIABLE,
-    inverse,
-    solved,
-    undetermined,
-    without_nuisance,
-)
-from hil.regression.terms import LOAD, n_unknowns, place
+from hil.regression.least_squares import inverse, solved, undetermined_beside
+from hil.regression.normal_equations import normal, reweighted
+from hil.regression.terms import LOAD, N_COMMON, place
 from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
@@ -34,9 +29,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
+    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 
@@ -105,8 +102,8 @@ class SimultaneousFit:
         return len(self._items)
 
     @property
-    def shares(self) -> Sequence[tuple[Array, Array]]:
-        """Weighted information and vector of each measurement, over all unknowns.
+    def shares(self) -> Normal:
+        """Weighted equations by measurement, over all unknowns.
 
         These are the base parameters and then, axis by axis, the common terms.
         """
@@ -130,7 +127,7 @@ class SimultaneousFit:
     @property
     def information(self) -> Array:
         """Weighted information of all measurements, over all unknowns."""
-        return self._sum[0]
+        return self._sum.information
 
     @property
     def noise_covariance(self) -> Array:
@@ -140,11 +137,11 @@ class SimultaneousFit:
     @property
     def solution(self) -> Array:
         """All unknowns: base parameters and, axis by axis, the common terms."""
-        return solved(*self._sum)
+        return self._sum.solution()
 
     def without_terms(self, terms: Sequence[int]) -> Array:
         """Base parameters where some of the axes' common terms are ignored, shape (n_base,)."""
-        information, vector = (each.copy() for each in self._sum)
+        information, vector = self._sum.information, self._sum.vector
         for axis in range(self._n_joints):
             at = place(self._robot, axis)[self._n_base + np.array(terms)]
             information[at], information[:, at], vector[at] = 0.0, 0.0, 0.0
@@ -152,78 +149,69 @@ class SimultaneousFit:
 
     def solve(self, without: int | None = None) -> Array:
         """Base parameters, shape (n_base,)."""
-        information, vector = self._sum
+        information, vector = self._sum.information, self._sum.vector
         if without is not None:
-            information = information - self._shares[without][0]
-            vector = vector - self._shares[without][1]
+            information = information - self._shares.N[without]
+            vector = vector - self._shares.v[without]
         return solved(information, vector)[: self._n_base]
 
     def information_of(self, share: Array) -> Array:
         """Information of all measurements with each axis's times `share`, shape (n_joints,)."""
-        return self._added_up(self._axes(), share * self._weight)[0]
+        return normal(self._total, self._n_base, share * self._weight).information
 
     def undetermined(self) -> NDArray[np.bool_]:
         """Base parameters that all measurements together leave open, shape (n_base,)."""
-        N, n = self._sum[0], self._n_base
-        left = without_nuisance(N, n) @ N[:, :n]
-        return undetermined(left, IDENTIFIABLE, np.diag(N)[:n])
+        return undetermined_beside(self.information, self._n_base)
 
     def _load_friction(self) -> LoadFriction:
         """Mu of every axis, with its standard error from the measurements' scores."""
-        vector = self._sum[1]
         root = self.noise_covariance
         places = [place(self._robot, axis)[self._n_base + LOAD] for axis in range(self._n_joints)]
-        x = root @ vector
-        scores = np.array([v - N @ x for N, v in self._shares])
-        error = np.sqrt(np.diag(sandwich(root[places], scatter(scores))))
+        x = root @ self._sum.vector
+        error = np.sqrt(np.diag(sandwich(root[places], scatter(self._shares.scores(x)))))
         shown = error > 0
         return LoadFriction(np.where(shown, x[places], np.nan), np.where(shown, error, np.nan))
 
     def sensitivity(self) -> Array:
         """Change of p per relative change of torque constants and rotor inertias."""
-        n = len(self._sum[1])
-        sides = np.zeros((n, 2 * self._n_joints))
+        sides = np.zeros((len(self.information), 2 * self._n_joints))
         for item in (item for items in self._items for item in items):
             at, weight = place(self._robot, item.axis), self._weight[item.axis]
             sides[at, item.axis] += weight * (item.vector + item.motor)
             sides[at, self._n_joints + item.axis] -= weight * item.motor
-        return solved(self._sum[0], sides)[: self._n_base]
+        return solved(self.information, sides)[: self._n_base]
 
     def _weigh(self) -> None:
         """Weights and solution from each other, and what each measurement says under them."""
-        axes = self._axes()
-        for _ in range(_ROUNDS):
-            variance = self._residual_variance(axes, solved(*self._added_up(axes)))
-            self._weight = 1.0 / np.where(variance > 0, variance, 1.0)
-        self._sum = self._added_up(axes)
-        self._shares = [self._added_up(items) for items in self._items]
+        products, counts = self._products()
+        # all of each axis at once, which is all that weights take
+        total, count = (each.sum(axis=0, keepdims=True) for each in (products, counts))
 
-    def _axes(self) -> list[Condensed]:
-        """All measurements of each axis as one."""
-        every = [item for items in self._items for item in items]
-        found = []
-        for axis in sorted({item.axis for item in every}):
-            own = [item for item in every if item.axis == axis]
-            product = np.sum([item.product for item in own], axis=0)
-            found.append(Condensed(axis, product, sum(item.n for item in own)))
-        return found
+        def weigh(weights: Array) -> Array:
+            x = normal(total, self._n_base, weights).solution()
+            variance = self._residual_variance(total[0], count[0], x)
+            return np.asarray(1.0 / np.where(variance > 0, variance, 1.0))
 
-    def _added_up(
-        self, items: Sequence[Condensed], weight: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Information and vector of `items`, over all unknowns; weighted as the fit is."""
-        n, weight = n_unknowns(self._robot), self._weight if weight is None else weight
-        information, vector = np.zeros((n, n)), np.zeros(n)
-        for item in items:
-            at = place(self._robot, item.axis)
-            information[np.ix_(at, at)] += weight[item.axis] * item.information
-            vector[at] += weight[item.axis] * item.vector
-        return information, vector
+        self._weight = reweighted(weigh, self._weight, _ROUNDS)
+        self._total = total
+        self._sum = normal(total, self._n_base, self._weight)
+        self._shares = normal(products, self._n_base, self._weight)
 
-    def _residual_variance(self, axes: Sequence[Condensed], solution: Array) -> Array:
-        variance = np.zeros(self._n_joints)
-        for each in axes:
-            x = solution[place(self._robot, each.axis)]
-            square = float(each.square - 2 * each.vector @ x + x @ each.information @ x)
-            variance[each.axis] = max(square, 0.0) / max(each.n, 1)
-        return variance
+    def _products(self) -> tuple[Array, Array]:
+        """Inner products of torque and columns by measurement and axis, and samples behind them."""
+        width = 1 + self._n_base + N_COMMON
+        products = np.zeros((len(self._items), self._n_joints, width, width))
+        counts = np.zeros((len(self._items), self._n_joints))
+        for k, items in enumerate(self._items):
+            for item in items:
+                products[k, item.axis] = item.without(np.array([MOTOR])).product
+                counts[k, item.axis] = item.n
+        return products, counts
+
+    def _residual_variance(self, total: Array, count: Array, solution: Array) -> Array:
+        """Mean square of what a solution leaves of each axis's torque, shape (n_joints,)."""
+        squares = np.zeros(self._n_joints)
+        for axis, own in enumerate(total):
+            x = solution[place(self._robot, axis)]
+            squares[axis] = own[0, 0] - 2 * own[1:, 0] @ x + x @ own[1:, 1:] @ x
+        return np.asarray(np.maximum(squares, 0.0) / np.maximum(count, 1.0))

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.payload import load_columns
+from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS
 from hil.regression.least_squares import solved
 from hil.regression.terms import N_COMMON
@@ -120,7 +120,7 @@ class _Bilinear:
         K, free = load_columns(robot)
         fixed = np.zeros(10)
         fixed[MASS] = mass
-        self._known, self._load = K @ fixed, K @ free[:, free[MASS] == 0]
+        self._known, self._load = K @ fixed, K @ without_mass(free)
         self._n, self.n_base = robot.n_joints, len(K)
         first = self.n_base + self._load.shape[1]
         self.gains = np.arange(first, first + self._n)

@@ -22,7 +22,7 @@ complement; in terms of columns, orthogonal projection after Frisch, Waugh and L
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+Number = TypeVar("Number", np.float64, np.complex128)
 RANK = 1e-12
 """Share of the largest eigenvalue of R; the square of that of columns of unit length."""
 IDENTIFIABLE = 1e-8
@@ -120,6 +121,42 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> NDA
     part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
     found: NDArray[np.bool_] = part > _PART
     return found
+
+
+def undetermined_beside(N: Array, n: int) -> NDArray[np.bool_]:
+    """Of the first `n` unknowns those that are not `IDENTIFIABLE` beside all others, shape (n,).
+
+    What elimination of the others leaves is compared with what there was before.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n + k, n + k)
+    """
+    left = without_nuisance(N, n) @ N[:, :n]
+    return undetermined(left, IDENTIFIABLE, np.diag(N)[:n])
+
+
+def condition(N: Array) -> float:
+    """Condition number of columns of unit length; those that are zero do not count.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n, n)
+    """
+    heard = np.diag(N) > 0
+    size = 1.0 / np.sqrt(np.diag(N)[heard])
+    return float(np.sqrt(np.linalg.cond(N[np.ix_(heard, heard)] * np.outer(size, size))))
+
+
+def projected_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
+    """What of `x` lies outside the span of orthonormal columns `Q`, shape of `x`.
+
+    Parameters
+    ----------
+    Q : ndarray, shape (m, r)
+    x : ndarray, shape (m,) or (m, k)
+    """
+    return np.asarray(x - Q @ (Q.T @ x))
 
 
 def orthonormal(W: Array, rank: float = RANK) -> tuple[Array, Array]:

@@ -36,6 +36,7 @@ import numpy as np
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
+from hil.regression.layout import axis_place
 from hil.regression.ripple import RIPPLE_ORDERS, ripple_orders
 
 if TYPE_CHECKING:
@@ -149,9 +150,7 @@ def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
 
 def place(robot: Robot, axis: int) -> NDArray[np.intp]:
     """Where base parameters and an axis's common terms stand among all unknowns."""
-    n_base = len(base_parameters(robot))
-    first = n_base + axis * N_COMMON
-    return np.concatenate([np.arange(n_base), np.arange(first, first + N_COMMON)])
+    return axis_place(len(base_parameters(robot)), N_COMMON, axis)
 
 
 def n_unknowns(robot: Robot) -> int:

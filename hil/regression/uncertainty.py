@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+ALMOST_NONE = 1.0
+"""Degrees of freedom, at least: a variance that a single measurement carries is evidence of next to
+nothing."""
 _ALONE = 1e-6
 """Of a direction that one measurement alone determines, what rounding leaves of 1 - H."""
 
@@ -113,6 +116,19 @@ def jackknife(changes: Array) -> Array:
     return (n - 1) / n * (changes.T @ changes)
 
 
+def left_out(shares: Array, scores: Array) -> Array:
+    """Change of x by leaving out each measurement, shape (n_measurements, n).
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n, n)
+    scores : ndarray, shape (n_measurements, n)
+        At the solution of all.
+    """
+    N = shares.sum(axis=0)
+    return np.array([solved(N - S, -score) for S, score in zip(shares, scores, strict=True)])
+
+
 def effective_degrees(shares: Array, fewest: float) -> Array:
     """Effective degrees of freedom of variances to which measurements contribute `shares`.
 
@@ -132,13 +148,28 @@ def effective_degrees(shares: Array, fewest: float) -> Array:
     return np.clip(degrees, fewest, len(shares) - 1.0)
 
 
+def degrees_if_white(inverse: Array, shares: Array, fewest: float) -> Array:
+    """Effective degrees of freedom by each measurement's share of the variance of white noise.
+
+    After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares taken from the residuals
+    instead are as uncertain as the variance itself: with them a ratio of 14 between an unknown and
+    its standard error came out as chance.
+
+    Parameters
+    ----------
+    inverse : ndarray, shape (n, n)
+        Of N.
+    shares : ndarray, shape (n_measurements, n, n)
+    fewest : float
+        As of `effective_degrees`.
+    """
+    return effective_degrees(np.einsum("ij,njk,ki->ni", inverse, shares, inverse), fewest)
+
+
 def leave_one_out(shares: Array, sides: Array) -> Solved:
     """Solve normal equations with all measurements, and without each of them.
 
-    Degrees of freedom come from each measurement's share of the variance were the noise white
-    (Bell and McCaffrey, Survey Methodology 28 (2002) 169-181). Shares taken from the residuals
-    instead are as uncertain as the variance itself: with them a ratio of 14 between an unknown and
-    its standard error came out as chance.
+    Degrees of freedom are those of `degrees_if_white`.
 
     Parameters
     ----------
@@ -147,19 +178,16 @@ def leave_one_out(shares: Array, sides: Array) -> Solved:
     """
     N = shares.sum(axis=0)
     x = solved(N, sides.sum(axis=0))
-    scores = sides - shares @ x
-    changes = np.array([solved(N - S, -score) for S, score in zip(shares, scores, strict=True)])
-    covariance = solved(N, np.eye(len(N)))
-    white = np.einsum("ij,njk,ki->ni", covariance, shares, covariance)
-    # one: a variance that a single measurement carries is evidence of next to nothing
-    return Solved(x, jackknife(changes), effective_degrees(white, fewest=1.0))
+    changes = left_out(shares, sides - shares @ x)
+    degrees = degrees_if_white(solved(N, np.eye(len(N))), shares, ALMOST_NONE)
+    return Solved(x, jackknife(changes), degrees)
 
 
 def bias_reduced(shares: Array, sides: Array) -> Solved:
     """Solve normal equations whose noise is about white, of variance 1.
 
     No variance is less than that of such noise: of what one measurement alone determines it leaves
-    no score. Degrees of freedom are those of `leave_one_out`.
+    no score. Degrees of freedom are those of `degrees_if_white`.
 
     Parameters
     ----------
@@ -175,9 +203,7 @@ def bias_reduced(shares: Array, sides: Array) -> Solved:
     changes = np.einsum("kij,kj->ki", V, np.einsum("kji,kj->ki", V, scores) / left) @ B.T
     covariance, white = changes.T @ changes, np.einsum("ij,ij->i", B, B)
     covariance += np.diag(np.maximum(white - np.diag(covariance), 0.0))
-    inverse_of_N = B @ B.T
-    of_white = np.einsum("ij,njk,ki->ni", inverse_of_N, shares, inverse_of_N)
-    return Solved(x, covariance, effective_degrees(of_white, fewest=1.0))
+    return Solved(x, covariance, degrees_if_white(B @ B.T, shares, ALMOST_NONE))
 
 
 def correlation_of(covariance: Array) -> Array:

@@ -14,7 +14,8 @@ from scipy import special
 from checked_files.yaml_file import FileModel
 from hil.errors import Mismatch
 from hil.estimation.load_beside_bare import fit_beside
-from hil.estimation.payload import payload_names, require_load, without_mass
+from hil.estimation.load_columns import payload_names, without_mass
+from hil.estimation.payload import require_load
 from hil.estimation.payload_figures import FIRST_MOMENTS, MASS, Payload
 from hil.estimation.two_step_methods import prepare
 from hil.model.robot_file import LINK_PARAMETERS

@@ -10,10 +10,11 @@ import numpy as np
 from hil.errors import Mismatch
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.load import fit_load
-from hil.estimation.free_motion.methods import estimate_from
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.payload import ABSENT, load_columns, no_load, payload_names, refuse_negative
+from hil.estimation.free_motion_methods import estimate_from
+from hil.estimation.load_columns import load_columns, payload_names
+from hil.estimation.payload import ABSENT, no_load, refuse_negative
 from hil.estimation.payload_figures import MASS, Payload
 from hil.estimation.torque_constants import Gains
 from hil.results.naming import named

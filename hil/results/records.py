@@ -9,8 +9,8 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.causes import Cause, CauseName
-from hil.estimation.drive_train import DriveTrain
-from hil.estimation.estimate import Estimate, LeftOut, LoadFriction
+from hil.estimation.drive_train import DriveTrain, LoadFriction
+from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.friction.drift import Drift, Level, TimeConstant
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.local_values import LocalValue

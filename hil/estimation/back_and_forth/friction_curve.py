@@ -112,8 +112,5 @@ def _plain(robot: Robot, recordings: Sequence[Halves], x: Array) -> dict[str, Te
     if len(N) == 1:
         return {}
     found = leave_one_out(N, v)
-    errors = np.sqrt(np.diag(found.covariance))
-    return {
-        name: TermValue(value=float(value), standard_error=float(error))
-        for name, value, error in zip(CLASSICAL, found.x, errors, strict=True)
-    }
+    rows = zip(CLASSICAL, found.x, np.diag(found.covariance), strict=True)
+    return {name: TermValue.estimated(value, variance) for name, value, variance in rows}

@@ -18,11 +18,13 @@ from hil.errors import NotEnoughData
 from hil.estimation.back_and_forth.levels import friction_columns
 from hil.estimation.back_and_forth.pairs import pairs_of
 from hil.estimation.back_and_forth.settings import processing_of_strokes
+from hil.estimation.free_motion.columns import SEEN
 from hil.estimation.free_motion.filtering import low_passed
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
+from hil.regression.layout import axis_place
 from hil.regression.ripple import RIPPLE_ORDERS, ripple_orders
 from hil.regression.terms import multiples
 
@@ -46,8 +48,6 @@ as still: what its controller lets it give way."""
 COMMON = 2 + 2 * len(RIPPLE_ORDERS)
 """Columns of what else is the same forth and back, alike in all recordings of an axis: a constant,
 one in proportion to the speed, ripple over the motor's angle."""
-SEEN = 0.4
-"""Cycles of the motor in a sample up to which ripple over its angle is seen as such."""
 TORQUE, MOTOR, FIRST = 0, 1, 2
 """Places of the columns of torque and its motors' part, and of the first base parameter."""
 
@@ -244,5 +244,4 @@ def _coarse(motion: Motion) -> Array:
 
 def unknown_places(robot: Robot, axis: int) -> Indices:
     """Where an axis's columns stand among all unknowns: base parameters, then by axis `COMMON`."""
-    n = len(base_parameters(robot))
-    return np.concatenate([np.arange(n), n + COMMON * axis + np.arange(COMMON)])
+    return axis_place(len(base_parameters(robot)), COMMON, axis)

@@ -19,10 +19,11 @@ from hil.estimation.back_and_forth.excitation import Excitation, excitation, ind
 from hil.estimation.back_and_forth.halves import COMMON, FIRST, MOTOR, TORQUE, unknown_places
 from hil.estimation.back_and_forth.uncertainty import uncertainty
 from hil.estimation.free_motion.accumulation import cells_of
-from hil.estimation.free_motion.system import Normal
 from hil.estimation.intervals import MANY
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import fitted, orthonormal, solved
+from hil.regression.layout import embedded
+from hil.regression.least_squares import condition, fitted, orthonormal, projected_out, solved
+from hil.regression.normal_equations import Normal, reweighted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,13 +113,12 @@ class Solution:
 def solve(robot: Robot, recordings: Sequence[Halves]) -> Solution:
     """Solve for all unknowns that the recordings excite."""
     n_base, n = len(base_parameters(robot)), robot.n_joints
-    variances = _first_variances(recordings, n)
-    for _ in range(ROUNDS):
+
+    def weigh(variances: Array) -> Array:
         rows = projected(robot, recordings, variances)
-        found, kept, x = _solved(rows, n_base, np.inf)
-        before, variances = variances, _variances(rows, x, variances)
-        if np.allclose(before, variances, rtol=1e-3):
-            break
+        return _variances(rows, _solved(rows, n_base, np.inf)[2], variances)
+
+    variances = reweighted(weigh, _first_variances(recordings, n), ROUNDS, 1e-3)
     rows = projected(robot, recordings, variances)
     found, kept, x = _solved(rows, n_base, float(rows.y @ rows.y))
     return _solution(rows, x, kept, found, variances, n)
@@ -130,9 +130,8 @@ def _solved(rows: Rows, n_base: int, square: float) -> tuple[Excitation, Indices
     found = excitation(N, n_base, square)
     nuisance = n_base + independent(N[n_base:, n_base:], np.diag(N)[n_base:])
     kept = np.concatenate([found.kept, nuisance])
-    x, X = np.zeros(len(N)), rows.X[:, kept]
-    x[kept] = solved(X.T @ X, X.T @ rows.y)
-    return found, kept, x
+    X = rows.X[:, kept]
+    return found, kept, embedded(solved(X.T @ X, X.T @ rows.y), kept, len(N))
 
 
 def projected(robot: Robot, recordings: Sequence[Halves], variances: Array) -> Rows:
@@ -147,7 +146,7 @@ def projected(robot: Robot, recordings: Sequence[Halves], variances: Array) -> R
         excited = np.concatenate(weights)[:, None] * each.excited
         friction, _ = orthonormal(rows[:, last:])
         rows = np.hstack([rows[:, :last], excited])
-        rows -= friction @ (friction.T @ rows)
+        rows = projected_out(friction, rows)
         X, Z = np.zeros((2, len(rows), n_unknowns))
         X[:, places] = rows[:, FIRST:last]
         Z[:, places] = np.hstack([rows[:, last:], rows[:, last - COMMON : last]])
@@ -201,25 +200,22 @@ def _solution(
     states = rows.state / np.where(scatter > _CONSTANT, scatter, 1.0)
     cells = np.unique(cells_of(states), return_inverse=True)[1]
     pairs = rows.normal(rows.pair, kept)
-    first = np.linspace(0, len(pairs.v), min(BLOCKS, len(pairs.v)) + 1).round().astype(int)[:-1]
-    own, degrees_kept = uncertainty(pairs.grouped(first), rows.normal(cells, kept), x[kept])
+    covariance, degrees_kept = uncertainty(pairs.grouped(BLOCKS), rows.normal(cells, kept), x[kept])
     n = len(x)
-    covariance, degrees = np.zeros((n, n)), np.full(n, MANY)
-    covariance[np.ix_(kept, kept)] = own
+    degrees = np.full(n, MANY)
     degrees[kept] = degrees_kept
-    N = pairs.N.sum(axis=0)
+    N = pairs.information
     parts = np.zeros((2, n, n_joints))
     for axis in range(n_joints):
         mine = rows.X[:, kept][rows.axis == axis].T
         for k, side in enumerate((rows.torque, rows.motor)):
             parts[k][kept, axis] = solved(N, mine @ side[rows.axis == axis])
-    size = 1.0 / np.sqrt(np.diag(N))
     return Solution(
         x=x,
-        covariance=covariance,
+        covariance=embedded(covariance, kept, n),
         degrees_of_freedom=degrees,
         excitation=excited,
-        condition=float(np.sqrt(np.linalg.cond(N * np.outer(size, size)))),
+        condition=condition(N),
         of_torque=parts[0],
         of_motor=parts[1],
         variances=variances,

@@ -9,8 +9,7 @@ more. So in each direction of the unknowns the greater of the two counts: with
 
 it is ``V = L U diag(max(a, 1 - a)) U' L'``. (Of free motions, whose blocks of time are few and
 alike, both are added up: `hil.estimation.free_motion.uncertainty`.) Degrees of freedom are those of
-the blocks, by each one's share of the variance were the noise white (Bell and McCaffrey, Survey
-Methodology 28 (2002) 169-181).
+the blocks, by each one's share of the variance were the noise white.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.least_squares import inverse, inverse_root, solved
-from hil.regression.uncertainty import effective_degrees, jackknife, scatter
+from hil.regression.least_squares import inverse, inverse_root
+from hil.regression.uncertainty import degrees_if_white, jackknife, left_out, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.estimation.free_motion.system import Normal
+    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 
@@ -41,13 +40,10 @@ def uncertainty(pairs: Normal, cells: Normal, x: Array) -> tuple[Array, Array]:
     pairs, cells : Normal
         The same rows by blocks of pairs and by state.
     """
-    N, scores = pairs.N.sum(axis=0), pairs.scores(x)
-    changes = np.array([solved(N - S, -own) for S, own in zip(pairs.N, scores, strict=True)])
-    inverted = inverse(N)
-    influence = cells.scores(x) @ inverted
-    white = np.einsum("ij,njk,ki->ni", inverted, pairs.N, inverted)
-    covariance = greater(jackknife(changes), scatter(influence, few=True))
-    return covariance, effective_degrees(white, FEWEST)
+    of_pairs = jackknife(left_out(pairs.N, pairs.scores(x)))
+    inverted = inverse(pairs.information)
+    of_cells = scatter(cells.scores(x) @ inverted, few=True)
+    return greater(of_pairs, of_cells), degrees_if_white(inverted, pairs.N, FEWEST)
 
 
 def greater(first: Array, second: Array) -> Array:

@@ -75,6 +75,19 @@ class Products:
     n_friction: int
     n_trajectories: int
 
+    @property
+    def plain(self) -> Array:
+        """Products of torque and columns, instruments left out."""
+        width = 1 + self.n_base + self.n_friction
+        return self.blocks[..., :width, :width]
+
+    @property
+    def crossed(self) -> Array:
+        """Products of torque and instruments with torque and columns."""
+        width = 1 + self.n_base + self.n_friction
+        rows = np.r_[0, width : len(self.blocks[0, 0])]
+        return self.blocks[..., rows, :width]
+
     def only(self, places: Sequence[int]) -> Products:
         """The same with no more than these columns of friction."""
         width = self.n_base + self.n_friction

@@ -28,12 +28,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hil.regression.least_squares import solved_square, total_least_squares
+from hil.regression.normal_equations import mean_squares, normal, reweighted
 from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.conventional.products import Products
+    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 
@@ -85,112 +87,53 @@ def solve(
     expected : ndarray, shape (n_base,), optional
         Of the "prior" weighting.
     """
-    sums = data.blocks.sum(axis=0)
-    system = _System(data)
-    weights = _weights(data, system, sums, torque_limit, weighting, expected)
-    square = system.matrix(sums, weights, instrumental=solver == "instrumental")
-    right = system.vector(sums, weights, instrumental=solver == "instrumental")
-    x = solved_square(square, right)
+    plain, weights = data.plain, _weights(data, torque_limit, weighting, expected)
+    rows = data.crossed if solver == "instrumental" else plain
+    total = _whole(rows, data, weights)
+    x = solved_square(total.information, total.vector)
     if solver == "total":
-        x = total_least_squares(square, right, float(weights @ sums[:, 0, 0]))
-    normal = system.matrix(sums, weights)
+        x = total_least_squares(total.information, total.vector, float(total.square[0]))
+    scores = normal(rows, data.n_base, weights).scores(x)
+    inverse = solved_square(total.information, np.eye(len(x)))
+    normal_matrix = _whole(plain, data, weights).information
     return Solution(
         x=x,
-        covariance=_sandwich(
-            data, system, weights, square, x, instrumental=solver == "instrumental"
-        ),
-        residual=np.sqrt(system.variances(sums, data.counts.sum(axis=0), x)),
-        condition=float(np.sqrt(np.linalg.cond(normal))),
-        n_blocks=len(data.blocks),
+        covariance=sandwich(inverse, scatter(scores, few=True)),
+        residual=np.sqrt(_squares_left(data, x)),
+        condition=float(np.sqrt(np.linalg.cond(normal_matrix))),
+        n_blocks=len(plain),
     )
 
 
-class _System:
-    """Where columns of one axis stand among all unknowns."""
+def _whole(products: Array, data: Products, weights: Array) -> Normal:
+    """Equations of all periods together."""
+    return normal(products.sum(axis=0, keepdims=True), data.n_base, weights)
 
-    def __init__(self, data: Products) -> None:
-        self._n_joints = data.blocks.shape[1]
-        self.n_base, k = data.n_base, data.n_friction
-        self.n = self.n_base + self._n_joints * k
-        self._width = self.n_base + k
-        base = np.arange(self.n_base)
-        self.places = [
-            np.concatenate([base, self.n_base + axis * k + np.arange(k)])
-            for axis in range(self._n_joints)
-        ]
 
-    def matrix(self, sums: Array, weights: Array, *, instrumental: bool = False) -> Array:
-        """W'W, or Z'W, over all unknowns."""
-        first = 1 + (self._width if instrumental else 0)
-        total = np.zeros((self.n, self.n))
-        for place, product, weight in zip(self.places, sums, weights, strict=True):
-            part = product[first : first + self._width, 1 : 1 + self._width]
-            total[np.ix_(place, place)] += weight * part
-        return total
-
-    def vector(self, sums: Array, weights: Array, *, instrumental: bool = False) -> Array:
-        """W'Q, or Z'Q, over all unknowns."""
-        first = 1 + (self._width if instrumental else 0)
-        total = np.zeros(self.n)
-        for place, product, weight in zip(self.places, sums, weights, strict=True):
-            total[place] += weight * product[first : first + self._width, 0]
-        return total
-
-    def variances(self, sums: Array, counts: Array, x: Array) -> Array:
-        """Mean square residual of each axis."""
-        found = np.zeros(self._n_joints)
-        for axis, (place, product) in enumerate(zip(self.places, sums, strict=True)):
-            around = np.concatenate([[1.0], -x[place]])
-            head = product[: 1 + self._width, : 1 + self._width]
-            found[axis] = max(float(around @ head @ around), 0.0) / max(counts[axis], 1.0)
-        return found
+def _squares_left(data: Products, x: Array) -> Array:
+    """Mean square residual of each axis."""
+    return mean_squares(data.plain.sum(axis=0), data.counts.sum(axis=0), data.n_base, x)
 
 
 def _weights(
-    data: Products,
-    system: _System,
-    sums: Array,
-    torque_limit: Array,
-    weighting: Weighting,
-    expected: Array | None,
+    data: Products, torque_limit: Array, weighting: Weighting, expected: Array | None
 ) -> Array:
-    counts = data.counts.sum(axis=0)
-    uniform = np.ones(len(torque_limit))
     if weighting == "uniform":
-        return uniform
-    weights = 1.0 / torque_limit**2
+        return np.ones(len(torque_limit))
+    of_torque, plain = 1.0 / torque_limit**2, data.plain
+
+    def solution(weights: Array) -> Array:
+        total = _whole(plain, data, weights)
+        return solved_square(total.information, total.vector)
+
+    def residual_weights(weights: Array) -> Array:
+        return np.asarray(1.0 / np.maximum(_squares_left(data, solution(weights)), 1e-12))
+
     if weighting == "torque":
-        return weights
+        return np.asarray(of_torque)
     if weighting == "prior":
-        p = expected
-        if p is None:
-            x = solved_square(system.matrix(sums, uniform), system.vector(sums, uniform))
-            p = x[: system.n_base]
-        inner = sums[:, 1 : 1 + system.n_base, 1 : 1 + system.n_base]
-        return np.asarray(np.maximum(counts, 1.0) / np.einsum("i,aij,j->a", p, inner, p))
-    for _ in range(ROUNDS):
-        before = weights
-        x = solved_square(system.matrix(sums, weights), system.vector(sums, weights))
-        weights = 1.0 / np.maximum(system.variances(sums, counts, x), 1e-12)
-        if np.allclose(before, weights, rtol=1e-6):
-            break
-    return weights
-
-
-def _sandwich(
-    data: Products,
-    system: _System,
-    weights: Array,
-    square: Array,
-    x: Array,
-    *,
-    instrumental: bool,
-) -> Array:
-    scores = np.array(
-        [
-            system.vector(block, weights, instrumental=instrumental)
-            - system.matrix(block, weights, instrumental=instrumental) @ x
-            for block in data.blocks
-        ]
-    )
-    return sandwich(solved_square(square, np.eye(system.n)), scatter(scores, few=True))
+        p = solution(np.ones(len(torque_limit)))[: data.n_base] if expected is None else expected
+        base = slice(1, 1 + data.n_base)
+        squares = np.einsum("i,aij,j->a", p, plain.sum(axis=0)[:, base, base], p)
+        return np.asarray(np.maximum(data.counts.sum(axis=0), 1.0) / squares)
+    return reweighted(residual_weights, of_torque, ROUNDS, 1e-6)

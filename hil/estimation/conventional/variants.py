@@ -17,7 +17,8 @@ from hil.errors import NotEnoughData
 from hil.estimation.conventional.friction_terms import LOAD, N_OF_SPEED, places
 from hil.estimation.conventional.products import stack
 from hil.estimation.conventional.solution import solve
-from hil.estimation.estimate import Estimate, LoadFriction
+from hil.estimation.drive_train import LoadFriction
+from hil.estimation.estimate import Estimate
 from hil.planning.measurement import recorded_as
 from hil.planning.trajectory import Trajectory
 

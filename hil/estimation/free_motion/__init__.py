@@ -6,8 +6,8 @@ result: cut-off frequency and source of velocities (`settings`), the law of fric
 zone (`choice`), the latter two by the error of prediction on blocks that were held out, and so is
 whether friction changed its level meanwhile (`drift`). Recordings
 are condensed one after the other (`accumulation`) to inner products of columns (`columns`) of
-filtered motion (`filtering`); samples are never all in memory at once. The methods are in
-`methods`.
+filtered motion (`filtering`); samples are never all in memory at once. The methods by name are in
+`hil.estimation.free_motion_methods`.
 
 Standard errors (`uncertainty`) add up two things: what differs from one block to the next, and what
 differs from one part of the space of states to the next, which is where an incomplete model shows;

@@ -28,6 +28,7 @@ from hil.errors import NotEnoughData
 from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
+from hil.regression.normal_equations import successive
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -267,8 +268,7 @@ def _parts(motion: Motion, length: float) -> list[slice]:
     if len(used) < 2:
         return []
     n = max(1, round(len(used) * motion.period * motion.rates.coarse / length))
-    ends = np.linspace(used[0], used[-1] + 1, n + 1).round().astype(int)
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    return successive(int(used[0]), int(used[-1]) + 1, n)
 
 
 def _add_cells(cells: Array, columns: Array, of_cell: Indices, used: NDArray[np.bool_]) -> None:

@@ -26,7 +26,8 @@ import numpy as np
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.choice import HeldOut
 from hil.estimation.free_motion.friction_terms import COLUMNS
-from hil.estimation.free_motion.system import normal, summed
+from hil.estimation.free_motion.system import summed
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,7 +67,7 @@ def covariance_of_choices(products: Products, choice: Choice) -> Array:
 def _solved(products: Products, choice: Choice) -> tuple[Array, float]:
     """Unknowns by a choice, and its squared error on held-out blocks at all speeds."""
     n_shared, kept = products.n_shared, choice.kept(products.n_shared)
-    system = normal(summed(products.pieces, choice.slowest), n_shared, choice.weights)
+    system = choice.equations(products)
     whole = normal(summed(products.pieces), n_shared, choice.weights)
     x = system.solution(kept)
     return x, float(HeldOut(system, whole).error(kept).sum())

@@ -17,9 +17,10 @@ from scipy import special
 
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
-from hil.estimation.free_motion.system import normal, summed
+from hil.estimation.free_motion.system import summed
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import solved
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.motion import Processing
     from hil.estimation.free_motion.scaling import Scaling
     from hil.estimation.free_motion.survey import Survey
-    from hil.estimation.free_motion.system import Normal
     from hil.model.robot import Robot
+    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 
@@ -79,4 +80,4 @@ def bias_test(
 
 def _influence(system: Normal) -> Array:
     """How much each block moves the solution, shape (n_blocks, n)."""
-    return solved(system.N.sum(axis=0), system.scores(system.solution()).T).T
+    return solved(system.information, system.scores(system.solution()).T).T

@@ -19,21 +19,15 @@ samples it would always be the fit on all samples that seems best.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
-from hil.estimation.free_motion.system import (
-    embedded,
-    kept_unknowns,
-    mean_squares,
-    normal,
-    residual_weights,
-    summed,
-)
+from hil.estimation.free_motion.system import kept_unknowns, residual_weights, squares_left, summed
+from hil.regression.layout import embedded
 from hil.regression.least_squares import solved
+from hil.regression.normal_equations import normal, successive
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -41,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.free_motion.accumulation import Products
-    from hil.estimation.free_motion.system import Normal
+    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 
@@ -88,6 +82,14 @@ class Choice:
         """Unknowns that the laws leave."""
         return kept_unknowns(n_shared, [LAWS[law] for law in self.laws])
 
+    def equations(self, products: Products) -> Normal:
+        """Equations of all unknowns, piece by piece, from the samples that are fitted."""
+        return normal(summed(products.pieces, self.slowest), products.n_shared, self.weights)
+
+    def solution(self, products: Products) -> Array:
+        """Weighted least squares, shape (n,); 0 where a law has no such term."""
+        return self.equations(products).solution(self.kept(products.n_shared))
+
 
 def choose(products: Products) -> Choice:
     """Choose dead zone, then laws axis by axis, those of the others being the classical one first.
@@ -96,12 +98,12 @@ def choose(products: Products) -> Choice:
     weighted least squares does.
     """
     plain, n_shared = without_choice(products, weighted=True), products.n_shared
-    whole, all_counts = summed(products.pieces), products.counts.sum(axis=2)
+    whole, all_counts = summed(products.pieces), summed(products.counts)
     scored = normal(whole, n_shared, plain.weights)
-    least = mean_squares(whole, all_counts, n_shared, scored.solution(plain.kept(n_shared)))
+    least = squares_left(whole, all_counts, n_shared, scored.solution(plain.kept(n_shared)))
     for slowest in sorted({_dead_zone(products, plain), 0}, reverse=True):
         pieces = summed(products.pieces, slowest)
-        counts = products.counts[:, :, slowest:].sum(axis=2)
+        counts = summed(products.counts, slowest)
         kept = plain.kept(products.n_shared)
         weights = residual_weights(pieces, counts, products.n_shared, kept)
         system = normal(pieces.sum(axis=0, keepdims=True), products.n_shared, weights)
@@ -119,7 +121,7 @@ def choose(products: Products) -> Choice:
             laws[axis] = simplest(found, products.n_joints)
             errors.append(_relative(found, laws[axis]))
         kept = _kept(products, laws)
-        left = mean_squares(whole, all_counts, n_shared, system.solution(kept))
+        left = squares_left(whole, all_counts, n_shared, system.solution(kept))
         if np.all(left <= (1.0 + MATERIAL) ** 2 * least):
             break
     weights = residual_weights(pieces, counts, products.n_shared, kept)
@@ -132,7 +134,7 @@ def without_choice(products: Products, *, weighted: bool) -> Choice:
     weights = np.ones(n)
     if weighted:
         kept = _kept(products, [law] * n)
-        counts = products.counts.sum(axis=2)
+        counts = summed(products.counts)
         weights = residual_weights(summed(products.pieces), counts, products.n_shared, kept)
     return Choice(0, (law,) * n, ({},) * n, weights)
 
@@ -184,7 +186,7 @@ class HeldOut:
     def __init__(self, fitted: Normal, scored: Normal) -> None:
         self._scored = scored
         self._folds = folds(len(fitted.v))
-        N, v = fitted.N.sum(axis=0), fitted.v.sum(axis=0)
+        N, v = fitted.information, fitted.vector
         self._N = [N - fitted.N[fold].sum(axis=0) for fold in self._folds]
         self._v = [v - fitted.v[fold].sum(axis=0) for fold in self._folds]
 
@@ -200,8 +202,7 @@ class HeldOut:
 
 def folds(n: int) -> list[slice]:
     """Successive blocks that are held out together."""
-    ends = np.linspace(0, n, min(FOLDS, n) + 1).round().astype(int)
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    return successive(0, n, min(FOLDS, n))
 
 
 def _dead_zone(products: Products, plain: Choice) -> int:

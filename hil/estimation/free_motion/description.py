@@ -23,7 +23,7 @@ from hil.estimation.free_motion.result import (
     OneWay,
     TermValue,
 )
-from hil.estimation.free_motion.system import mean_squares, only_directions, summed
+from hil.estimation.free_motion.system import only_directions, squares_left, summed
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -96,10 +96,7 @@ def _one_way(products: Products, solution: Solution) -> dict[int, OneWay]:
             variance = float(both @ solution.covariance[np.ix_(places, places)] @ both)
             found[axis] = OneWay(
                 direction=int(direction),
-                together=TermValue(
-                    value=float(both @ solution.x[places]),
-                    standard_error=float(np.sqrt(max(variance, 0.0))),
-                ),
+                together=TermValue.estimated(float(both @ solution.x[places]), variance),
             )
     return found
 
@@ -145,8 +142,8 @@ class Residuals(NamedTuple):
 
 def residuals(products: Products, solution: Solution) -> Residuals:
     """What a solution leaves of the torques, and what their means leave."""
-    counts, pieces = products.counts.sum(axis=2), summed(products.pieces)
-    squares = mean_squares(pieces, counts, products.n_shared, solution.x)
+    counts, pieces = summed(products.counts), summed(products.pieces)
+    squares = squares_left(pieces, counts, products.n_shared, solution.x)
     torque = products.squares / np.maximum(counts.sum(axis=0), 1.0)
     some = np.where(torque > 0, torque, np.nan)
     total = float(np.sqrt(squares.sum() / max(float(torque.sum()), np.finfo(float).tiny)))
@@ -236,7 +233,4 @@ def dead_zone(choice: Choice) -> float:
 
 
 def _value(solution: Solution, place: int) -> TermValue:
-    return TermValue(
-        value=float(solution.x[place]),
-        standard_error=float(np.sqrt(max(solution.covariance[place, place], 0.0))),
-    )
+    return TermValue.estimated(solution.x[place], solution.covariance[place, place])

@@ -26,7 +26,7 @@ from scipy.linalg import block_diag
 from hil.estimation.free_motion.choice import FOLDS, HeldOut, simplest
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
 from hil.estimation.free_motion.scaling import recast
-from hil.estimation.free_motion.system import Normal, normal, summed
+from hil.regression.normal_equations import Normal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -135,7 +135,7 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
     folds = min(FOLDS, len(products.pieces))
     possible = [n for n in SPANS if n * APART <= duration and 2 * n <= folds]
     n, kept = products.n_joints, choice.kept(products.n_shared)
-    system = normal(summed(products.pieces, choice.slowest), products.n_shared, choice.weights)
+    system = choice.equations(products)
     x = system.solution(kept)
     changes = [term in CHANGES for term in COLUMNS]
     friction = np.where(changes, x[products.n_shared :].reshape(n, -1), 0.0)

@@ -9,7 +9,6 @@ import numpy as np
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import without_choice
 from hil.estimation.free_motion.open_scale import open_gains
-from hil.estimation.free_motion.system import normal, summed
 from hil.estimation.free_motion.unknown_gains import first_scaling
 from hil.model.base_parameters import base_parameters
 
@@ -51,6 +50,4 @@ def first_estimate(
     while open_scale and (lost := open_gains(recorded, unknown)):
         unknown = tuple(axis for axis in unknown if axis != lost[0])
     products = first_scaling(robot, recorded, unknown).applied(recorded)
-    choice = without_choice(products, weighted=True)
-    system = normal(summed(products.pieces), products.n_shared, choice.weights)
-    return system.only(choice.kept(products.n_shared)).solution()[:n_base], unknown
+    return without_choice(products, weighted=True).solution(products)[:n_base], unknown

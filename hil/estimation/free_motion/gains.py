@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.scaling import recast
-from hil.estimation.free_motion.system import embedded, normal, summed
+from hil.estimation.free_motion.system import summed
+from hil.regression.layout import embedded
 from hil.regression.least_squares import solved
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,11 +55,11 @@ def effect_of_gains(
         scaling.gains,
     )
     pieces, kept = summed(products.pieces, choice.slowest), choice.kept(products.n_shared)
-    whole = normal(pieces, products.n_shared, choice.weights)
-    N = whole.only(kept).N.sum(axis=0)
+    whole = choice.equations(products)
+    N = whole.only(kept).information
     for axis in np.flatnonzero(uncertainty):
         alone = np.where(np.arange(robot.n_joints) == axis, choice.weights, 0.0)
-        v = normal(pieces, products.n_shared, alone).only(kept).v.sum(axis=0)
+        v = normal(pieces, products.n_shared, alone).only(kept).vector
         change = embedded(solved(N, v), kept, whole.v.shape[1])
         found[:, axis] = uncertainty[axis] * change[:n_base]
     return found

@@ -28,8 +28,9 @@ from hil.estimation.free_motion.filtering import low_passed
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.presliding import blocks, with_presliding
-from hil.estimation.free_motion.system import Normal, normal, residual_weights
+from hil.estimation.free_motion.system import residual_weights
 from hil.model.base_parameters import base_parameters
+from hil.regression.normal_equations import Normal, normal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -21,7 +21,7 @@ from scipy import linalg, special
 from hil.estimation.free_motion.two_runs import BLOCKS, LoadTerms, State, TwoRuns
 from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.estimation.intervals import MANY
-from hil.estimation.payload import load_columns, without_mass
+from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS
 from hil.model.base_parameters import base_parameters
 from hil.regression.least_squares import IDENTIFIABLE, inverse, undetermined
@@ -152,12 +152,12 @@ def _determined(
     n, k = terms.columns.shape
     two = TwoRuns(runs, n, axes)
     state = two.solved(terms, start)
-    lost = undetermined(two.pieces(terms, state).N.sum(axis=0), IDENTIFIABLE)
+    lost = undetermined(two.pieces(terms, state).information, IDENTIFIABLE)
     kept = tuple(a for a, each in zip(axes, lost[n + k :], strict=False) if not each)
     if kept != axes:
         two = TwoRuns(runs, n, kept)
         state = two.solved(terms, start)
-        lost = undetermined(two.pieces(terms, state).N.sum(axis=0), IDENTIFIABLE)
+        lost = undetermined(two.pieces(terms, state).information, IDENTIFIABLE)
     return two, state, lost[n : n + k]
 
 

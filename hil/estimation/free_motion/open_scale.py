@@ -16,9 +16,11 @@ import numpy as np
 from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.friction_terms import CLASSICAL
 from hil.estimation.free_motion.scaling import Scaling
-from hil.estimation.free_motion.system import embedded, kept_unknowns, normal, summed
+from hil.estimation.free_motion.system import kept_unknowns, summed
 from hil.model.base_parameters import base_parameters
+from hil.regression.layout import embedded
 from hil.regression.least_squares import IDENTIFIABLE, undetermined
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,7 +73,7 @@ def _open(
     products = Scaling(np.ones(n), unknown, x).applied(recorded)
     kept = kept_unknowns(products.n_shared, [CLASSICAL] * n)
     weights = 1.0 / np.maximum(size, _TINY)
-    N = normal(summed(products.pieces), products.n_shared, weights).only(kept).N.sum(axis=0)
+    N = normal(summed(products.pieces), products.n_shared, weights).only(kept).information
     gains = np.arange(products.n_shared - len(unknown), products.n_shared)
     linear = np.delete(np.arange(len(N)), gains)
     lost = undetermined(N, IDENTIFIABLE)

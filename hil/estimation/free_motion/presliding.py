@@ -17,7 +17,6 @@ the velocity, unless that is worse by more than chance.
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,8 +24,9 @@ import numpy as np
 from hil.estimation.free_motion.choice import HeldOut, simplest
 from hil.estimation.free_motion.columns import coupled_friction, n_shared, rotor_torque
 from hil.estimation.free_motion.motion import filtered_motion
-from hil.estimation.free_motion.system import normal, residual_weights
+from hil.estimation.free_motion.system import residual_weights
 from hil.model.dynamics import regressor
+from hil.regression.normal_equations import normal, successive
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -131,5 +131,4 @@ def blocks(motion: Motion) -> list[slice]:
     used = np.flatnonzero(motion.used)
     duration = len(used) * motion.period * motion.rates.coarse
     n = int(np.clip(duration * motion.processing.band / SHORTEST, 1, BLOCKS))
-    ends = np.linspace(used[0], used[-1] + 1, n + 1).round().astype(int)
-    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    return successive(int(used[0]), int(used[-1]) + 1, n)

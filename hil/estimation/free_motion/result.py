@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Self
+
 from checked_files.yaml_file import FileModel
 
 CHANCE = 0.01
@@ -18,6 +21,11 @@ class TermValue(FileModel):
 
     value: float
     standard_error: float
+
+    @classmethod
+    def estimated(cls, value: float, variance: float) -> Self:
+        """From a variance, which rounding may leave below zero."""
+        return cls(value=float(value), standard_error=math.sqrt(max(variance, 0.0)))
 
 
 class OneWay(FileModel):

@@ -31,24 +31,24 @@ from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import with_doubt
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.free_motion.system import (
-    embedded,
-    mean_squares,
-    normal,
     only_directions,
     split_covariance,
+    squares_left,
     summed,
 )
 from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import inverse, total_least_squares, undetermined
+from hil.regression.layout import embedded
+from hil.regression.least_squares import condition, inverse, total_least_squares, undetermined
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
-    from hil.estimation.free_motion.system import Normal
     from hil.model.robot import Robot
+    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 
@@ -113,14 +113,13 @@ def solve(
     equations, found = _by_solver(solver, pieces, products, choice)
     error = uncertainty(equations, cells, found)
     n = n_shared + products.n_joints * len(COLUMNS)
-    x, covariance = embedded(found, kept, n), np.zeros((n, n))
-    covariance[np.ix_(kept, kept)] = error.covariance
+    x, covariance = embedded(found, kept, n), embedded(error.covariance, kept, n)
     covariance += split_covariance(only_directions(products.pieces, n_shared), n_shared, x)
     solution = Solution(
         x=x,
         covariance=covariance,
         degrees_of_freedom=embedded(error.degrees_of_freedom, kept, n),
-        condition=_condition(pieces),
+        condition=condition(pieces.information),
     )
     if solver != "positive":
         return solution
@@ -155,16 +154,14 @@ def _possible(
     """
     kept, n_shared = choice.kept(products.n_shared), products.n_shared
     pieces = summed(products.pieces, choice.slowest)
-    metric = np.zeros_like(found.covariance)
-    metric[np.ix_(kept, kept)] = inverse(
-        normal(pieces, n_shared, choice.weights).only(kept).N.sum(axis=0)
-    )
+    N = choice.equations(products).only(kept).information
+    metric = embedded(inverse(N), kept, len(found.x))
     covariance, unusual = with_doubt(found.x, found.covariance, metric, n_shared)
     nearest = nearest_positive(robot, found.x, metric, configurations)
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     moved = float(np.abs((nearest - found.x) / error)[kept].max(initial=0.0))
-    counts = products.counts[:, :, choice.slowest :].sum(axis=2)
-    before, after = (mean_squares(pieces, counts, n_shared, x) for x in (found.x, nearest))
+    counts = summed(products.counts, choice.slowest)
+    before, after = (squares_left(pieces, counts, n_shared, x) for x in (found.x, nearest))
     possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
     return replace(
         found, x=nearest if possible else found.x, covariance=covariance, moved=moved,
@@ -180,8 +177,8 @@ def require_determined(robot: Robot, pieces: Normal) -> None:
     NotIdentifiable
     """
     names = base_parameters(robot).names
-    lost = undetermined(pieces.N.sum(axis=0))[: len(names)]
-    lost |= np.diag(pieces.N.sum(axis=0))[: len(names)] == 0
+    lost = undetermined(pieces.information)[: len(names)]
+    lost |= np.diag(pieces.information)[: len(names)] == 0
     if lost.any():
         listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
         raise NotIdentifiable(
@@ -205,15 +202,8 @@ def _robust(pieces: Normal) -> tuple[Normal, Array]:
 
 
 def _total(pieces: Normal) -> Array:
-    N, v = pieces.N.sum(axis=0), pieces.v.sum(axis=0)
+    N, v = pieces.information, pieces.vector
     heard = np.diag(N) > 0
     x = np.zeros(len(v))
     x[heard] = total_least_squares(N[np.ix_(heard, heard)], v[heard], float(pieces.square.sum()))
     return x
-
-
-def _condition(pieces: Normal) -> float:
-    N = pieces.N.sum(axis=0)
-    heard = np.diag(N) > 0
-    size = 1.0 / np.sqrt(np.diag(N)[heard])
-    return float(np.sqrt(np.linalg.cond(N[np.ix_(heard, heard)] * np.outer(size, size))))

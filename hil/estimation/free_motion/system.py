@@ -1,18 +1,17 @@
-"""Normal equations of all unknowns, block by block, from inner products axis by axis.
+"""Unknowns of free motions: those that all axes share, then each axis's friction, by its law.
 
-Unknowns are those that all axes share, then each axis's friction with all terms that there are. A
-law of friction is a choice among them, which costs no more than to leave rows and columns out.
+Normal equations (`hil.regression.normal_equations`) are of all terms of friction that there are. A
+law is a choice among them, which costs no more than to leave rows and columns out.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
-from hil.regression.least_squares import solved
+from hil.regression.normal_equations import mean_squares, normal, reweighted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,60 +29,6 @@ direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) /
 uncertain as their sum."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Normal:
-    """Shares of blocks in the normal equations N x = v.
-
-    Attributes
-    ----------
-    N : ndarray, shape (n_blocks, n, n)
-    v : ndarray, shape (n_blocks, n)
-    square : ndarray, shape (n_blocks,)
-        Weighted squares of the torque.
-    """
-
-    N: Array
-    v: Array
-    square: Array
-
-    def only(self, kept: Indices) -> Normal:
-        """The same with some unknowns alone; the others are zero."""
-        return Normal(self.N[:, kept[:, None], kept], self.v[:, kept], self.square)
-
-    def grouped(self, first: Indices) -> Normal:
-        """Blocks added up to larger ones that begin at `first`."""
-        N, v, square = (np.add.reduceat(x, first, axis=0) for x in (self.N, self.v, self.square))
-        return Normal(N, v, square)
-
-    def weighted(self, weights: Array) -> Normal:
-        """Blocks with weights, shape (n_blocks,)."""
-        return Normal(
-            self.N * weights[:, None, None], self.v * weights[:, None], self.square * weights
-        )
-
-    def solution(self, kept: Indices | None = None) -> Array:
-        """Least squares over all blocks; of `kept` unknowns alone, if given, the others zero."""
-        if kept is not None:
-            return embedded(self.only(kept).solution(), kept, self.v.shape[1])
-        return solved(self.N.sum(axis=0), self.v.sum(axis=0))
-
-    def error(self, x: Array) -> Array:
-        """Weighted squares of what `x` leaves of each block, shape (n_blocks,)."""
-        left: Array = self.square + (self.N @ x - 2.0 * self.v) @ x
-        return np.maximum(left, 0.0)
-
-    def scores(self, x: Array) -> Array:
-        """What each block's own equations leave at `x`, shape (n_blocks, n)."""
-        found: Array = self.v - self.N @ x
-        return found
-
-
-def axis_places(n_shared: int, n_joints: int, n_own: int) -> list[Indices]:
-    """Where the columns of each axis, `n_own` of them its own, stand among all unknowns."""
-    shared, own = np.arange(n_shared), np.arange(n_own)
-    return [np.concatenate([shared, n_shared + axis * n_own + own]) for axis in range(n_joints)]
-
-
 def kept_unknowns(n_shared: int, laws: Sequence[Sequence[str]]) -> Indices:
     """Unknowns that laws of friction, one for each axis, leave.
 
@@ -97,58 +42,32 @@ def kept_unknowns(n_shared: int, laws: Sequence[Sequence[str]]) -> Indices:
     return np.concatenate([np.arange(n_shared, dtype=np.intp), np.array(own, dtype=np.intp)])
 
 
-def normal(products: Array, n_shared: int, weights: Array) -> Normal:
-    """Normal equations of all unknowns from inner products.
+def squares_left(products: Array, counts: Array, n_shared: int, x: Array) -> Array:
+    """Mean square of what `x`, of all unknowns, leaves of each axis's torque, shape (n_joints,).
 
     Parameters
     ----------
     products : ndarray, shape (n_blocks, n_joints, m, m)
         The torque is column 0.
-    weights : ndarray, shape (n_joints,)
-        Of the axes' rows.
+    counts : ndarray, shape (n_blocks, n_joints)
     """
-    places = axis_places(n_shared, products.shape[1], products.shape[-1] - 1 - n_shared)
-    n_blocks, n = len(products), int(places[-1][-1]) + 1
-    N, v, square = np.zeros((n_blocks, n, n)), np.zeros((n_blocks, n)), np.zeros(n_blocks)
-    for axis, (place, weight) in enumerate(zip(places, weights, strict=True)):
-        N[np.ix_(np.arange(n_blocks), place, place)] += weight * products[:, axis, 1:, 1:]
-        v[:, place] += weight * products[:, axis, 1:, 0]
-        square += weight * products[:, axis, 0, 0]
-    return Normal(N, v, square)
-
-
-def mean_squares(products: Array, counts: Array, n_shared: int, x: Array) -> Array:
-    """Mean square of what `x`, of all unknowns, leaves of each axis's torque, shape (n_joints,)."""
-    places = axis_places(n_shared, products.shape[1], products.shape[-1] - 1 - n_shared)
-    found = np.zeros(products.shape[1])
-    for axis, place in enumerate(places):
-        around = np.concatenate([[1.0], -x[place]])
-        total = products[:, axis].sum(axis=0)
-        found[axis] = max(float(around @ total @ around), 0.0) / max(counts[:, axis].sum(), 1.0)
-    return found
-
-
-def embedded(x: Array, kept: Indices, n: int) -> Array:
-    """Kept unknowns among all `n`, the others zero."""
-    found = np.zeros(n)
-    found[kept] = x
-    return found
+    totals = [each.sum(axis=0) for each in np.swapaxes(products, 0, 1)]
+    return mean_squares(totals, counts.sum(axis=0), n_shared, x)
 
 
 def residual_weights(products: Array, counts: Array, n_shared: int, kept: Indices) -> Array:
     """Reciprocal residual variances of the axes, found by solving again and again."""
     squares = np.einsum("bjkk->jk", products)[:, 0]
-    weights: Array = counts.sum(axis=0) / np.maximum(squares, 1e-12)
+    first: Array = counts.sum(axis=0) / np.maximum(squares, 1e-12)
     totals = products.sum(axis=0, keepdims=True), counts.sum(axis=0, keepdims=True)
-    for _ in range(ROUNDS):
-        before, system = weights, normal(totals[0], n_shared, weights)
-        x = system.solution(kept)
-        left = mean_squares(*totals, n_shared, x)
-        weights = 1.0 / np.maximum(left, 1e-9 * squares / np.maximum(counts.sum(axis=0), 1.0))
-        weights = np.asarray(np.where(np.isfinite(weights), weights, 0.0))
-        if np.allclose(before, weights, rtol=1e-6):
-            break
-    return weights
+
+    def weigh(weights: Array) -> Array:
+        x = normal(totals[0], n_shared, weights).solution(kept)
+        left = squares_left(*totals, n_shared, x)
+        found = 1.0 / np.maximum(left, 1e-9 * squares / np.maximum(counts.sum(axis=0), 1.0))
+        return np.asarray(np.where(np.isfinite(found), found, 0.0))
+
+    return reweighted(weigh, first, ROUNDS, 1e-6)
 
 
 def only_directions(products: Array, n_shared: int) -> Array:
@@ -180,6 +99,6 @@ def split_covariance(directions: Array, n_shared: int, x: Array) -> Array:
 
 
 def summed(products: Array, slowest: int = 0) -> Array:
-    """Products of all classes of speed from `slowest` on."""
+    """Products, or counts, of all classes of speed from `slowest` on."""
     total: Array = products[:, :, slowest:].sum(axis=2)
     return total

@@ -19,16 +19,11 @@ import numpy as np
 
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.scaling import Scaling, recast
-from hil.estimation.free_motion.system import (
-    Normal,
-    embedded,
-    kept_unknowns,
-    normal,
-    residual_weights,
-    summed,
-)
+from hil.estimation.free_motion.system import kept_unknowns, residual_weights, summed
 from hil.estimation.free_motion.unknown_gains import CONVERGED, ROUNDS, STRIDE
+from hil.regression.layout import embedded
 from hil.regression.least_squares import solved
+from hil.regression.normal_equations import Normal, normal, successive
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -137,11 +132,11 @@ class TwoRuns:
 
     def effect(self, terms: LoadTerms, state: State, shares: Array) -> Array:
         """Change of all unknowns by a share of each axis's gain, shape (n, n_joints)."""
-        N = self.pieces(terms, state).N.sum(axis=0)
+        N = self.pieces(terms, state).information
         found = np.zeros((len(N), self.n_joints))
         for axis in np.flatnonzero(shares):
             alone = np.where(np.arange(self.n_joints) == axis, 1.0, 0.0)
-            v = self._equations(terms, state, None, signal=alone).v.sum(axis=0)
+            v = self._equations(terms, state, None, signal=alone).vector
             found[:, axis] = shares[axis] * solved(N, v)
         return found
 
@@ -206,15 +201,15 @@ class TwoRuns:
         """Reciprocal residual variances by a fit of this run alone."""
         products = run.scaling.applied(run.recorded)
         kept = kept_unknowns(products.n_shared, [LAWS[law] for law in self.laws])
-        counts = products.counts[:, :, slowest:].sum(axis=2)
+        counts = summed(products.counts, slowest)
         return residual_weights(summed(products.pieces, slowest), counts, products.n_shared, kept)
 
 
 def _reduced(recorded: Products, slowest: int) -> Products:
     """The same in few blocks, classes of speed added up."""
     pieces, cells = (summed(each, slowest) for each in (recorded.pieces, recorded.cells))
-    ends = np.linspace(0, len(pieces), min(BLOCKS, len(pieces)) + 1).round().astype(int)
-    blocks = np.add.reduceat(pieces, ends[:-1], axis=0)
+    first = [part.start for part in successive(0, len(pieces), min(BLOCKS, len(pieces)))]
+    blocks = np.add.reduceat(pieces, first, axis=0)
     return replace(
         recorded, pieces=blocks[:, :, np.newaxis], cells=cells[:, :, np.newaxis], instruments=None
     )

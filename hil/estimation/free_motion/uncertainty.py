@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.regression.least_squares import inverse, solved
-from hil.regression.uncertainty import effective_degrees, jackknife, scatter
+from hil.regression.least_squares import inverse
+from hil.regression.uncertainty import effective_degrees, jackknife, left_out, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.estimation.free_motion.system import Normal
+    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 
@@ -51,13 +51,10 @@ def uncertainty(pieces: Normal, cells: Normal, x: Array) -> Uncertainty:
     pieces, cells : Normal
         The same samples by time and by state.
     """
-    n_blocks = min(BLOCKS, len(pieces.v))
-    blocks = pieces.grouped(np.linspace(0, len(pieces.v), n_blocks + 1).round().astype(int)[:-1])
-    N = blocks.N.sum(axis=0)
-    scores = blocks.scores(x)
-    changes = np.array([solved(N - S, -score) for S, score in zip(blocks.N, scores, strict=True)])
+    blocks = pieces.grouped(BLOCKS)
+    changes = left_out(blocks.N, blocks.scores(x))
     of_time = jackknife(changes)
-    influence = cells.scores(x) @ inverse(N)
+    influence = cells.scores(x) @ inverse(blocks.information)
     used = cells.square > 0
     of_states = scatter(influence[used], few=True)
     shares = np.vstack([changes, influence[used]]) ** 2

@@ -33,13 +33,9 @@ from hil.estimation.free_motion.open_scale import (
 )
 from hil.estimation.free_motion.result import GainValue
 from hil.estimation.free_motion.scaling import Scaling, recast
-from hil.estimation.free_motion.system import (
-    kept_unknowns,
-    mean_squares,
-    normal,
-    summed,
-)
+from hil.estimation.free_motion.system import kept_unknowns, squares_left, summed
 from hil.model.base_parameters import base_parameters
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -97,7 +93,7 @@ def _in_one_piece(recorded: Products) -> Products:
 def _converged(recorded: Products, unknown: tuple[int, ...], gains: Array) -> tuple[Scaling, float]:
     """Gains from some to begin with, and the logarithm of what they leave of the signals."""
     known = Scaling(gains, (), np.zeros(0)).applied(recorded)
-    scaling = Scaling(gains, unknown, _solution(known, without_choice(known, weighted=True)))
+    scaling = Scaling(gains, unknown, without_choice(known, weighted=True).solution(known))
     for _ in range(ROUNDS):
         products = scaling.applied(recorded)
         scaling, change = _step(scaling, products, without_choice(products, weighted=True))
@@ -109,16 +105,10 @@ def _converged(recorded: Products, unknown: tuple[int, ...], gains: Array) -> tu
 def _misfit(recorded: Products, scaling: Scaling) -> float:
     """Mean logarithm of the residual variances of the signals, up to a constant."""
     products = Scaling(scaling.gains, (), np.zeros(0)).applied(recorded)
-    counts = products.counts.sum(axis=2)
-    left = mean_squares(summed(products.pieces), counts, products.n_shared, scaling.x)
+    counts = summed(products.counts)
+    left = squares_left(summed(products.pieces), counts, products.n_shared, scaling.x)
     floor = np.finfo(float).tiny
     return float(counts.sum(axis=0) @ np.log(np.maximum(left / scaling.gains**2, floor)))
-
-
-def _solution(products: Products, choice: Choice) -> Array:
-    pieces, kept = summed(products.pieces, choice.slowest), choice.kept(products.n_shared)
-    system = normal(pieces, products.n_shared, choice.weights)
-    return system.solution(kept)
 
 
 def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
@@ -136,7 +126,7 @@ def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
 
 def _step(scaling: Scaling, products: Products, choice: Choice) -> tuple[Scaling, float]:
     """One round, and the largest change of a gain's logarithm."""
-    x = _solution(products, choice)
+    x = choice.solution(products)
     places = _places(products, scaling)
     change = np.clip(x[places], -STRIDE, STRIDE)
     gains = scaling.gains.copy()

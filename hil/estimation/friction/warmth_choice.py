@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.friction.warmth import Warmth, warmth_at
-from hil.regression.least_squares import inverse, solved
+from hil.regression.least_squares import inverse
+from hil.regression.normal_equations import Normal
 from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
@@ -188,7 +189,7 @@ def _fitted(levels: Levels, warmth: Array, steps: int) -> _Fit:
     """Law and slope for given warmth, by steps of Gauss and Newton; no slope without a range."""
     n, m = levels.products.shape[0], len(levels.directed)
     shares = warmth - warmth.mean()
-    values, slope = _alone(levels), 0.0
+    values, slope = Normal.split(levels.products).solution(), 0.0
     for _ in range(steps):
         columns = np.zeros((n, 1 + m, 2 + m))
         columns[:, 0, 0] = 1.0
@@ -197,15 +198,11 @@ def _fitted(levels: Levels, warmth: Array, steps: int) -> _Fit:
         columns[:, 1 + at, 1 + at] = np.where(levels.directed, factors[:, np.newaxis], 1.0)
         columns[:, 1:, 1 + m] = shares[:, np.newaxis] * np.where(levels.directed, values, 0.0)
         P = np.einsum("nki,nkl,nlj->nij", columns, levels.products, columns, optimize=True)
-        used = np.s_[1 : 2 + m] if shares.any() else np.s_[1 : 1 + m]
-        N, v = P[:, used, used], P[:, used, 0]
-        found = solved(N.sum(axis=0), v.sum(axis=0))
+        used = slice(2 + m if shares.any() else 1 + m)
+        system = Normal.split(P[:, used, used])
+        found = system.solution()
         values = found[:m]
         slope += float(found[m]) if len(found) > m else 0.0
     left = float(levels.errors(values, 1.0 + slope * shares).sum())
-    return _Fit(values, slope, float(warmth.mean()), v - N @ found, N.sum(axis=0), left)
-
-
-def _alone(levels: Levels) -> Array:
-    N = levels.products.sum(axis=0)
-    return solved(N[1:, 1:], N[1:, 0])
+    scores = system.scores(found)
+    return _Fit(values, slope, float(warmth.mean()), scores, system.information, left)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.condensed import groups
-from hil.regression.least_squares import orthonormal
+from hil.regression.least_squares import orthonormal, projected_out
 from hil.regression.terms import friction_columns, speed_scale, usable
 from hil.regression.thinned import smoothed_at
 from hil.regression.window import APART
@@ -66,8 +66,7 @@ class Part:
 
     def without_friction(self, x: Array) -> Array:
         """Rows of the part with friction projected out."""
-        own = x[self.rows]
-        return own - self.friction @ (self.friction.T @ own)
+        return projected_out(self.friction, x[self.rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

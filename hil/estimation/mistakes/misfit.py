@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.dynamics import mass_matrix
-from hil.regression.least_squares import orthonormal, solved
+from hil.regression.least_squares import orthonormal, projected_out, solved
 from hil.regression.terms import limit_or_reached
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def _fitted(blocks: Sequence[Array]) -> Array:
     N, v = np.zeros((n, n)), np.zeros(n)
     for block in blocks:
         Q, _ = orthonormal(block[:, 1 + n :])
-        own = block[:, : 1 + n] - Q @ (Q.T @ block[:, : 1 + n])
+        own = projected_out(Q, block[:, : 1 + n])
         N += own[:, 1:].T @ own[:, 1:]
         v += own[:, 1:].T @ own[:, 0]
     return solved(N, v)
@@ -158,8 +158,7 @@ def _left(block: Array, p: Array) -> Array:
     """What base parameters and a channel's own terms leave."""
     n = 1 + len(p)
     Q, _ = orthonormal(block[:, n:])
-    left: Array = block[:, 0] - block[:, 1:n] @ p
-    return left - Q @ (Q.T @ left)
+    return projected_out(Q, block[:, 0] - block[:, 1:n] @ p)
 
 
 def _pure_error(channel: Channel, rows: Array, motor: Array) -> float:
@@ -168,7 +167,7 @@ def _pure_error(channel: Channel, rows: Array, motor: Array) -> float:
     for part in channel.parts:
         columns = part.without_friction(np.column_stack([channel.tau - motor, rows]))
         Q, _ = orthonormal(columns[:, 1:], OWN)
-        left = columns[:, 0] - Q @ (Q.T @ columns[:, 0])
+        left = projected_out(Q, columns[:, 0])
         square += float(left @ left)
         degrees += len(left) - part.friction.shape[1] - Q.shape[1]
     return float(np.sqrt(square / max(degrees, 1)))

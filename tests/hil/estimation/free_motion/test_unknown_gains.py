@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from twin_recordings import TwinRecorder, in_units
 
 from hil.errors import Mismatch, NotIdentifiable
-from hil.estimation.free_motion.methods import VARIANTS
 from hil.estimation.free_motion.result import FreeMotionFit
+from hil.estimation.free_motion.variants import VARIANTS
 from hil.estimation.identify import estimate
 from hil.model.robot import Robot
 
