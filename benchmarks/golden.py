@@ -49,7 +49,8 @@ some hundred operations."""
 SHOWN = 12
 """Differences that are listed of a result."""
 NOT_COMPARED = {
-    "provenance", "robot_file", "validations", "validated", "run", "model", "hil", "written", "made",
+    "provenance", "robot_file", "validations", "validated", "run", "model", "hil", "written",
+    "made",
 }  # fmt: skip
 """Keys of dates, versions and paths."""
 ROUGH = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
