@@ -46,6 +46,7 @@ OWN = {
         "planning/design/friction.py",
         "estimation/friction/points.py",
         "results/friction.py",
+        "results/friction_result.py",
         "report/friction_of_run.py",
     ),
     "trajectory": (
