@@ -95,6 +95,11 @@ class UrdfChain:
     after: Array
     rounded: float
 
+    @property
+    def revolute(self) -> NDArray[np.bool_]:
+        """Which joints turn; the others slide. Shape (n_joints,)."""
+        return np.array([joint.type == "revolute" for joint in self.joints])
+
     def frames(self, q: Array) -> Array:
         """Frames of all joints in the base link, shape (n_joints, 4, 4)."""
         here, found = np.eye(4), []
