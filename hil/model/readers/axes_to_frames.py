@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.frames import inverse, pose_of
-from hil.model.readers.urdf import QUARTER
+from hil.model.frames import QUARTER, inverse, meant, pose_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -162,9 +161,7 @@ def _parameters(step: Array) -> tuple[float, float, float, float]:
 
 
 def _clean_angle(angle: float) -> float:
-    exact = round(angle / QUARTER) * QUARTER
-    if abs(angle - exact) > PARALLEL:
-        return angle
+    exact = meant(angle, PARALLEL)
     return QUARTER * 2 if exact == -QUARTER * 2 else exact + 0.0
 
 
