@@ -102,8 +102,7 @@ def fit_back_and_forth(
     )
     n = len(names)
     effect = np.hstack([solution.of_torque, -solution.of_motor])[:n]
-    stated = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
-    drives, usual = effect * stated, effect * robot.usual_uncertainty
+    drives, usual = effect * robot.stated_uncertainty, effect * robot.usual_uncertainty
     return Estimate(
         method=NAME,
         p=solution.x[:n],

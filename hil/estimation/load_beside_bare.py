@@ -124,8 +124,7 @@ def _fitted(
                                 strict=True)  # fmt: skip
     solution = bias_reduced(np.array(shares), np.array(sides))
     N, load = np.sum(shares, axis=0), slice(n, n + shown.shape[1])
-    relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
-    carried = (solved(N, np.sum(drives, axis=0)) * relative)[load]
+    carried = (solved(N, np.sum(drives, axis=0)) * robot.stated_uncertainty)[load]
     return FittedLoad(
         p=solution.x[:n_base],
         phi=solution.x[load],

@@ -180,9 +180,8 @@ def _estimate(
     degrees: Array,
 ) -> Estimate:
     local = tuple(each.at(p) for each in fits)
-    relative = np.concatenate([robot.torque_constant_uncertainty, robot.rotor_inertia_uncertainty])
     effect = solver.sensitivity()
-    carried, usual = effect * relative, effect * robot.usual_uncertainty
+    carried, usual = effect * robot.stated_uncertainty, effect * robot.usual_uncertainty
     return Estimate(
         method=method,
         p=p,

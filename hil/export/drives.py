@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.bristles import STILL
-from hil.estimation.free_motion.friction_terms import BEND
 from hil.estimation.friction.warmth import REFERENCE
 from hil.estimation.friction_law import DIRECTED
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
+from hil.regression.terms import BEND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,7 +10,7 @@ import numpy as np
 from hil.errors import Mismatch
 from hil.export.simulated_robot import likely_of
 from hil.export.urdf_links import UrdfLinks
-from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.axes_to_frames import difference
 from hil.model.readers.urdf import MOVING, UrdfChain, UrdfReader
 
 if TYPE_CHECKING:
@@ -20,9 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
-
-SAME = 1e-6
-"""By which frames of a URDF may differ from those of the model [rad, m]."""
 
 
 class Given(NamedTuple):
@@ -44,8 +40,9 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
     """
     path = Path(path)
     whys = ["it has fewer joints that move in a row"]
-    for chain in sorted(_chains(UrdfReader(path), robot.n_joints), key=partial(_alike, robot)):
-        found = _difference(robot, chain)
+    chains = _chains(UrdfReader(path), robot.n_joints)
+    for chain in sorted(chains, key=lambda each: np.array_equal(each.revolute, robot.revolute)):
+        found = difference(chain, robot)
         if not found:
             return Given(path, chain)
         whys.append(f"from {chain.base} to {chain.tip} {found}")
@@ -79,25 +76,3 @@ def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
             here, moving = edge.parent, moving + turns
         if moving == n_joints:
             yield reader.chain(here, tip)
-
-
-def _alike(robot: Robot, chain: UrdfChain) -> bool:
-    """Whether a chain turns and slides as the robot does."""
-    turns = tuple(joint.type == "revolute" for joint in chain.joints)
-    return turns == tuple(robot.revolute.tolist())
-
-
-def _difference(robot: Robot, chain: UrdfChain) -> str:
-    """What of a chain is not as the robot's; empty where nothing is."""
-    if not _alike(robot, chain):
-        return f"its joints are {', '.join(joint.type for joint in chain.joints)}"
-    frames = frames_of(chain)
-    for key in ("alpha", "d", "theta", "r"):
-        apart = np.abs(getattr(frames, key) - getattr(robot, key))
-        worst = int(np.argmax(apart))
-        if apart[worst] > SAME:
-            return (
-                f"{key} of joint {worst + 1} is {getattr(frames, key)[worst]:.6g}, of the model"
-                f" {getattr(robot, key)[worst]:.6g}"
-            )
-    return ""

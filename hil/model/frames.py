@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+QUARTER = math.pi / 2
 _RIGHT_ANGLE = 1e-9
 """An angle this near to a multiple of pi/2 is meant to be one [rad]."""
 
@@ -36,10 +37,16 @@ def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
     return np.array(columns, dtype=pose.dtype).T
 
 
+def meant(angle: float, within: float) -> float:
+    """The multiple of a quarter turn that an angle stands for, `within` which it is, or itself."""
+    exact = round(angle / QUARTER) * QUARTER
+    return exact if abs(angle - exact) <= within else angle
+
+
 def cos_sin(angle: float) -> tuple[float, float]:
     """Cosine and sine, exactly 0 and +-1 at right angles."""
-    quarters = round(angle / (math.pi / 2))
-    if abs(angle - quarters * math.pi / 2) < _RIGHT_ANGLE:
+    quarters = round(angle / QUARTER)
+    if abs(angle - quarters * QUARTER) < _RIGHT_ANGLE:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
     return math.cos(angle), math.sin(angle)
 

@@ -193,15 +193,18 @@ class RobotArrays:
         return self._drives(lambda drive: drive.torque_constant_uncertainty)
 
     @cached_property
+    def stated_uncertainty(self) -> NDArray[np.float64]:
+        """Relative standard deviations of torque constants, then rotor inertias: (2 n_joints,)."""
+        return _read_only([*self.torque_constant_uncertainty, *self.rotor_inertia_uncertainty])
+
+    @cached_property
     def usual_uncertainty(self) -> NDArray[np.float64]:
         """Relative standard deviations of values that are stated without one, by usual tolerances.
 
-        Of torque constants, then rotor inertias, shape (2 n_joints,); 0 where the file states an
-        uncertainty or no value.
+        As `stated_uncertainty`; 0 where the file states an uncertainty or no value.
         """
         values = np.concatenate([self.torque_constant, self.rotor_inertia])
-        stated = [self.torque_constant_uncertainty, self.rotor_inertia_uncertainty]
-        alone = (np.nan_to_num(values) > 0) & (np.concatenate(stated) == 0)
+        alone = (np.nan_to_num(values) > 0) & (self.stated_uncertainty == 0)
         return _read_only(np.where(alone, USUAL_UNCERTAINTY, 0.0))
 
     @cached_property

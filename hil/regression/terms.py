@@ -56,7 +56,7 @@ LOAD = 2 + 2 * len(RIPPLE_ORDERS)
 N_COMMON = LOAD + 2
 """Columns of G of one axis."""
 BEND = 0.08
-"""Share of the speed limit at which the arc tangent of friction bends."""
+"""Share of the speed at which the arc tangent of friction bends."""
 SLOW = 0.05
 """Share of the speed limit below which samples are left out."""
 JERK = 5.0
@@ -118,8 +118,12 @@ def friction_columns(motion: Motion, v: Array) -> Array:
     free_of_noise = motion.smoothed(v)
     direction, way = np.sign(free_of_noise), np.cumsum(np.abs(free_of_noise))
     gone = (way - way.mean()) / max(float(np.ptp(way)), motion.period)
-    shapes = (direction, v, np.cbrt(v), np.arctan(v / BEND), v * np.abs(v))
-    return np.column_stack([*shapes, direction * gone])
+    return np.column_stack([direction, v, *curved(v), direction * gone])
+
+
+def curved(v: Array) -> tuple[Array, Array, Array]:
+    """Two degressive functions of a share of the speed, and a progressive one."""
+    return np.cbrt(v), np.arctan(v / BEND), v * np.abs(v)
 
 
 def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:

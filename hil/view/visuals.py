@@ -15,8 +15,7 @@ import numpy as np
 
 from hil.errors import FileError, Mismatch
 from hil.model.frames import inverse
-from hil.model.link_poses import zero_pose
-from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.axes_to_frames import difference, frames_of
 from hil.model.readers.urdf import UrdfReader
 from hil.view.mesh_files import read_triangles
 from hil.view.packed import packed
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
 
 MOST_TRIANGLES = 40_000
 """Of all meshes of a page."""
-SAME = 1e-6
-"""How far frames of URDF and robot file may be apart [m, or as entry of a rotation]."""
 BASE = -1
 """Number of what stands still."""
 
@@ -119,27 +116,20 @@ def _coarse(found: list[Visual]) -> Iterator[str]:
 
 def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
     """Refuse a URDF whose frames are not those of the robot file."""
-    frames = frames_of(chain)
-    n = robot.n_joints
-    if len(chain.joints) == n:
-        poses = frames.poses(np.zeros(n), robot.revolute)
-        steps = [inverse(a) @ b for a, b in zip([frames.base, *poses[:-1]], poses, strict=True)]
-        if all(np.abs(step - zero_pose(robot, j)).max() < SAME for j, step in enumerate(steps)):
-            return
-    raise Mismatch(
-        f"{urdf}: its joints from {chain.base} to {chain.tip} are not where those of {robot.name}"
-        " are; give the URDF that the robot file was written from"
-    )
+    if difference(chain, robot):
+        raise Mismatch(
+            f"{urdf}: its joints from {chain.base} to {chain.tip} are not where those of"
+            f" {robot.name} are; give the URDF that the robot file was written from"
+        )
 
 
 def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
     """Links that hang on the chain: number, pose of the link's frame in the robot's, element."""
     frames = frames_of(chain)
-    revolute = np.array([joint.type == "revolute" for joint in chain.joints])
     at_zero = np.zeros(len(chain.joints))
-    own = dict(zip((joint.link for joint in chain.joints), range(len(revolute)), strict=True))
+    own = dict(zip((joint.link for joint in chain.joints), range(len(at_zero)), strict=True))
     of_urdf = chain.frames(at_zero)
-    of_robot = frames.poses(at_zero, revolute)
+    of_robot = frames.poses(at_zero, chain.revolute)
     yield from _fixed_on(reader, chain.base, BASE, inverse(frames.base), own)
     for name, number in own.items():
         pose = inverse(of_robot[number]) @ of_urdf[number]

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hil.regression.ripple import RIPPLE_ORDERS
+from hil.regression.terms import curved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,8 +42,6 @@ OFFSET, LOAD, RIPPLE = 5, 6, 7
 """Places of the offset, of the friction of the load, and of the first column of ripple."""
 N_FRICTION = RIPPLE + 2 * len(RIPPLE_ORDERS)
 """Number of columns of one axis."""
-BEND = 0.08
-"""Share of the speed limit at which the rich set's atan bends."""
 
 
 def friction_columns(robot: Robot, q: Array, qd: Array, axis: int, direction: Array) -> Array:
@@ -58,7 +57,7 @@ def friction_columns(robot: Robot, q: Array, qd: Array, axis: int, direction: Ar
     v = qd[:, axis] / robot.velocity_limit[axis]
     return np.stack(
         [
-            v, direction, np.cbrt(v), np.arctan(v / BEND), v * np.abs(v),
+            v, direction, *curved(v),
             np.ones(len(v)), np.zeros(len(v)), *_ripple(robot.gear_ratio[axis] * q[:, axis]),
         ],
         axis=1,

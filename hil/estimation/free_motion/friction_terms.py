@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from hil.regression.ripple import RIPPLE_ORDERS
+from hil.regression.terms import curved
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -22,11 +25,9 @@ if TYPE_CHECKING:
 SpeedTerm = Literal[
     "offset", "Coulomb", "viscous", "asymmetric", "cube root", "arc tangent", "quadratic", "load"
 ]
-ORDERS = range(1, 7)
-"""Multiples of the motor's angle at which torque may ripple."""
 TERMS: tuple[str, ...] = (
     *get_args(SpeedTerm),
-    *(f"{wave} {order}" for order in ORDERS for wave in ("cosine", "sine")),
+    *(f"{wave} {order}" for order in RIPPLE_ORDERS for wave in ("cosine", "sine")),
 )
 """Terms of friction, in the order of their columns."""
 BENT = "bend"
@@ -53,8 +54,6 @@ LAWS: dict[str, tuple[str, ...]] = {
     "all": (*_RICH, *_RIPPLE),
 }
 """Laws by name, from the simplest; later ones have more terms."""
-BEND = 0.08
-"""Share of the speed at which the arc tangent bends."""
 
 
 def friction_columns(
@@ -76,10 +75,8 @@ def friction_columns(
         Share of the rate at which samples can follow the motor's turning, 1 being the greatest:
         what ripples faster, the low-pass takes away in any case.
     """
-    speeds = (
-        np.ones(len(u)), direction.sign, u, np.abs(u), np.cbrt(u), np.arctan(u / BEND),
-        u * np.abs(u), np.abs(load) * direction.sign,
-    )  # fmt: skip
+    loaded = np.abs(load) * direction.sign
+    speeds = np.ones(len(u)), direction.sign, u, np.abs(u), *curved(u), loaded
     return np.column_stack([*speeds, *_ripple(angle, np.abs(rate)), direction.bend])
 
 
@@ -88,7 +85,7 @@ def _ripple(angle: Array, rate: Array) -> list[Array]:
         return [np.zeros(len(angle))] * len(_RIPPLE)
     waves, once = [], np.exp(1j * angle)
     power = np.ones_like(once)
-    for order in ORDERS:
+    for order in RIPPLE_ORDERS:
         power = power * once
         seen = np.where(order * rate < 1.0, power, 0.0)
         waves += [seen.real, seen.imag]

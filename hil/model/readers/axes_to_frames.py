@@ -8,24 +8,27 @@ and of the common normals of parallel axes that one is taken which begins where 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.frames import inverse, pose_of
-from hil.model.readers.urdf import QUARTER
+from hil.model.frames import QUARTER, inverse, meant, pose_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.readers.urdf import UrdfChain
+    from hil.model.robot_arrays import RobotArrays
 
     Array = NDArray[np.float64]
 
 PARALLEL = 1e-9
 """Sine of the angle between axes below which they are parallel, length that is none [m], and
 difference from a quarter turn that rounding leaves [rad]."""
+SAME = 1e-6
+"""Difference up to which frames of a URDF are those of a robot file [rad, m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +84,25 @@ def frames_of(chain: UrdfChain) -> Frames:
     steps = [inverse(a) @ b for a, b in zip(before, placed, strict=True)]
     alpha, d, theta, r = np.array([_parameters(step) for step in steps]).T
     return Frames(alpha, d, theta, r, base)
+
+
+def difference(chain: UrdfChain, robot: RobotArrays) -> str:
+    """What of a chain is not as the robot's, whole turns aside; empty where nothing is."""
+    if not np.array_equal(chain.revolute, robot.revolute):
+        return f"its joints are {', '.join(joint.type for joint in chain.joints)}"
+    frames = frames_of(chain)
+    for key in ("alpha", "d", "theta", "r"):
+        found, stated = getattr(frames, key), getattr(robot, key)
+        apart = np.abs(found - stated)
+        if key in {"alpha", "theta"}:
+            apart = np.minimum(apart % math.tau, -apart % math.tau)
+        worst = int(np.argmax(apart))
+        if apart[worst] > SAME:
+            return (
+                f"{key} of joint {worst + 1} is {found[worst]:.6g}, of the model"
+                f" {stated[worst]:.6g}"
+            )
+    return ""
 
 
 def _common_normal(
@@ -139,9 +161,7 @@ def _parameters(step: Array) -> tuple[float, float, float, float]:
 
 
 def _clean_angle(angle: float) -> float:
-    exact = round(angle / QUARTER) * QUARTER
-    if abs(angle - exact) > PARALLEL:
-        return angle
+    exact = meant(angle, PARALLEL)
     return QUARTER * 2 if exact == -QUARTER * 2 else exact + 0.0
 
 

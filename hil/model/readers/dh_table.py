@@ -24,11 +24,12 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
+from hil.model.frames import QUARTER, meant
 from hil.model.polynomial import parse
 from hil.model.readers.axes_to_frames import Frames
 from hil.model.readers.dh_text import yaml_of_table
 from hil.model.readers.limited_joint import LimitedJoint
-from hil.model.readers.urdf import MOST_JOINTS, QUARTER, ROUNDED
+from hil.model.readers.urdf import MOST_JOINTS, ROUNDED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -182,19 +183,13 @@ def _robot(table: DhTable, name: str, notation: Notation) -> DhRobot:
     radians = math.pi / 180 if table.angles == "deg" else 1.0
     rows = table.joints
     stated = np.array([[row.alpha, row.theta] for row in rows]).T * radians
-    alpha, theta = exact = _exact(stated)
+    alpha, theta = exact = np.array([[meant(x, ROUNDED) for x in row] for row in stated])
     a, d = np.array([[row.a, row.d] for row in rows]).T * _metres(table)
     if notation == "standard":
         alpha, a = (np.concatenate([[0.0], column[:-1]]) for column in (alpha, a))
     frames = Frames(alpha=alpha, d=a, theta=theta, r=d, base=np.eye(4))
     joints = tuple(_limited(row, f"joint {k}", table) for k, row in enumerate(rows, start=1))
     return DhRobot(name, notation, joints, frames, float(np.max(np.abs(exact - stated))))
-
-
-def _exact(angles: np.ndarray) -> np.ndarray:
-    """Angles, exact where they stand for multiples of a quarter turn."""
-    exact = np.round(angles / QUARTER) * QUARTER
-    return np.where(np.abs(angles - exact) <= ROUNDED, exact, angles)
 
 
 def _limited(row: DhRow, name: str, table: DhTable) -> LimitedJoint:

@@ -18,7 +18,7 @@ import numpy as np
 
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
-from hil.model.frames import cos_sin, cross_matrix
+from hil.model.frames import cos_sin, cross_matrix, meant
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-QUARTER = math.pi / 2
 ROUNDED = 1e-3
 """How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
 MOST_JOINTS = 30
@@ -94,6 +93,11 @@ class UrdfChain:
     joints: tuple[UrdfJoint, ...]
     after: Array
     rounded: float
+
+    @property
+    def revolute(self) -> NDArray[np.bool_]:
+        """Which joints turn; the others slide. Shape (n_joints,)."""
+        return np.array([joint.type == "revolute" for joint in self.joints])
 
     def frames(self, q: Array) -> Array:
         """Frames of all joints in the base link, shape (n_joints, 4, 4)."""
@@ -279,9 +283,7 @@ class UrdfReader:
 
     def _angle(self, stated: float) -> float:
         """An angle, exact where it stands for a multiple of a quarter turn."""
-        exact = round(stated / QUARTER) * QUARTER
-        if abs(stated - exact) > ROUNDED:
-            return stated
+        exact = meant(stated, ROUNDED)
         self._rounded = max(self._rounded, abs(stated - exact))
         return exact
 

@@ -14,7 +14,7 @@ from urdf_robots import CONTINUOUS, REVOLUTE, ROBOTS, H, urdf
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
-from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.axes_to_frames import difference, frames_of
 from hil.model.readers.robot_draft import draft_robot
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot import load_robot, parse_robot
@@ -61,8 +61,7 @@ def robot_of(chain: UrdfChain, gravity: tuple[float, float, float] = GRAVITY) ->
 def standard_parameters(model: pin.Model, chain: UrdfChain) -> Array:
     """Pinocchio's bodies in our frames: inertias about the origins, first moments, masses."""
     n = len(chain.joints)
-    revolute = np.array([joint.type == "revolute" for joint in chain.joints])
-    ours = frames_of(chain).poses(np.zeros(n), revolute)
+    ours = frames_of(chain).poses(np.zeros(n), chain.revolute)
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     found = []
@@ -78,12 +77,22 @@ def standard_parameters(model: pin.Model, chain: UrdfChain) -> Array:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_frame_moves_with_its_joint(tmp_path: Path, name: str) -> None:
     chain = chain_of(tmp_path, urdf(name, ROBOTS[name]))
-    revolute = np.array([joint.type == "revolute" for joint in chain.joints])
+    revolute = chain.revolute
     frames, still = frames_of(chain), np.zeros(len(revolute))
     fixed = np.linalg.inv(chain.frames(still)) @ frames.poses(still, revolute)
     for q in np.random.default_rng(1).uniform(-2, 2, (10, len(revolute))):
         moved = chain.frames(q) @ fixed
         assert frames.poses(q, revolute) == pytest.approx(moved, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_has_the_frames_of_its_urdf_whole_turns_aside(tmp_path: Path, name: str) -> None:
+    chain = chain_of(tmp_path, urdf(name, ROBOTS[name]))
+    draft = filled(draft_robot(chain, GRAVITY))
+    turned = draft.replace("alpha: -pi/2", "alpha: 3*pi/2")
+    assert difference(chain, parse_robot(turned, "draft")) == ""
+    other = re.sub("alpha: [^,}]+", "alpha: 0.01", draft)
+    assert "of joint" in difference(chain, parse_robot(other, "draft"))
 
 
 @pytest.mark.parametrize("name", ROBOTS)
