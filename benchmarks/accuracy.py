@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, TwoStepMethod, estimates
+from hil.ground_truth.comparison import Comparison, comparison
+from hil.ground_truth.true_parameters import true_parameters
 from hil.results.rounding import clock
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.study.comparison import Comparison, comparison
-from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

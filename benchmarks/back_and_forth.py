@@ -8,7 +8,7 @@ for them and by that for free motions::
 
 Strokes are the trapezoids of gravity and inertia measurements that `hil plan` designs, or smooth
 ones whose way back is a fifth faster than the way forth. Errors are of torques on a free motion
-(`hil.study.comparison`), of what was identified and of what was not, over the torque itself.
+(`hil.ground_truth.comparison`), of what was identified and of what was not, over the torque itself.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from hil.errors import HilError
 from hil.estimation.back_and_forth.recognition import NAME
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate
+from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot
@@ -36,7 +37,6 @@ from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.planning.trajectory import Trajectory
 from hil.results.prediction import FreeTorques
 from hil.runs.run import Run
-from hil.study.truth import true_parameters
 from sim_plant.twin.write import write_twin
 
 if TYPE_CHECKING:

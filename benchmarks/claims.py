@@ -38,11 +38,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
+from drift_study.scenarios import SCENARIOS, Scenario, write_plant
+from drift_study.summary import GROUPS
 
 from hil.cli.robot_drives import packaged_drives
 from hil.estimation.causes import CauseName
 from hil.estimation.cramer_rao import cramer_rao
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
+from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
@@ -51,9 +54,6 @@ from hil.results.error_budget import error_budget
 from hil.results.payload import find_payload
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.study.scenarios import SCENARIOS, Scenario, write_plant
-from hil.study.summary import GROUPS
-from hil.study.truth import true_parameters
 from sim_plant.plant_file import load_plant_file
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.study.comparison import Comparison
+    from hil.ground_truth.comparison import Comparison
 
 FIRST_SEED = 101
 MASS, DISTANCE = 10.86, 0.14

@@ -25,7 +25,7 @@ from sim_plant.plant_file import PlantFile, load_plant_file
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.study.comparison import Comparison
+    from hil.ground_truth.comparison import Comparison
     from sim_plant.plant_file import Axis
 
 BIG, HAND = 20.0, 40.0

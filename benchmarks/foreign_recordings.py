@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 
+from hil.ground_truth.plant_file import find_plant
 from hil.model.robot import load_robot
 from hil.planning.design.trajectories import Search, design_trajectory
-from hil.study.plant_file import find_plant
 from sim_plant.machine_protocol import Reading
 from sim_plant.physics import state as st
 from sim_plant.plant import load_plant

@@ -23,12 +23,12 @@ from foreign_recordings import CASES, NAMES, record
 
 from hil.errors import HilError
 from hil.estimation.identify import estimate
+from hil.ground_truth.comparison import comparison
+from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
 from hil.results.identification import model_of
 from hil.results.recorded_torque import predict_recording
 from hil.runs.pooling import Pooled
-from hil.study.comparison import comparison
-from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

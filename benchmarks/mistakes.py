@@ -4,8 +4,8 @@ Robot file and drives file stay as they come along, and the virtual plant differ
 cannot be had of a plant is done to what was recorded of a good one. Each campaign takes eight
 minutes of robot time. Of each flaw the table states the word of the outcome and the likeliest
 mistake beside those that are right, and of every *good* how many times its stated error the true
-one is, on the axis where that is most (`hil.study.comparison`). Good runs on other seeds show how
-often something is named where nothing is wrong::
+one is, on the axis where that is most (`hil.ground_truth.comparison`). Good runs on other seeds
+show how often something is named where nothing is wrong::
 
     python benchmarks/mistakes.py [--seed 40] [--good 20] [--keep FOLDER]
     python benchmarks/mistakes.py --every-axis [--keep FOLDER]
@@ -34,12 +34,12 @@ from flawed_plants import CASES, ON_EVERY_AXIS
 from hil.errors import HilError
 from hil.estimation.identify import estimate
 from hil.estimation.mistakes.finding import find_mistake
+from hil.ground_truth.comparison import comparison
+from hil.ground_truth.true_parameters import true_parameters
 from hil.results.identification import model_of
 from hil.results.prediction import uncertainty
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
-from hil.study.comparison import comparison
-from hil.study.truth import true_parameters
 from sim_plant.plant_file import load_plant_file
 
 if TYPE_CHECKING:

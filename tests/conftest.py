@@ -39,7 +39,7 @@ settings.register_profile("repeatable", deadline=None, derandomize=True, print_b
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile("repeatable")  # another by --hypothesis-profile
 
-WHOLE_SESSIONS = ("system", "hil/study", "drivers/found_settings", "sim_plant/faults")
+WHOLE_SESSIONS = ("system", "benchmarks", "drivers/found_settings", "sim_plant/faults")
 """Folders of tests that go through everything: coverage counts what tests of parts reach."""
 
 

@@ -121,7 +121,6 @@ PANELS = {
         "trajectory": _Command(
             "trajectory", "Conventional identification with periodic trajectories."
         ),
-        "study": _Command("study", "Methods against one another on plants whose truth is known."),
     },
 }
 """Panels of the help, and the commands of each as a user meets them.
@@ -187,12 +186,14 @@ def _program(
     """Take the options that stand before a command."""
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of `hil`; exit status 1 after a message, 2 for wrong usage."""
+def main(
+    arguments: Sequence[str] | None = None, program: typer.Typer = app, name: str = "hil"
+) -> None:
+    """Entry point of `hil` or of `program`; exit status 1 after a message, 2 for wrong usage."""
     try:
-        app(None if arguments is None else list(arguments), prog_name="hil")
+        program(None if arguments is None else list(arguments), prog_name=name)
     except OSError as error:
-        message = f"{error.filename or 'hil'}: {error.strerror or error}"
+        message = f"{error.filename or name}: {error.strerror or error}"
         sys.stderr.write(f"{printable(message)}\n")
         sys.exit(1)
     except Exception as error:

@@ -140,9 +140,9 @@ def compare(
 ) -> None:
     """Set an estimate against the truth of the virtual plant."""
     with working("reading the run") as now:
+        from hil.ground_truth import comparison as module
         from hil.results.identification import method_for
         from hil.runs.pooling import open_runs
-        from hil.study import comparison as module
 
         _refuse_unknown(method)
         run, *more = open_runs([folder, *(others or ())])

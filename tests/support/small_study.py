@@ -5,23 +5,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from drift_study.campaigns import PERIOD
+from drift_study.drift import prepare
 from small_run import COUNTS, write_run
 
 from hil.planning.design.by_counts import design
 from hil.planning.design.friction import sweep
 from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
-from hil.study.campaigns import PERIOD
-from hil.study.drift import prepare
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
+    from drift_study.cell import Cell
+    from drift_study.drift import Done
+
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
-    from hil.study.cell import Cell
-    from hil.study.drift import Done
 
 PLANT = "manutec-r15"
 SEEDS = (1, 2)

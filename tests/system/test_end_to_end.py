@@ -15,10 +15,10 @@ import yaml
 import hil
 from hil.cli import main
 from hil.estimation.identify import estimate
+from hil.ground_truth.comparison import comparison
+from hil.ground_truth.plant_file import find_plant
+from hil.ground_truth.true_parameters import true_parameters
 from hil.runs.pooling import recorded
-from hil.study.comparison import comparison
-from hil.study.plant_file import find_plant
-from hil.study.truth import true_parameters
 
 COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
 

@@ -17,13 +17,13 @@ import pytest
 import hil
 from hil.cli import main
 from hil.estimation.identify import estimate
+from hil.ground_truth.comparison import comparison
+from hil.ground_truth.true_parameters import true_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import load_robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.runs.pooling import recorded
-from hil.study.comparison import comparison
-from hil.study.truth import true_parameters
 from sim_plant.plant_file import load_plant_file
 from sim_plant.twin.write import write_twin
 

@@ -73,7 +73,7 @@ print(model.summary())
 # all must hold it.
 
 # %%
-from hil.study.truth import true_parameters
+from hil.ground_truth.true_parameters import true_parameters
 
 truth = true_parameters(robot, "manutec-r15")
 low, high = model.interval(0.95).T

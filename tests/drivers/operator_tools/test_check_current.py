@@ -22,8 +22,8 @@ from drivers.operator_tools.check_current import NEAR, judge_current_unit
 from drivers.operator_tools.check_gravity import judge_direction
 from drivers.operator_tools.check_powered import SmallMoves
 from drivers.operator_tools.small_move import Stroke
+from hil.ground_truth.true_parameters import true_parameters
 from hil.model.dynamics import gravity_torque
-from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

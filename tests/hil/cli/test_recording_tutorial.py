@@ -10,8 +10,8 @@ import pytest
 import yaml
 from real_recordings import DATA, at_hand
 
+from hil.ground_truth.true_parameters import true_parameters
 from hil.results.model import Model
-from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from command_line import Hil

@@ -52,7 +52,7 @@ LONG = [
     ("report RUN", "report.page.report", "identifying manutec-r15 and drawing the report"),
     ("diagnose RUN", "results.diagnosis.diagnose",
      "testing what the robot file of manutec-r15 leaves out"),
-    ("compare RUN --truth manutec-r15", "study.comparison.compare",
+    ("compare RUN --truth manutec-r15", "ground_truth.comparison.compare",
      "estimating manutec-r15 anew, beside the truth"),
     ("friction fit RUN", "results.friction.evaluate", "fitting models of friction"),
     ("payload RUN RUN", "results.payload.find_payload", "estimating both runs anew"),
@@ -66,7 +66,6 @@ LONG = [
     ("track PLAN --model RUN -o NEW", "results.model.Model.load",
      "predicting the torques of the plan"),
     ("watch PLAN --model RUN -o NEW", "results.model.Model.load", "reading plan and model"),
-    ("study drift -o NEW", "study.drift.prepare", "planning the campaigns"),
 ]  # fmt: skip
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 MU, OFFSET = 0.05, 0.01
-"""Friction of the load as in `hil study drift`, and a constant torque over the torque limit."""
+"""Friction of the load as in the study of drift, and a constant torque over the torque limit."""
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ from hil.cli.run_session import prepare_folder
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
-from hil.study.drift import prepare
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,16 +99,6 @@ def test_plots_of_a_diagnosis_are_not_drawn_behind_a_link(
     with pytest.raises(SystemExit):
         cli.main(["diagnose", str(folder.path)])
     assert "diagnosis: is a symbolic link" in capsys.readouterr().err
-    assert not list(outside.iterdir())
-
-
-def test_a_study_does_not_follow_a_link_in_its_folder(tmp_path: Path) -> None:
-    outside, study = tmp_path / "outside", tmp_path / "study"
-    outside.mkdir()
-    study.mkdir()
-    (study / "off").symlink_to(outside)
-    with pytest.raises(FileError, match="off: is a symbolic link"):
-        prepare(study, "manutec-r15", "manutec-r15", [1], ["off"], share=0.1)
     assert not list(outside.iterdir())
 
 

@@ -15,10 +15,10 @@ from drivers.drive_bus import DriveRefused
 from drivers.drives_file import load_drives
 from drivers.open_drive_bus import open_drive_bus
 from hil.cli.robot_drives import load_robots_drives
+from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import load_robot
-from hil.study.truth import true_parameters
 from sim_plant import build
 from sim_plant.__main__ import app
 from sim_plant.physics.reflected_inertia import configurations, gravity_torques, mass_matrix

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
+ROOT = Path(__file__).parents[2]
+
+
 def processes_of(folder: Path) -> list[int]:
     """Processes, zombies aside, whose environment names the study's folder."""
     mark, found = f"STUDY={folder}\0".encode(), []
@@ -43,7 +46,8 @@ class TestInterruption:
         options = "--scenario on --kind two-step --seeds 2 --first-seed 1 --workers 1"
         environment = os.environ | {"STUDY": str(folder)}
         with subprocess.Popen(  # noqa: S603 - our own program
-            [sys.executable, "-m", "hil", "study", "drift", "-o", folder, *options.split()],
+            [sys.executable, "-m", "benchmarks.drift_study", "-o", folder, *options.split()],
+            cwd=ROOT,
             env=environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from checked_files.yaml_file import FileError
+from hil.ground_truth.plant_file import find_plant
 from hil.runs.atomic_file import file_errors, write_file
-from hil.study.plant_file import find_plant
 
 if TYPE_CHECKING:
     from pathlib import Path

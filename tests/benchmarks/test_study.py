@@ -1,4 +1,4 @@
-"""`hil study drift`: what is measured and judged, what is done again, what fails."""
+"""`benchmarks/drift_study`: what is measured and judged, what is done again, what fails."""
 
 from __future__ import annotations
 
@@ -13,25 +13,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from drift_study import summary
+from drift_study.__main__ import main
+from drift_study.cell import OUR_DEFAULT, judge, measure
+from drift_study.drift import judged, measure_cells
+from drift_study.scenarios import SCENARIOS
 from small_study import PLANT, SEEDS, begun, cell_of, errors_of, here, opened, put, small_plans
 
 from checked_files.yaml_file import FileError
-from hil import cli, execution
+from hil import execution
 from hil.model.dependencies import GROUPS
 from hil.model.robot import ROBOTS, load_robot
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.study import summary
-from hil.study.cell import OUR_DEFAULT, judge, measure
-from hil.study.drift import judged, measure_cells
-from hil.study.scenarios import SCENARIOS
+from hil.terminal.console import out
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
+    from drift_study.cell import Cell
+    from drift_study.drift import Done
+
     from hil.model.robot import Robot
-    from hil.study.cell import Cell
-    from hil.study.drift import Done
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +62,12 @@ def files(folder: Path) -> dict[Path, int]:
 
 
 @pytest.fixture
-def hil(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+def program(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
     """Call the command; return exit status, standard output and standard error."""
 
     def call(*arguments: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
-            cli.main(["study", "drift", *map(str, arguments)])
+            main([str(argument) for argument in arguments])
         printed = capsys.readouterr()
         assert "Traceback" not in printed.out + printed.err
         return int(left.value.code or 0), printed.out, printed.err
@@ -182,14 +185,17 @@ class TestStudy:
 
 class TestFailure:
     def test_share_and_minutes_exclude_each_other(
-        self, tmp_path: Path, hil: Callable[..., tuple[int, str, str]]
+        self, tmp_path: Path, program: Callable[..., tuple[int, str, str]]
     ) -> None:
-        status, _, err = hil("-o", tmp_path / "study", "--share", 1, "--minutes", 10)
+        status, _, err = program("-o", tmp_path / "study", "--share", 1, "--minutes", 10)
         assert (status, "give one of them" in err) == (2, True)
         assert not (tmp_path / "study").exists()
 
     def test_a_campaign_that_fails_is_reported_and_the_others_go_on(
-        self, study: Path, hil: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+        self,
+        study: Path,
+        program: Callable[..., tuple[int, str, str]],
+        monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         monkeypatch.setattr(execution, "local", lambda _workers: nullcontext(here))
         bad, good = (cell_of(study, "trajectory", seed) for seed in SEEDS)
@@ -198,7 +204,7 @@ class TestFailure:
         for cell in (bad, good):
             cell.verdict.unlink()
         options = ("--scenario", "on", "--seeds", 2, "--first-seed", 1, "--workers", 1)
-        status, out, err = hil("-o", study, *options)
+        status, out, err = program("-o", study, *options)
         assert status == 1
         assert f"on, trajectory, seed 1: {bad.run}: {bad.run} is no folder" in out
         assert "1 campaigns failed, see above; the same command retries" in err
@@ -220,22 +226,22 @@ class TestFailure:
         self,
         tmp_path: Path,
         manutec: Robot,
-        hil: Callable[..., tuple[int, str, str]],
+        program: Callable[..., tuple[int, str, str]],
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         folder = put(small_plans(manutec), tmp_path / "study")
         monkeypatch.setattr(
-            "hil.study.drift.measure_cells", lambda cells, _: measure_cells(cells, failing)
+            "drift_study.drift.measure_cells", lambda cells, _: measure_cells(cells, failing)
         )
-        status, out, err = hil("-o", folder, "--scenario", "on", "--seeds", 2)
+        status, out, err = program("-o", folder, "--scenario", "on", "--seeds", 2)
         assert (status, "8 campaigns failed" in err) == (1, True)
         assert "[/etc] is full" in out
         assert not (folder / summary.TABLE).exists()
 
     def test_an_unknown_scenario_is_refused_with_the_known_ones(
-        self, tmp_path: Path, hil: Callable[..., tuple[int, str, str]]
+        self, tmp_path: Path, program: Callable[..., tuple[int, str, str]]
     ) -> None:
-        status, _, err = hil("-o", tmp_path / "study", "--scenario", "sideways")
+        status, _, err = program("-o", tmp_path / "study", "--scenario", "sideways")
         assert status == 2
         for name in SCENARIOS:
             assert name in err
@@ -253,11 +259,36 @@ class TestFailure:
         assert (tmp_path / "study" / "drives.yaml").read_text() == drives.read_text()
 
     def test_an_unknown_plant_is_refused_before_anything_is_made(
-        self, tmp_path: Path, hil: Callable[..., tuple[int, str, str]]
+        self, tmp_path: Path, program: Callable[..., tuple[int, str, str]]
     ) -> None:
-        status, _, err = hil("-o", tmp_path / "study", "--plant", "puma")
+        status, _, err = program("-o", tmp_path / "study", "--plant", "puma")
         assert (status, "puma: no plant file" in err) == (1, True)
         assert not (tmp_path / "study").exists()
+
+    def test_planning_is_announced_on_a_terminal(
+        self,
+        tmp_path: Path,
+        program: Callable[..., tuple[int, str, str]],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        def stop(*_: object) -> None:
+            raise FileError("so far")
+
+        monkeypatch.setattr(out, "_force_terminal", True)
+        monkeypatch.setattr(out, "is_interactive", True)
+        monkeypatch.setattr("drift_study.drift.prepare", stop)
+        status, printed, err = program("-o", tmp_path / "study")
+        assert (status, "so far" in err) == (1, True)
+        assert "planning the campaigns" in printed
+
+    def test_a_study_does_not_follow_a_link_in_its_folder(self, tmp_path: Path) -> None:
+        outside, study = tmp_path / "outside", tmp_path / "study"
+        outside.mkdir()
+        study.mkdir()
+        (study / "off").symlink_to(outside)
+        with pytest.raises(FileError, match="off: is a symbolic link"):
+            opened(study, scenarios=["off"])
+        assert not list(outside.iterdir())
 
 
 def failing(_function: object, jobs: Iterable[Cell]) -> Iterator[tuple[Cell, Exception]]:
@@ -290,11 +321,14 @@ class TestCluster:
                 assert one.error == pytest.approx(other.error, rel=1e-6)
 
     def test_without_dask_it_is_said_what_to_install(
-        self, study: Path, hil: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+        self,
+        study: Path,
+        program: Callable[..., tuple[int, str, str]],
+        monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         monkeypatch.setitem(sys.modules, "distributed", None)
         options = ("--scenario", "on", "--seeds", 2, "--first-seed", 1)
-        status, _, err = hil("-o", study, *options, "--scheduler", "tcp://localhost:1")
+        status, _, err = program("-o", study, *options, "--scheduler", "tcp://localhost:1")
         assert status == 1
         assert "pip install 'canopen-robot-identification[dask]'" in err
 

@@ -15,14 +15,14 @@ from synthetic import TABLE_3_A
 from checked_files.yaml_file import FileError
 from hil.errors import Mismatch, NotIdentifiable, UnknownName
 from hil.estimation.identify import estimate
+from hil.ground_truth.comparison import compare, comparison
+from hil.ground_truth.measured_plant import refuse_other_plant
+from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.identification import identify
 from hil.results.validation_motion import SHARE, free_motion
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.study.comparison import compare, comparison
-from hil.study.measured_plant import refuse_other_plant
-from hil.study.truth import true_parameters
 
 PLANT = "manutec-r15"
 L1, L2, MASS, DISTANCE, I_RADIAL, I_AXIAL = 0.5, 0.73, 10.86, 0.14, 0.0259, 0.047

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import load_yaml
 from hil.errors import Mismatch
+from hil.ground_truth.plant_file import Plant, find_plant
 from hil.runs.journal import BusName
-from hil.study.plant_file import Plant, find_plant
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
+    from hil.ground_truth.plant_file import Plant, PlantAxis
     from hil.model.robot import Robot
-    from hil.study.plant_file import Plant, PlantAxis
 
     Place = tuple[str | int, ...]
 

@@ -14,15 +14,16 @@ from rich.table import Table
 
 from hil.model.dependencies import GROUPS
 from hil.results.rounding import clock, significant
-from hil.study.scenarios import SCENARIOS
+
+from .scenarios import SCENARIOS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from rich.console import Console
 
-    from hil.study.drift import Done
-    from hil.study.summary import MethodScore
+    from .drift import Done
+    from .summary import MethodScore
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""A plant file, as far as the study reads it: frames, bodies, drives and payload of the machine.
+"""A plant file, as far as the truth needs it: frames, bodies, drives, payload of the machine.
 
 Link parameters and payload together are the robot's standard parameters of eq. (5).
 """

@@ -1,8 +1,8 @@
 """The truth about the virtual plant, for whoever sets an estimate against it afterwards.
 
 Only `hil compare` and benchmarks come here; nothing that measures or estimates does. Of the plant
-file just the machine is read (`hil.study.plant_file`): whether it is the robot's
-(`hil.study.other_machine`), and its standard parameters of eq. (5), and from these the base
+file just the machine is read (`hil.ground_truth.plant_file`): whether it is the robot's
+(`hil.ground_truth.other_machine`), and its standard parameters of eq. (5), and from these the base
 parameters that an identification should find.
 """
 
@@ -15,10 +15,10 @@ import numpy as np
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import UnknownName
+from hil.ground_truth.other_machine import refuse_other_machine
+from hil.ground_truth.plant_file import Plant, find_plant, packaged_plants
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import influences
-from hil.study.other_machine import refuse_other_machine
-from hil.study.plant_file import Plant, find_plant, packaged_plants
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,26 +1,33 @@
-"""Studies over many virtual plants, on this machine or on a Dask cluster."""
+"""The study as a program, on this machine or on a Dask cluster.
+
+python -m benchmarks.drift_study -o FOLDER [--help]
+"""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from checked_files.near import did_you_mean
+from hil import cli
 from hil.cli.arguments import PLANT, RobotsDrives
 from hil.cli.outputs import folder_to_write
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 from hil.terminal.working import working
 
-study = typer.Typer(help="Methods against one another on plants whose truth is known.")
-commands = typer.Typer()
-commands.add_typer(study, name="study")
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+app = typer.Typer(
+    pretty_exceptions_enable=False, context_settings={"help_option_names": ["-h", "--help"]}
+)
 
 
-@study.command()
+@app.command()
 def drift(
     output: Annotated[
         Path,
@@ -78,11 +85,11 @@ def drift(
     """Set the two-step method against conventional ones, friction drifting or not."""
     from checked_files.yaml_file import FileError
     from hil import execution
-    from hil.cli import study_view
-    from hil.study import drift as campaigns
-    from hil.study import summary
-    from hil.study.campaigns import KINDS
-    from hil.study.scenarios import SCENARIOS
+
+    from . import drift as campaigns
+    from . import summary, view
+    from .campaigns import KINDS
+    from .scenarios import SCENARIOS
 
     if share is not None and minutes is not None:
         raise typer.BadParameter(
@@ -111,7 +118,7 @@ def drift(
         except ValueError as error:
             raise FileError(f"{output}: {error}") from error
         where = execution.cluster(scheduler) if scheduler else execution.local(workers)
-        with where as execute, study_view.shown(out) as show:
+        with where as execute, view.shown(out) as show:
             for done in campaigns.measure_cells(cells, execute):
                 show(done)
                 failed += bool(done.error)
@@ -120,7 +127,7 @@ def drift(
             if rows:
                 summary.write(output, rows)
         if rows:
-            study_view.render(rows, out)
+            view.render(rows, out)
             out.print(f"table and picture in {output}", highlight=False, soft_wrap=True)
     if failed:
         raise FileError(f"{output}: {failed} campaigns failed, see above; the same command retries")
@@ -134,3 +141,14 @@ def _known(given: list[str] | None, known: tuple[str, ...], option: str) -> tupl
                 f"{name} must be one of {', '.join(known)}{near}", param_hint=option
             )
     return tuple(name for name in known if name in (given or ()))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point; exit status 1 after a message, 2 for wrong usage."""
+    # matrices are small here: threads would wait for one another
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    cli.main(arguments, app, "python -m benchmarks.drift_study")
+
+
+if __name__ == "__main__":
+    main()

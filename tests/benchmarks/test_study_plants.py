@@ -6,15 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 import yaml
-from small_study import PLANT, planned, put, small_plans, some_trajectory
-
-from checked_files.yaml_file import FileError
-from hil.planning.design.by_counts import design
-from hil.planning.design.friction import sweep
-from hil.planning.plan import PlannedRobot, load_plan
-from hil.planning.prediction.noise import stated_noise
-from hil.study import campaigns as study_campaigns
-from hil.study.campaigns import (
+from drift_study import campaigns as study_campaigns
+from drift_study.campaigns import (
     KINDS,
     PERIOD,
     SLOWEST,
@@ -23,7 +16,14 @@ from hil.study.campaigns import (
     campaigns,
     duration,
 )
-from hil.study.scenarios import SCENARIOS, write_plant
+from drift_study.scenarios import SCENARIOS, write_plant
+from small_study import PLANT, planned, put, small_plans, some_trajectory
+
+from checked_files.yaml_file import FileError
+from hil.planning.design.by_counts import design
+from hil.planning.design.friction import sweep
+from hil.planning.plan import PlannedRobot, load_plan
+from hil.planning.prediction.noise import stated_noise
 from sim_plant.plant_file import load_plant_file
 
 if TYPE_CHECKING:

@@ -15,9 +15,10 @@ from hil.model.dependencies import GROUPS
 from hil.report.charts.colours import GRID, INK, MEASURED, MODEL, MUTED
 from hil.report.plots.style import image, plotting
 from hil.runs.atomic_file import write_file
-from hil.study.campaigns import KINDS
-from hil.study.cell import OUR_DEFAULT
-from hil.study.scenarios import SCENARIOS
+
+from .campaigns import KINDS
+from .cell import OUR_DEFAULT
+from .scenarios import SCENARIOS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from hil.study.cell import Outcome
-    from hil.study.drift import Judged
+    from .cell import Outcome
+    from .drift import Judged
 
 TABLE, PICTURE = "study.csv", "study"
 LEGEND = "error of predicted rigid-body torques, %\na dot for each plant, a bar for their rms"

@@ -24,12 +24,12 @@ from hil.estimation.conventional.variants import (
 )
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import estimates
+from hil.ground_truth.comparison import comparison
+from hil.ground_truth.true_parameters import true_parameters
 from hil.results.friction import evaluate
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.study.comparison import comparison
-from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -106,7 +106,7 @@ class Outcome:
     ----------
     method : str
     group_error : dict
-        See `hil.study.comparison.Comparison`.
+        See `hil.ground_truth.comparison.Comparison`.
     torque_error : float
         Mean over joints, relative.
     inside, n : int
@@ -142,7 +142,7 @@ def measure(cell: Cell) -> None:
         *("--channel", cell.plant, "--bus-option", f"seed={cell.seed}"),
         *(("--resume",) if begun else ()),
     ]
-    done = subprocess.run(  # noqa: S603 - our own command
+    done = subprocess.run(
         [str(part) for part in command],
         stdin=subprocess.DEVNULL,  # it would listen to the terminal's keys otherwise
         capture_output=True,

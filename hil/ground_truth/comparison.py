@@ -15,6 +15,8 @@ import numpy as np
 
 from hil.errors import Mismatch
 from hil.estimation.identify import estimate
+from hil.ground_truth.measured_plant import refuse_other_plant
+from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.model_file import NAME, read_model_file
 from hil.results.naming import named
@@ -23,8 +25,6 @@ from hil.results.rounding import clock, rounded, signed, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.results.tables.terminal import show
 from hil.runs.pooling import pooled
-from hil.study.measured_plant import refuse_other_plant
-from hil.study.truth import true_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

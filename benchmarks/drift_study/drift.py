@@ -13,19 +13,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from checked_files.yaml_file import FileError
+from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import ROBOTS, load_robot
 from hil.runs.atomic_file import file_errors, own_folder, write_file
-from hil.study.campaigns import KINDS, campaigns
-from hil.study.cell import Cell, judge, measure
-from hil.study.scenarios import SCENARIOS, write_plant
-from hil.study.truth import true_parameters
+
+from .campaigns import KINDS, campaigns
+from .cell import Cell, judge, measure
+from .scenarios import SCENARIOS, write_plant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from hil.execution import Execute
-    from hil.study.cell import Outcome
+
+    from .cell import Outcome
 
 SETTINGS = "study.json"
 
@@ -83,7 +85,7 @@ def prepare(
     drives : path, optional
         Drives file of that plant; by default the one that comes along with the robot.
     minutes : float, optional
-        Duration of every campaign, see `hil.study.campaigns`; then `share` does not matter [min].
+        Duration of every campaign, see `campaigns`; then `share` does not matter [min].
 
     Raises
     ------

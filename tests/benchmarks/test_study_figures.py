@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from drift_study import summary, view
+from drift_study.cell import OUR_DEFAULT, Cell, Outcome
+from drift_study.drift import Judged
+from drift_study.scenarios import SCENARIOS
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
-from hil.cli import study_view
 from hil.report.plots.style import plotting
-from hil.study import summary
-from hil.study.cell import OUR_DEFAULT, Cell, Outcome
-from hil.study.drift import Judged
-from hil.study.scenarios import SCENARIOS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -162,7 +161,7 @@ class TestOutput:
         self, rows: list[summary.MethodScore]
     ) -> None:
         console = Console(width=100, record=True, file=io.StringIO())
-        study_view.render(rows, console)
+        view.render(rows, console)
         text = console.export_text()
         assert "…" not in text
         assert "e+" not in text

@@ -1,0 +1,1 @@
+"""Estimates against the truth, which is known of virtual plants only."""
