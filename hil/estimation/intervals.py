@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+TWICE = 1.96
+"""Standard errors of an interval of 95 %, of a variance that is known."""
 MANY = 1e9
 """Degrees of freedom from which on Student's t is the normal distribution."""
 

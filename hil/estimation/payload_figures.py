@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
 """Where mass, first moments and inertias stand in eq. (4)."""
+CONTRADICTS = 4.0
+"""Standard errors between a stated mass and the one that is found, from which they contradict."""
 _STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
 """First moments whose squares belong to each moment of inertia."""
 _DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}

@@ -192,7 +192,7 @@ class SimultaneousFit:
             variance = self._residual_variance(total[0], count[0], x)
             return np.asarray(1.0 / np.where(variance > 0, variance, 1.0))
 
-        self._weight = reweighted(weigh, self._weight, _ROUNDS)
+        self._weight = reweighted(weigh, self._weight, _ROUNDS, None)
         self._total = total
         self._sum = normal(total, self._n_base, self._weight)
         self._shares = normal(products, self._n_base, self._weight)

@@ -60,8 +60,6 @@ if TYPE_CHECKING:
 
 TwoStepMethod = Literal["improved", "published"]
 TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
-_FEWEST_DEGREES = 2.0
-"""Of freedom: of Student's t with fewer, intervals are too wide to be of use."""
 
 
 class ParameterSolver(Protocol):
@@ -109,7 +107,7 @@ def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Esti
     p, changes = _left_out_in_turn(solver)
     return _estimate(
         robot, "published", fits, condition, (*unusable, *streamed, *useless), solver, p,
-        jackknife(changes), effective_degrees(changes**2, _FEWEST_DEGREES),
+        jackknife(changes), effective_degrees(changes**2),
     )  # fmt: skip
 
 
@@ -135,7 +133,7 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
     covariance += _of_gears(robot, raw, drive_train, p)
     found = _estimate(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
-        covariance, effective_degrees(changes**2, _FEWEST_DEGREES),
+        covariance, effective_degrees(changes**2),
     )  # fmt: skip
     return replace(
         found,

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from checked_files.yaml_file import FileModel
-from hil.model.robot_file import LINK_PARAMETERS
+from hil.model.robot_file import EARTH, LINK_PARAMETERS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,7 +90,7 @@ class PlantAxis(_Part):
 class Plant(_Part):
     """A plant file, as far as it is of concern here."""
 
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    gravity: tuple[float, float, float] = EARTH
     axes: tuple[PlantAxis, ...] = Field(min_length=1)
     payload: _Payload | None = None
 

@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
 from hil.imports.units import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 from hil.model.drive_train_file import UNKNOWN, Unknown
+from hil.model.robot_file import EARTH
 
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
 """Checks of plausibility whose refusal a map may overrule."""
@@ -196,7 +197,7 @@ class MappedRobot(FileModel):
     urdf: str | None = None
     base: str | None = Field(default=None, alias="from")
     tip: str | None = Field(default=None, alias="to")
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    gravity: tuple[float, float, float] = EARTH
 
     @model_validator(mode="after")
     def _either(self) -> MappedRobot:

@@ -25,14 +25,12 @@ from hil.model.readers.robot_draft import robot_as_stated
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot_arrays import RobotArrays
 from hil.model.robot_checks import unknown_for_motion, wrong_names
-from hil.model.robot_file import RobotFile
+from hil.model.robot_file import EARTH, RobotFile
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 ROBOTS = Path(__file__).parents[1] / "robots"
-EARTH = (0.0, 0.0, -9.81)
-"""Gravity where the base stands upright [m/s^2]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -35,6 +35,8 @@ LINK_PARAMETERS: tuple[LinkParameter, ...] = (
 )
 """Of every link, in the order of eq. (4): inertia about the frame's origin, first moment, mass."""
 
+EARTH = (0.0, 0.0, -9.81)
+"""Gravity where the base stands upright [m/s^2]."""
 _MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
 _MAX_VELOCITY = {"revolute": 40.0, "prismatic": 20.0}
 _MAX_ACCELERATION = {"revolute": 1000.0, "prismatic": 500.0}

@@ -143,7 +143,10 @@ def mean_squares(products: Sequence[Array], counts: Array, n_shared: int, x: Arr
 
 
 def reweighted(
-    weigh: Callable[[Array], Array], first: Array, rounds: int, tolerance: float | None = None
+    weigh: Callable[[Array], Array],
+    first: Array,
+    rounds: int = 20,
+    tolerance: float | None = 1e-6,
 ) -> Array:
     """Weights of rows, or their variances, and solution found from each other again and again.
 

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+FEWEST = 2.0
+"""Degrees of freedom, at least: of Student's t with fewer, intervals are too wide to be of use."""
 ALMOST_NONE = 1.0
 """Degrees of freedom, at least: a variance that a single measurement carries is evidence of next to
 nothing."""
@@ -129,7 +131,7 @@ def left_out(shares: Array, scores: Array) -> Array:
     return np.array([solved(N - S, -score) for S, score in zip(shares, scores, strict=True)])
 
 
-def effective_degrees(shares: Array, fewest: float) -> Array:
+def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
     """Effective degrees of freedom of variances to which measurements contribute `shares`.
 
     Parameters
@@ -148,7 +150,7 @@ def effective_degrees(shares: Array, fewest: float) -> Array:
     return np.clip(degrees, fewest, len(shares) - 1.0)
 
 
-def degrees_if_white(inverse: Array, shares: Array, fewest: float) -> Array:
+def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> Array:
     """Effective degrees of freedom by each measurement's share of the variance of white noise.
 
     After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares taken from the residuals

@@ -16,7 +16,7 @@ from hil.errors import Mismatch
 from hil.estimation.load_beside_bare import fit_beside
 from hil.estimation.load_columns import payload_names, without_mass
 from hil.estimation.payload import require_load
-from hil.estimation.payload_figures import FIRST_MOMENTS, MASS, Payload
+from hil.estimation.payload_figures import CONTRADICTS, FIRST_MOMENTS, MASS, Payload
 from hil.estimation.two_step_methods import prepare
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.results.load_pose import helpful_poses, parameter_of
@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NAME = "load.yaml"
-CONTRADICTS = 4.0
-"""Standard errors between a stated mass and the one that is found, from which they contradict."""
 BESIDE = 0.001
 """Chance of a load's first moments across the last axis, were it on it, from which on it is not."""
 LOOSE = 0.001

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.offsets import ASYMMETRY
-from hil.estimation.free_motion.result import FEW_BLOCKS
+from hil.estimation.free_motion.result import FEW_BLOCKS, POOR
 from hil.estimation.mistakes.mistake import MistakeName
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.results.outcome import OUTCOME_WORDS, Outcome
@@ -48,8 +48,6 @@ UNEXCITED = 0.1
 """Standard error over torque from which on an axis is not excited."""
 NOTHING = 0.7
 """And from which on nothing is known of it."""
-POOR = 1000.0
-"""Condition number from which on some parameters hardly show."""
 FEWEST = 2
 """Measurements for each parameter below which errors are not known well enough to be stated."""
 LARGE = 0.02

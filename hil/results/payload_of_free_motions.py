@@ -15,7 +15,7 @@ from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
 from hil.estimation.load_columns import load_columns, payload_names
 from hil.estimation.payload import ABSENT, no_load, refuse_negative
-from hil.estimation.payload_figures import MASS, Payload
+from hil.estimation.payload_figures import CONTRADICTS, MASS, Payload
 from hil.estimation.torque_constants import Gains
 from hil.results.naming import named
 from hil.runs.pooling import Pooled
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-CONTRADICTS = 4.0
-"""Standard errors between a stated mass and the one that is found, from which they contradict."""
 NOTABLE = 2.0
 """Standard errors from which a gain explains a contradiction."""
 

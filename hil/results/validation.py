@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.intervals import TWICE
 from hil.results.outcome_rules import data_reservations
 from hil.results.verdict import AxisScore, Validation
 from hil.results.verdict_rules import judged
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-TWICE = 1.96
-"""Standard errors of an interval of 95 %."""
 FEWEST = 20
 """Samples below which an axis is not scored."""
 

@@ -17,7 +17,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.set_points import set_points
 from hil.view.segment import Segment
-from hil.view.track import Track, simplified
+from hil.view.track import SHARE, Track, simplified
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,8 +35,6 @@ BETWEEN = 1.0
 """Time between two motions that were recorded elsewhere [s]."""
 ANGLE = 2e-5
 """By how much a drawn position may be off [rad or m]."""
-SHARE = 1e-3
-"""By how much a drawn velocity or torque may be off, as share of the greatest that occurs."""
 
 
 class Measured(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.errors import FrictionUnknown, Mismatch
 from hil.results.drive_torque import drive_torque
-from hil.view.track import Track, simplified
+from hil.view.track import SHARE, Track, simplified
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SHARE = 1e-3
-"""By how much a drawn torque may be off, as share of the greatest."""
 _CHUNK = 4096
 
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+SHARE = 1e-3
+"""By how much a drawn velocity or torque may be off, as share of the greatest that occurs."""
 INSTANT = 1e-4
 """Resolution of time in a page [s]."""
 

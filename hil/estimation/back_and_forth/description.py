@@ -9,6 +9,7 @@ import numpy as np
 from hil.estimation.back_and_forth.halves import FIRST, TORQUE, unknown_places
 from hil.estimation.back_and_forth.result import Combination
 from hil.estimation.back_and_forth.solution import friction_levels
+from hil.estimation.free_motion.result import LOOSE
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 FAINT = 1e-3
 """Coefficient in a sum, over its largest, below which a parameter is not stated."""
-LOOSE = 0.01
-"""Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 
 
 def residuals(

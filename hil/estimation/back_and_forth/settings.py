@@ -14,6 +14,7 @@ import numpy as np
 
 from hil.estimation.free_motion.motion import Processing
 from hil.estimation.free_motion.settings import bandwidth, cut_off_of
+from hil.estimation.free_motion.survey import OFTEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-OFTEN = 0.99
-"""Share of the samples that are slower than the speed of a recording."""
 SPAN = 0.02
 """Over which speeds are means [s]."""
 

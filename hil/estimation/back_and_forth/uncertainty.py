@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-FEWEST = 2.0
-"""Degrees of freedom, at least."""
-
 
 def uncertainty(pairs: Normal, cells: Normal, x: Array) -> tuple[Array, Array]:
     """Covariance of the solution `x`, shape (n, n), and its degrees of freedom, shape (n,).
@@ -43,7 +40,7 @@ def uncertainty(pairs: Normal, cells: Normal, x: Array) -> tuple[Array, Array]:
     of_pairs = jackknife(left_out(pairs.N, pairs.scores(x)))
     inverted = inverse(pairs.information)
     of_cells = scatter(cells.scores(x) @ inverted, few=True)
-    return greater(of_pairs, of_cells), degrees_if_white(inverted, pairs.N, FEWEST)
+    return greater(of_pairs, of_cells), degrees_if_white(inverted, pairs.N)
 
 
 def greater(first: Array, second: Array) -> Array:

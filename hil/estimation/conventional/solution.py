@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 Weighting = Literal["uniform", "torque", "prior", "residual"]
 Solver = Literal["least squares", "instrumental", "total"]
-ROUNDS = 20
-"""Times that residual variances and solution are found from each other, at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,4 +134,4 @@ def _weights(
         base = slice(1, 1 + data.n_base)
         squares = np.einsum("i,aij,j->a", p, plain.sum(axis=0)[:, base, base], p)
         return np.asarray(np.maximum(data.counts.sum(axis=0), 1.0) / squares)
-    return reweighted(residual_weights, of_torque, ROUNDS, 1e-6)
+    return reweighted(residual_weights, of_torque)

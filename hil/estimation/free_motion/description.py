@@ -17,6 +17,8 @@ from hil.estimation.free_motion.friction_terms import (
 )
 from hil.estimation.free_motion.result import (
     FEW_BLOCKS,
+    LOOSE,
+    POOR,
     AxisFriction,
     CoupledFriction,
     LagValue,
@@ -40,14 +42,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-POOR = 1000.0
-"""Condition number from which on a remark is made."""
 SHORT = 30.0
 """Duration of all recordings below which a remark is made [s]."""
 SURE = 2.0
 """Standard errors by which friction drives an axis before that counts."""
-LOOSE = 0.01
-"""Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 
 
 def axis_friction(

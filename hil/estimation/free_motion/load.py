@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import linalg, special
 
-from hil.estimation.free_motion.two_runs import BLOCKS, LoadTerms, State, TwoRuns
-from hil.estimation.free_motion.uncertainty import uncertainty
+from hil.estimation.free_motion.two_runs import LoadTerms, State, TwoRuns
+from hil.estimation.free_motion.uncertainty import BLOCKS, uncertainty
 from hil.estimation.intervals import MANY
 from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS

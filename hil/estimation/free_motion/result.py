@@ -6,12 +6,17 @@ import math
 from typing import Self
 
 from checked_files.yaml_file import FileModel
+from hil.estimation.intervals import TWICE
 
 CHANCE = 0.01
 """Probability below which a difference is no chance."""
 FEW_BLOCKS = 8
 """Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
 it is uncertain by a quarter, 1 / sqrt(2 * 7)."""
+POOR = 1000.0
+"""Condition number from which on some combinations of parameters hardly show."""
+LOOSE = 0.01
+"""Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 NOTICEABLE = 0.5
 """Standard errors from which on a difference matters."""
 
@@ -43,7 +48,7 @@ class OneWay(FileModel):
     together: TermValue
 
     def __str__(self) -> str:
-        value, half = self.together.value, 1.96 * self.together.standard_error
+        value, half = self.together.value, TWICE * self.together.standard_error
         return (
             "moves in one direction only, so Coulomb friction and an offset cannot be separated:"
             f" together they are {value:.3g} ± {half:.2g}"

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Indices = NDArray[np.intp]
 
-ROUNDS = 20
-"""Times that residual variances and solution are found from each other, at most."""
 ASIDE = 0.01
 """Share w of the samples under way that go in the other direction, below which an axis moves in one
 direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as
@@ -67,7 +65,7 @@ def residual_weights(products: Array, counts: Array, n_shared: int, kept: Indice
         found = 1.0 / np.maximum(left, 1e-9 * squares / np.maximum(counts.sum(axis=0), 1.0))
         return np.asarray(np.where(np.isfinite(found), found, 0.0))
 
-    return reweighted(weigh, first, ROUNDS, 1e-6)
+    return reweighted(weigh, first)
 
 
 def only_directions(products: Array, n_shared: int) -> Array:

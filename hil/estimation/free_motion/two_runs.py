@@ -20,6 +20,7 @@ import numpy as np
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.scaling import Scaling, recast
 from hil.estimation.free_motion.system import kept_unknowns, residual_weights, summed
+from hil.estimation.free_motion.uncertainty import BLOCKS
 from hil.estimation.free_motion.unknown_gains import CONVERGED, ROUNDS, STRIDE
 from hil.regression.layout import embedded
 from hil.regression.least_squares import solved
@@ -35,9 +36,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Indices = NDArray[np.intp]
-
-BLOCKS = 30
-"""Of time, of each run, at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

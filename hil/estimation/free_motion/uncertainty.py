@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 BLOCKS = 30
 """Of time, at most: few, so that what lasts longer than a piece counts."""
-FEWEST = 2.0
-"""Degrees of freedom, at least."""
 
 
 class Uncertainty(NamedTuple):
@@ -58,4 +56,4 @@ def uncertainty(pieces: Normal, cells: Normal, x: Array) -> Uncertainty:
     used = cells.square > 0
     of_states = scatter(influence[used], few=True)
     shares = np.vstack([changes, influence[used]]) ** 2
-    return Uncertainty(of_time + of_states, effective_degrees(shares, FEWEST), of_states)
+    return Uncertainty(of_time + of_states, effective_degrees(shares), of_states)

@@ -8,22 +8,16 @@ import numpy as np
 
 from hil.report.charts.chart import Chart, Line, Panel
 from hil.report.charts.colours import MEASURED, MODEL, MUTED
+from hil.report.plots.predicted_torque import drawn
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.recorded_torque import RecordedTorque
 
-POINTS = 1500
-"""Of a line, at most."""
-APART = 0.5
-"""Time between samples from which on no line joins them [s]."""
-
 
 def measured_and_predicted(torque: RecordedTorque, robot: Robot) -> Chart:
     """Torques of one recording over time, axis by axis, with their residual."""
-    shown = slice(None, None, max(1, -(-len(torque.time) // POINTS)))
-    time = torque.time[shown] - torque.time[0]
-    hole = np.where(np.diff(time, prepend=time[:1]) > APART, np.nan, 0.0)
+    shown, time, hole = drawn(torque.time)
     measured = torque.measured[shown] + hole[:, np.newaxis]
     predicted = torque.predicted[shown] + hole[:, np.newaxis]
     return Chart(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.intervals import TWICE
 from hil.model.base_parameters import base_parameters
 from hil.report.charts.chart import Chart, Panel, Points, Rule
 from hil.report.charts.colours import MODEL
@@ -54,13 +55,13 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
                 height=max(ROW * len(order), 120.0),
             ),
             Panel(
-                (Points(np.zeros(len(axes)), axes, "o", error=1.96 * torques, along=True, size=2.6),
-                 Rule(0.0, upright=True)),
+                (Points(np.zeros(len(axes)), axes, "o", error=TWICE * torques, along=True,
+                        size=2.6), Rule(0.0, upright=True)),
                 title="torque of a free motion",
                 x_label="interval of 95 % [% of the torque]",
                 y_range=(0.3, len(axes) + 0.7),
                 rows={
-                    float(row): f"axis {k}: ± {percent(1.96 * torque, 100.0)} %"
+                    float(row): f"axis {k}: ± {percent(TWICE * torque, 100.0)} %"
                     for k, (row, torque) in enumerate(zip(axes, torques, strict=True), start=1)
                 },
                 width=420.0,

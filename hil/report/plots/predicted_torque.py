@@ -20,6 +20,13 @@ APART = 0.5
 """Time between samples from which on no line joins them [s]."""
 
 
+def drawn(time: Array) -> tuple[slice, Array, Array]:
+    """Which samples are drawn, when since the first [s], and NaN after a hole, 0 elsewhere."""
+    shown = slice(None, None, max(1, -(-len(time) // POINTS)))
+    t = time[shown] - time[0]
+    return shown, t, np.where(np.diff(t, prepend=t[:1]) > APART, np.nan, 0.0)
+
+
 def draw_prediction(
     panel: Axes,
     strip: Axes,
@@ -37,9 +44,7 @@ def draw_prediction(
     half_width : ndarray, shape (n,), optional
         Of the 95 % interval of the prediction [N m or N].
     """
-    shown = slice(None, None, max(1, -(-len(time) // POINTS)))
-    t = time[shown] - time[0]
-    hole = np.where(np.diff(t, prepend=t[:1]) > APART, np.nan, 0.0)
+    shown, t, hole = drawn(time)
     residual = (measured - predicted)[shown] + hole
     panel.plot(t, measured[shown] + hole, color=MEASURED, label="measured")
     panel.plot(t, predicted[shown] + hole, "--", color=MODEL, label="predicted")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.estimation.intervals import TWICE
 from hil.report.plots import VALIDATION
 from hil.report.plots.predicted_torque import draw_prediction
 from hil.report.plots.style import image, legend, panels_in_rows, plotting
-from hil.results.validation import TWICE
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
