@@ -1,14 +1,12 @@
 """What is identified of recorded runs of every kind, kept to the last digits, and what changed.
 
-Runs are recorded once into a folder: campaigns, trajectories and friction on the virtual plant,
-sound and flawed, imports of its twins, back and forth, loads, unknown gains; and, where a folder of
-public recordings is named, those. Each result is a file that a command writes: its figures and
-words stand in ``benchmarks/golden/``, one file a result. ``check`` writes them again and lists
-what is not the same::
+Runs are recorded into a folder, unless they are there: campaigns, trajectories and friction on the
+virtual plant, sound and flawed, imports of its twins, back and forth, loads, unknown gains; and,
+where a folder of public recordings is named, those. Each result is a file that a command writes:
+its figures and words stand in ``benchmarks/golden/``, one file a result. ``check`` compares them
+with what the commands write now and lists what is not the same, ``keep`` replaces them::
 
-    python benchmarks/golden.py record FOLDER [--public FOLDER]
-    python benchmarks/golden.py keep FOLDER [RESULT ...]
-    python benchmarks/golden.py check FOLDER [RESULT ...]
+    python benchmarks/golden.py [check|keep] [RESULT ...] [--runs FOLDER] [--public FOLDER]
 
 Of a square matrix the diagonal and the norm are kept. Figures are the same within `SAME` of the
 greatest of their list, so that another library of linear algebra is no change.
@@ -274,17 +272,15 @@ def _is_number(value: Any) -> bool:
 
 
 def main() -> None:
-    """Record, keep or check."""
+    """Check or keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
-    parser.add_argument("what", choices=("record", "keep", "check"))
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("result", nargs="*")
+    parser.add_argument("what", nargs="?", choices=("check", "keep"), default="check")
+    parser.add_argument("result", nargs="*", help="all by default")
+    parser.add_argument("--runs", type=Path, default=Path("build/golden"), help="of runs")
     parser.add_argument("--public", type=Path, help="folder of public recordings")
     given = parser.parse_args()
-    folder = given.folder.resolve()
-    if given.what == "record":
-        record_all(folder, given.public and given.public.resolve())
-        return
+    folder = given.runs.resolve()
+    record_all(folder, given.public and given.public.resolve())
     KEPT.mkdir(exist_ok=True)
     changed = 0
     for name, now in results(folder, given.result):
