@@ -83,10 +83,7 @@ TWINS = {
     "scara": ("250 Hz", 751), "ur10e": ("250 Hz", 752), "panda": ("100 Hz", 753),
     "cartesian": ("20 s", 754), "manutec-r15": ("16 bit", 755),
 }  # fmt: skip
-PUBLIC = {
-    "lwr4": ("m1", "m2"), "kr300": ("A", "B", "C"),
-    "rokae": ("motor_train", "motor_val", "sensor_train", "sensor_val"),
-}  # fmt: skip
+PUBLIC = {"lwr4": ("m1",), "kr300": ("A", "B"), "rokae": ("motor_train", "sensor_train")}
 IDENTIFIED: dict[str, tuple[str, tuple[object, ...]]] = {
     **{name: (name, ()) for name in CAMPAIGNS if name not in ("sweep", "stops")},
     "strokes-published": ("strokes", ("--method", "published")),

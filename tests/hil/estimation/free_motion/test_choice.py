@@ -62,6 +62,13 @@ def test_a_few_blocks_call_for_nothing_richer_than_the_usual() -> None:
     assert simplest({"usual": usual, "rich": rich}) == "usual"
 
 
+@pytest.mark.parametrize("n_blocks", range(1, 12))
+def test_fewer_than_six_blocks_show_nothing(n_blocks: int) -> None:
+    usual = np.random.default_rng(n_blocks).uniform(0.9, 1.1, n_blocks)
+    chosen = simplest({"usual": usual, "rich": 0.5 * usual})
+    assert chosen == ("usual" if n_blocks < 6 else "rich")
+
+
 def test_no_friction_at_all_is_no_alternative_to_the_classical_law() -> None:
     # a bad block would make any difference chance
     found = estimate(arm(), recorded(arm(), TRUTH, np.zeros_like, n=1), "free motion").free
