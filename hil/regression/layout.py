@@ -1,16 +1,65 @@
-"""Where unknowns stand: those that all axes share come first, then those of each axis alone."""
+"""Where unknowns stand: those that all channels share come first, then those of each channel."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
     Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Named unknowns.
+
+    Attributes
+    ----------
+    shared : tuple of str
+        Of all channels.
+    own : tuple of str
+        Of each channel alone, the same for all.
+    n_channels : int
+    """
+
+    shared: tuple[str, ...]
+    own: tuple[str, ...]
+    n_channels: int
+
+    @property
+    def size(self) -> int:
+        """How many unknowns there are."""
+        return len(self.shared) + self.n_channels * len(self.own)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all unknowns; those of a channel begin with its number, from 1: ``2 Coulomb``."""
+        own = (f"{k + 1} {name}" for k in range(self.n_channels) for name in self.own)
+        return (*self.shared, *own)
+
+    def place(self, channel: int) -> Indices:
+        """Places of the shared unknowns and of one channel's own, shape (n_shared + n_own,)."""
+        return axis_place(len(self.shared), len(self.own), channel)
+
+    def at(self, name: str, channel: int | None = None) -> int:
+        """Place of one unknown."""
+        if channel is None:
+            return self.shared.index(name)
+        return len(self.shared) + channel * len(self.own) + self.own.index(name)
+
+    def kept(self, own: Sequence[Sequence[str]], shared: Sequence[str] | None = None) -> Indices:
+        """Places of some unknowns: of each channel's own ones, and of all or some shared ones."""
+        names = self.shared if shared is None else shared
+        places = [self.at(name) for name in names]
+        places += [self.at(name, k) for k, each in enumerate(own) for name in each]
+        return np.array(sorted(places), dtype=np.intp)
 
 
 def axis_place(n_shared: int, n_own: int, axis: int) -> Indices:

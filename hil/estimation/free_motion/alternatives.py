@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
-from hil.estimation.free_motion.choice import HeldOut
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.system import summed
+from hil.regression.choice import HeldOut
 from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:

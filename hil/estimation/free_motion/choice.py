@@ -1,15 +1,8 @@
 """What the data choose: the law of friction of each axis, and the dead zone at low speed.
 
-Alternatives are compared by the error of prediction on blocks that were held out, in turn. What is
-usual, weighted least squares with the classical law, stands unless something richer is certainly
-better. Of many alternatives that are worth nothing, the best looks better, too: so what counts is
-the greatest t of all differences of squared errors, against the greatest t of the same differences
-with signs of blocks drawn at random (White, A reality check for data snooping, Econometrica 68
-(2000) 1097-1126; studentised, since alternatives scatter differently). Alternatives that predict
-alike cost little in this way, and fewer than six blocks show nothing. Up to `NEGLIGIBLE` less of
-the residual of the axis concerned is none. Chosen is the simplest that nothing beats; if one that
-is simpler still predicts as well, that is. Nothing simpler than the usual is tried: it would save
-an unknown or two and leave more of some other motion.
+Alternatives are compared on pieces of time that were held out (`hil.regression.choice`). What is
+usual is weighted least squares with the classical law. Nothing simpler is tried: it would save an
+unknown or two and leave more of some other motion.
 
 Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
 spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
@@ -25,9 +18,8 @@ import numpy as np
 
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.system import kept_unknowns, residual_weights, squares_left, summed
-from hil.regression.layout import embedded
-from hil.regression.least_squares import solved
-from hil.regression.normal_equations import normal, successive
+from hil.regression.choice import HeldOut, simplest
+from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,15 +35,6 @@ USUAL = "Coulomb and viscous"
 """Law that stands unless the data call for another."""
 TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
 """Laws, from the usual one on."""
-FOLDS = 12
-"""Parts of the pieces that are held out in turn."""
-CHANCE = 0.025
-"""Probability of a difference by chance below which it is none: of 5 %, either side."""
-FLIPS = 4096
-"""Draws of signs: the probability is known within 0.0025."""
-NEGLIGIBLE = 0.01
-"""Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
-where friction is Coulomb's and viscous exactly (two axes, white noise)."""
 MATERIAL = 0.05
 """Growth of a residual (rms) that nothing is worth, no dead zone and no positive mass matrix: by so
 much the default may leave more than weighted least squares."""
@@ -150,61 +133,6 @@ def _locks_nowhere(products: Products, x: Array, kept: NDArray[np.intp], axis: i
     return bool(np.all((share >= 0.0) & (share < 1.0)))
 
 
-def simplest(errors: Mapping[str, Array], n_axes: int = 1) -> str:
-    """Name of the first alternative that no other certainly beats.
-
-    Parameters
-    ----------
-    errors : mapping of name to ndarray, shape (n_blocks,)
-        Squared errors on held-out blocks of all that was tried, the simplest alternative first.
-    n_axes : int
-        Axes that the errors are of, weighted alike, where the alternatives are of one of them: its
-        own residual is an n-th of theirs.
-    """
-    squares = np.array(list(errors.values()))
-    sums = squares.sum(axis=1)
-    enough = ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * sums.min() / n_axes
-    found = next(
-        k
-        for k, error in enumerate(squares)
-        if sums[k] - sums.min() <= enough or not _certainly_positive(error - squares)
-    )
-    return list(errors)[int(np.flatnonzero(sums <= sums[found])[0])]
-
-
-class HeldOut:
-    """Errors of prediction on blocks that a fit did not see.
-
-    Parameters
-    ----------
-    fitted : Normal
-        Equations that are solved.
-    scored : Normal
-        Equations of the samples that count, of the same blocks.
-    """
-
-    def __init__(self, fitted: Normal, scored: Normal) -> None:
-        self._scored = scored
-        self._folds = folds(len(fitted.v))
-        N, v = fitted.information, fitted.vector
-        self._N = [N - fitted.N[fold].sum(axis=0) for fold in self._folds]
-        self._v = [v - fitted.v[fold].sum(axis=0) for fold in self._folds]
-
-    def error(self, kept: NDArray[np.intp]) -> Array:
-        """Squared error of each block by a fit of some unknowns to the other folds' blocks."""
-        found = np.zeros(len(self._scored.v))
-        for fold, N, v in zip(self._folds, self._N, self._v, strict=True):
-            x = embedded(solved(N[np.ix_(kept, kept)], v[kept]), kept, len(v))
-            left = (self._scored.N[fold] @ x - 2.0 * self._scored.v[fold]) @ x
-            found[fold] = self._scored.square[fold] + left
-        return np.maximum(found, 0.0)
-
-
-def folds(n: int) -> list[slice]:
-    """Successive blocks that are held out together."""
-    return successive(0, n, min(FOLDS, n))
-
-
 def _dead_zone(products: Products, plain: Choice) -> int:
     fast = products.pieces.shape[2] - 1
     kept = _kept(products, ["all"] * products.n_joints)
@@ -220,23 +148,6 @@ def _dead_zone(products: Products, plain: Choice) -> int:
 
 def _kept(products: Products, laws: Sequence[str]) -> NDArray[np.intp]:
     return kept_unknowns(products.n_shared, [LAWS[law] for law in laws])
-
-
-def _certainly_positive(gains: Array) -> bool:
-    """Whether any row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
-    n = gains.shape[1]
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, n))
-    t = float(_t(gains, np.ones((1, n))).max())
-    by_chance = _t(gains, signs).max(axis=1) >= t * (1.0 - np.sqrt(np.finfo(float).eps))
-    return t > 0.0 and bool(by_chance.mean() <= CHANCE)
-
-
-def _t(gains: Array, signs: Array) -> Array:
-    """Mean over its standard error, of each row of gains with each row of signs."""
-    n = gains.shape[1]
-    mean = signs @ gains.T / n
-    variance = ((gains**2).mean(axis=1) - mean**2) / max(n - 1, 1)
-    return np.asarray(mean / np.sqrt(np.maximum(variance, np.finfo(float).tiny)))
 
 
 def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag
 
-from hil.estimation.free_motion.choice import FOLDS, HeldOut, simplest
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
 from hil.estimation.free_motion.scaling import recast
+from hil.regression.choice import FOLDS, HeldOut, simplest
 from hil.regression.normal_equations import Normal
 
 if TYPE_CHECKING:

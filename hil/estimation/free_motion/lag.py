@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.choice import HeldOut, folds, simplest
 from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
 from hil.estimation.free_motion.filtering import low_passed
 from hil.estimation.free_motion.friction_terms import COLUMNS
@@ -30,6 +29,7 @@ from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.presliding import blocks, with_presliding
 from hil.estimation.free_motion.system import residual_weights
 from hil.model.base_parameters import base_parameters
+from hil.regression.choice import HeldOut, folds, simplest
 from hil.regression.normal_equations import Normal, normal
 
 if TYPE_CHECKING:

@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.choice import HeldOut, simplest
 from hil.estimation.free_motion.columns import coupled_friction, n_shared, rotor_torque
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.system import residual_weights
 from hil.model.dynamics import regressor
+from hil.regression.choice import HeldOut, simplest
 from hil.regression.normal_equations import normal, successive
 
 if TYPE_CHECKING:

@@ -1,0 +1,200 @@
+"""Inner products of a torque and named columns: all that least squares needs of samples.
+
+A *group* is what is left out, held out or clustered together: a measurement, a period, a pair of
+strokes, a piece of time. A *channel* is what has a residual variance of its own: the torque of an
+axis. Of the samples of channel j in group k, with torque y and columns W, a block holds
+
+    P_kj = [y W]'[y W].
+
+Blocks add up over groups. They follow any change of columns without another pass over samples,
+
+    [y W] -> [y W] T    so    P -> T' P T,
+
+which is how unknown gains, drifting levels and a load beside a known robot enter. Columns that
+belong to a group alone are eliminated from its block by orthogonal projection (Frisch, Waugh and
+Lovell), so recordings of any kind and rate that are given the same columns make one regression.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.regression.layout import Layout
+from hil.regression.least_squares import eliminated
+from hil.regression.normal_equations import Normal, successive
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+    Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """Inner products by group and channel.
+
+    Attributes
+    ----------
+    shared, own : tuple of str
+        Columns whose unknowns all channels share, then columns of each channel alone.
+    products : ndarray, shape (n_groups, n_channels, m, m)
+        Of the torque, the shared and the own columns, in this order.
+    counts : ndarray, shape (n_groups, n_channels)
+        Samples, less coefficients that were eliminated.
+    labels : mapping of str to ndarray of int, shape (n_groups,)
+        What each group is of, such as its recording.
+    """
+
+    shared: tuple[str, ...]
+    own: tuple[str, ...]
+    products: Array
+    counts: Array
+    labels: Mapping[str, Indices] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.products)
+
+    @property
+    def n_channels(self) -> int:
+        """Channels."""
+        return int(self.products.shape[1])
+
+    @property
+    def layout(self) -> Layout:
+        """Where the columns' unknowns stand."""
+        return Layout(self.shared, self.own, self.n_channels)
+
+    @property
+    def squares(self) -> Array:
+        """Squares of the torque of all groups together, shape (n_channels,)."""
+        found: Array = self.products[:, :, 0, 0].sum(axis=0)
+        return found
+
+    def place(self, *names: str) -> Indices:
+        """Places of columns in the products."""
+        order = (*self.shared, *self.own)
+        return np.array([1 + order.index(name) for name in names], dtype=np.intp)
+
+    def where(self, mask: Mask) -> Blocks:
+        """Some groups alone."""
+        labels = {name: label[mask] for name, label in self.labels.items()}
+        return replace(self, products=self.products[mask], counts=self.counts[mask], labels=labels)
+
+    def merged(self, label: Indices) -> Blocks:
+        """Groups of one label, shape (n_groups,), added up to one."""
+        values, first, of = np.unique(label, return_index=True, return_inverse=True)
+        products = np.zeros((len(values), *self.products.shape[1:]))
+        counts = np.zeros((len(values), self.n_channels))
+        np.add.at(products, of, self.products)
+        np.add.at(counts, of, self.counts)
+        labels = {name: each[first] for name, each in self.labels.items()}
+        return replace(self, products=products, counts=counts, labels=labels)
+
+    def grouped(self, most: int) -> Blocks:
+        """Successive groups added up to `most` larger ones, if there are more."""
+        label = np.zeros(len(self), dtype=np.intp)
+        for number, part in enumerate(successive(0, len(self), min(most, len(self)))):
+            label[part] = number
+        return self.merged(label)
+
+    @property
+    def total(self) -> Blocks:
+        """All groups added up to one."""
+        return self.merged(np.zeros(len(self), dtype=np.intp))
+
+    def joined(self, *others: Blocks) -> Blocks:
+        """Groups of all, one after the other; columns that one lacks are zero there."""
+        every = (self, *others)
+        shared, own = (
+            tuple(dict.fromkeys(name for each in every for name in getattr(each, kind)))
+            for kind in ("shared", "own")
+        )
+        m = 1 + len(shared) + len(own)
+        place = {name: 1 + k for k, name in enumerate((*shared, *own))}
+        parts = []
+        for each in every:
+            at = np.array([0, *(place[name] for name in (*each.shared, *each.own))])
+            part = np.zeros((*each.products.shape[:2], m, m))
+            part[:, :, at[:, np.newaxis], at] = each.products
+            parts.append(part)
+        labels = {
+            name: np.concatenate([each.labels[name] for each in every])
+            for name in self.labels
+            if all(name in each.labels for each in every)
+        }
+        counts = np.concatenate([each.counts for each in every])
+        return Blocks(shared, own, np.concatenate(parts), counts, labels)
+
+    def only(self, shared: Sequence[str], own: Sequence[str]) -> Blocks:
+        """Some columns alone, in the order given."""
+        at = np.concatenate([[0], self.place(*shared, *own)]).astype(np.intp)
+        products = self.products[:, :, at[:, np.newaxis], at]
+        return replace(self, shared=tuple(shared), own=tuple(own), products=products)
+
+    def without(self, *names: str) -> Blocks:
+        """The same less some columns."""
+        shared, own = (
+            [name for name in names_of if name not in names] for names_of in (self.shared, self.own)
+        )
+        return self.only(shared, own)
+
+    def combined(self, T: Array, shared: Sequence[str], own: Sequence[str]) -> Blocks:
+        """Blocks of columns that are combinations of those that there are.
+
+        Parameters
+        ----------
+        T : ndarray, shape (..., m, 1 + n_shared + n_own)
+            Torque, shared and own columns, each by the columns of `products`; what goes before
+            may be groups and channels.
+        """
+        products = np.swapaxes(T, -1, -2) @ self.products @ T
+        return replace(self, shared=tuple(shared), own=tuple(own), products=products)
+
+    def eliminated(self, *names: str) -> Blocks:
+        """Blocks in which some columns have coefficients of each group alone."""
+        local = self.place(*names)
+        kept = np.setdiff1d(np.arange(self.products.shape[-1]), local)
+        order = np.concatenate([kept, local])
+        products = np.zeros((*self.products.shape[:2], len(kept), len(kept)))
+        counts = self.counts.copy()
+        for group, channel in zip(*np.nonzero(self.counts), strict=True):
+            whole = self.products[group, channel][np.ix_(order, order)]
+            products[group, channel], rank = eliminated(whole, len(local))
+            counts[group, channel] -= rank
+        shared, own = (
+            tuple(name for name in names_of if name not in names)
+            for names_of in (self.shared, self.own)
+        )
+        return replace(self, shared=shared, own=own, products=products, counts=counts)
+
+    def normal(self, weights: Array) -> Normal:
+        """Normal equations of all unknowns by group, channels weighted by `weights`."""
+        layout = self.layout
+        n, n_groups = layout.size, len(self)
+        N, v, square = np.zeros((n_groups, n, n)), np.zeros((n_groups, n)), np.zeros(n_groups)
+        for channel, weight in enumerate(weights):
+            at, part = layout.place(channel), Normal.split(self.products[:, channel])
+            N[:, at[:, np.newaxis], at] += weight * part.N
+            v[:, at] += weight * part.v
+            square += weight * part.square
+        return Normal(N, v, square)
+
+    def squares_left(self, x: Array) -> Array:
+        """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
+        left = np.zeros(self.counts.shape)
+        for channel in range(self.n_channels):
+            around = np.concatenate([[1.0], -x[self.layout.place(channel)]])
+            left[:, channel] = (self.products[:, channel] @ around) @ around
+        return np.maximum(left, 0.0)
+
+    def mean_squares(self, x: Array) -> Array:
+        """Mean square of what `x` leaves of each channel, all groups together."""
+        found: Array = self.total.squares_left(x)[0] / np.maximum(self.counts.sum(axis=0), 1.0)
+        return found

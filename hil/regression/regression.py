@@ -1,0 +1,252 @@
+"""One regression: blocks, weights of their channels, the unknowns that are kept, and its solution.
+
+The unknowns of all channels are found together,
+
+    N x = v,    N = sum_j w_j W_j'W_j,    v = sum_j w_j W_j'y_j,
+
+each channel weighted with the reciprocal of its residual variance w_j, which follows from the
+solution as the solution does from it; they are found from each other again and again (`weighed`).
+What the solution is worth is asked with the covariance as an argument (`fit`); rules are those of
+`hil.regression.uncertainty`, and what they hold for is decided by the groups:
+
+jackknife
+    groups left out in turn: whatever differs from one group to the next;
+clusters
+    Huber's sandwich over groups: the same to first order, cheaper where there are many;
+CR2
+    scores corrected for the solution's having come to meet them: few groups carry an unknown;
+white
+    the residuals are white noise: what is foreseen, and for comparison.
+
+What repeats with the motion shows in no group of time. It does in groups of another kind, such as
+cells of positions and velocities, whose scatter is added where they are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hil.regression.layout import embedded
+from hil.regression.least_squares import condition, inverse, undetermined_beside
+from hil.regression.normal_equations import reweighted
+from hil.regression.uncertainty import (
+    bias_reduced,
+    degrees_if_white,
+    jackknife,
+    left_out,
+    sandwich,
+    scatter,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.regression.blocks import Blocks
+    from hil.regression.layout import Layout
+    from hil.regression.normal_equations import Normal
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+    Mask = NDArray[np.bool_]
+
+Covariance = Literal["jackknife", "clusters", "CR2", "white"]
+ROUNDS = 20
+"""Times that weights and solution are found from each other, at most: the change of the weights
+falls by half an order of magnitude or more each time."""
+
+
+class Uncertainty(NamedTuple):
+    """Covariance of the kept unknowns, shape (k, k), and its degrees of freedom, shape (k,)."""
+
+    covariance: Array
+    degrees_of_freedom: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """A regression over blocks.
+
+    Attributes
+    ----------
+    blocks : Blocks
+    weights : ndarray, shape (n_channels,)
+        Reciprocal residual variances.
+    kept : ndarray of int
+        Unknowns that are found; the others are zero.
+    """
+
+    blocks: Blocks
+    weights: Array
+    kept: Indices
+
+    @classmethod
+    def weighed(
+        cls,
+        blocks: Blocks,
+        kept: Indices | None = None,
+        first: Array | None = None,
+        rounds: int = ROUNDS,
+    ) -> Regression:
+        """Regression with weights from what it leaves of each channel.
+
+        Parameters
+        ----------
+        kept : ndarray of int, optional
+            By default all unknowns.
+        first : ndarray, shape (n_channels,), optional
+            Weights to begin with; by default the reciprocal mean squares of the torque.
+        rounds : int
+            At most.
+        """
+        total = blocks.total
+        counts = np.maximum(total.counts[0], 1.0)
+        # below this share of the torque nothing is left but rounding
+        least = np.finfo(float).eps * np.maximum(total.squares, np.finfo(float).tiny) / counts
+        if kept is None:
+            kept = np.arange(blocks.layout.size)
+        if first is None:
+            first = np.where(total.squares > 0, counts / np.maximum(total.squares, least), 0.0)
+
+        def weigh(weights: Array) -> Array:
+            left = total.mean_squares(total.normal(weights).solution(kept))
+            return np.asarray(np.where(total.squares > 0, 1.0 / np.maximum(left, least), 0.0))
+
+        return cls(blocks, reweighted(weigh, first, rounds), kept)
+
+    def of(self, blocks: Blocks) -> Regression:
+        """The same of other blocks, with these weights."""
+        return Regression(blocks, self.weights, self.kept)
+
+    @property
+    def layout(self) -> Layout:
+        """All unknowns, whether they are kept or not."""
+        return self.blocks.layout
+
+    @cached_property
+    def normal(self) -> Normal:
+        """Normal equations of the kept unknowns by group."""
+        return self.blocks.normal(self.weights).only(self.kept)
+
+    @cached_property
+    def solution(self) -> Array:
+        """All unknowns, shape (n,)."""
+        return embedded(self.normal.solution(), self.kept, self.layout.size)
+
+    def undetermined(self, n: int) -> Mask:
+        """Of the first `n` unknowns those that the groups leave open beside all others."""
+        return undetermined_beside(self.normal.information, n)
+
+    def uncertainty(
+        self,
+        covariance: Covariance = "jackknife",
+        cells: Blocks | None = None,
+        most: int | None = None,
+    ) -> Uncertainty:
+        """How uncertain the kept unknowns are.
+
+        Parameters
+        ----------
+        covariance : str
+            By which rule.
+        cells : Blocks, optional
+            The same samples in other groups, the scatter of which is added.
+        most : int, optional
+            Groups, at most: successive ones are added up, so what lasts longer counts.
+        """
+        normal = self.normal if most is None else self.normal.grouped(most)
+        x, inverted = self.solution[self.kept], inverse(self.normal.information)
+        degrees = degrees_if_white(inverted, normal.N)
+        if covariance == "jackknife":
+            found = jackknife(left_out(normal.N, normal.scores(x)))
+        elif covariance == "clusters":
+            found = sandwich(inverted, scatter(normal.scores(x), few=True))
+        elif covariance == "CR2":
+            found = bias_reduced(normal.N, normal.v).covariance
+        else:
+            found = inverted
+            freedom = self.blocks.counts.sum() - len(self.kept)
+            degrees = np.full(len(x), max(float(freedom), 1.0))
+        if cells is not None:
+            other = self.of(cells).normal
+            influence = other.scores(x) @ inverted
+            found = found + scatter(influence[other.square > 0], few=True)
+        return Uncertainty(found, degrees)
+
+    def fit(
+        self,
+        covariance: Covariance = "jackknife",
+        cells: Blocks | None = None,
+        most: int | None = None,
+    ) -> Fit:
+        """Solve, and ask what the solution is worth; parameters as of `uncertainty`."""
+        error, n = self.uncertainty(covariance, cells, most), self.layout.size
+        return Fit(
+            layout=self.layout,
+            kept=self.kept,
+            x=self.solution,
+            covariance=embedded(error.covariance, self.kept, n),
+            degrees_of_freedom=embedded(error.degrees_of_freedom, self.kept, n),
+            residual=np.sqrt(self.blocks.mean_squares(self.solution)),
+            condition=condition(self.normal.information),
+            n_groups=len(self.blocks),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Unknowns by name, with their uncertainty.
+
+    Attributes
+    ----------
+    layout : Layout
+    kept : ndarray of int
+        Unknowns that were found; the others are zero, and nothing is said of them.
+    x : ndarray, shape (n,)
+    covariance : ndarray, shape (n, n)
+    degrees_of_freedom : ndarray, shape (n,)
+    residual : ndarray, shape (n_channels,)
+        Root mean square of what is left of each channel.
+    condition : float
+        Of the weighted columns at unit length.
+    n_groups : int
+        Groups behind it.
+    """
+
+    layout: Layout
+    kept: Indices
+    x: Array
+    covariance: Array
+    degrees_of_freedom: Array
+    residual: Array
+    condition: float
+    n_groups: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the kept unknowns."""
+        names = self.layout.names
+        return tuple(names[k] for k in self.kept)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Values of the kept unknowns by name, in SI."""
+        return dict(zip(self.names, self.x[self.kept].tolist(), strict=True))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors of the kept unknowns by name."""
+        errors = np.sqrt(np.diag(self.covariance)[self.kept].clip(0.0))
+        return dict(zip(self.names, errors.tolist(), strict=True))
+
+    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Confidence intervals of the kept unknowns by name, after Student."""
+        t = special.stdtrit(self.degrees_of_freedom[self.kept], 0.5 + level / 2)
+        half = t * np.sqrt(np.diag(self.covariance)[self.kept].clip(0.0))
+        values = self.x[self.kept]
+        rows = zip(self.names, (values - half).tolist(), (values + half).tolist(), strict=True)
+        return {name: (low, high) for name, low, high in rows}

@@ -1,0 +1,135 @@
+"""One regression: blocks of named columns add up; what is found has names and errors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.regression.blocks import Blocks
+from hil.regression.regression import Regression
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.regression.regression import Covariance
+
+    Array = NDArray[np.float64]
+
+SHARED, OWN = ("p1", "p2"), ("offset", "Coulomb")
+TRUTH = np.array([3.0, -2.0, 0.5, 1.0, -0.5, 2.0])
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Noise that is the same each time."""
+    return np.random.default_rng(7)
+
+
+def samples(rng: np.random.Generator, n_groups: int, noise: float = 0.1) -> tuple[Array, Array]:
+    """Columns, shape (n_groups, n_channels, n, 4), and torques of two channels."""
+    W = rng.normal(size=(n_groups, 2, 30, 4))
+    x = np.array([TRUTH[[0, 1, 2, 3]], TRUTH[[0, 1, 4, 5]]])
+    y = np.einsum("gcnk,ck->gcn", W, x) + noise * rng.normal(size=W.shape[:3]) * [[[1.0], [5.0]]]
+    return W, y
+
+
+def blocks(W: Array, y: Array, own: tuple[str, ...] = OWN) -> Blocks:
+    """Blocks of these samples."""
+    rows = np.concatenate([y[..., np.newaxis], W], axis=-1)
+    products = np.einsum("gcni,gcnj->gcij", rows, rows)
+    counts = np.full(W.shape[:2], float(W.shape[2]))
+    return Blocks(SHARED, own, products, counts, {"run": np.zeros(len(W), dtype=np.intp)})
+
+
+def stacked(W: Array, y: Array, weights: Array) -> Array:
+    """Weighted least squares over all samples, stacked."""
+    rows, sides = [], []
+    for channel, weight in enumerate(weights):
+        X = np.zeros((*W.shape[:1], *W.shape[2:3], 6))
+        X[..., [0, 1, 2 + 2 * channel, 3 + 2 * channel]] = W[:, channel]
+        rows.append(np.sqrt(weight) * X.reshape(-1, 6))
+        sides.append(np.sqrt(weight) * y[:, channel].ravel())
+    return np.linalg.lstsq(np.vstack(rows), np.concatenate(sides), rcond=None)[0]
+
+
+def test_blocks_say_what_all_samples_say(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 8)
+    found = Regression.weighed(blocks(W, y))
+    np.testing.assert_allclose(found.solution, stacked(W, y, found.weights), rtol=1e-9)
+
+
+def test_weights_are_reciprocal_residual_variances(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 40)
+    found = Regression.weighed(blocks(W, y))
+    np.testing.assert_allclose(found.weights, [1 / 0.1**2, 1 / 0.5**2], rtol=0.1)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_mixtures_are_one_estimate(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    W, y = samples(rng, 6)
+    whole, parts = blocks(W, y), (blocks(W[:2], y[:2]), blocks(W[2:], y[2:]))
+    joined = parts[0].joined(parts[1])
+    np.testing.assert_allclose(joined.products, whole.products)
+    assert len(joined) == 6
+
+
+def test_columns_that_one_part_lacks_are_zero_there(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 4)
+    other = blocks(W[..., [0, 1, 2, 3]], y, own=("offset", "viscous"))
+    joined = blocks(W, y).joined(other)
+    assert joined.own == ("offset", "Coulomb", "viscous")
+    assert not joined.products[:4, :, joined.place("viscous")].any()
+    assert not joined.products[4:, :, joined.place("Coulomb")].any()
+
+
+def test_coefficients_of_a_group_alone_are_eliminated(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 5, noise=0.0)
+    drifting = rng.normal(size=5)
+    y = y + drifting[:, np.newaxis, np.newaxis] * W[..., 3]
+    found = Regression.weighed(blocks(W, y).eliminated("Coulomb"), rounds=1)
+    assert found.layout.own == ("offset",)
+    np.testing.assert_allclose(found.solution, TRUTH[[0, 1, 2, 4]], atol=1e-6)
+    np.testing.assert_array_equal(found.blocks.counts, 29.0)
+
+
+def test_other_columns_cost_no_pass_over_samples(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 5)
+    T = np.eye(5)
+    T[1, 2] = 4.0
+    changed = W.copy()
+    changed[..., 1] += 4.0 * W[..., 0]
+    combined = blocks(W, y).combined(T, SHARED, OWN)
+    np.testing.assert_allclose(combined.products, blocks(changed, y).products)
+
+
+@pytest.mark.parametrize("rule", ["jackknife", "clusters", "CR2", "white"])
+def test_intervals_hold_the_truth_of_white_noise(rule: Covariance) -> None:
+    inside = []
+    for seed in range(60):
+        fit = Regression.weighed(blocks(*samples(np.random.default_rng(seed), 20))).fit(rule)
+        intervals = np.array(list(fit.conf_int().values()))
+        inside.append((intervals[:, 0] <= TRUTH) & (intervals[:, 1] >= TRUTH))
+    # 360 intervals of 95 %, those of a seed not independent
+    assert 0.91 <= np.mean(inside) <= 0.99
+
+
+def test_what_is_found_has_names(rng: np.random.Generator) -> None:
+    all_blocks = blocks(*samples(rng, 10))
+    kept = all_blocks.layout.kept([["Coulomb"], ["offset", "Coulomb"]])
+    fit = Regression.weighed(all_blocks, kept).fit()
+    assert fit.names == ("p1", "p2", "1 Coulomb", "2 offset", "2 Coulomb")
+    assert set(fit.params) == set(fit.conf_int()) == set(fit.standard_errors)
+    assert fit.x[all_blocks.layout.at("offset", 0)] == 0.0
+    assert not fit.covariance[all_blocks.layout.at("offset", 0)].any()
+
+
+def test_scatter_over_cells_is_added(rng: np.random.Generator) -> None:
+    whole = blocks(*samples(rng, 12))
+    by_time = Regression.weighed(whole).fit()
+    both = Regression.weighed(whole).fit(cells=whole.merged(np.arange(12) % 4))
+    assert np.all(np.diag(both.covariance) > np.diag(by_time.covariance))
