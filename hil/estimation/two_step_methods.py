@@ -63,14 +63,11 @@ TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
 
 
 class ParameterSolver(Protocol):
-    """Solves for the base parameters, with all measurements or without one of them."""
+    """Solves for the base parameters."""
 
     @property
     def n_measurements(self) -> int:
         """How many measurements there are to leave out."""
-
-    def solve(self, without: int | None = None) -> Array:
-        """Base parameters, shape (n_base,)."""
 
     def sensitivity(self) -> Array:
         """Change of p per relative change of each axis's torque constant, then rotor inertia.
@@ -128,12 +125,13 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
     fits, useless = _local_fits(robot, prepared)
     condition = conditions(robot, fits)
     require_rank(robot, prepared, fits, condition, solver)
-    p, changes = _left_out_in_turn(solver)
-    covariance = jackknife(changes) + drive_train.covariance
+    fit = solver.regression.fit("jackknife")
+    p, n = solver.solve(), solver.n_base
+    covariance = fit.covariance[:n, :n] + drive_train.covariance
     covariance += _of_gears(robot, raw, drive_train, p)
     found = _estimate(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
-        covariance, effective_degrees(changes**2),
+        covariance, fit.degrees_of_freedom[:n],
     )  # fmt: skip
     return replace(
         found,
@@ -149,7 +147,7 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
     )
 
 
-def _left_out_in_turn(solver: ParameterSolver) -> tuple[Array, Array]:
+def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
     """Base parameters, and how they change without each of the measurements."""
     p = solver.solve()
     return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p

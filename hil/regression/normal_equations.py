@@ -164,7 +164,7 @@ def reweighted(
     weights = first
     for _ in range(rounds):
         before, weights = weights, weigh(weights)
-        if tolerance is not None and np.allclose(before, weights, rtol=tolerance):
+        if tolerance is not None and np.allclose(before, weights, rtol=tolerance, atol=0.0):
             break
     return weights
 

@@ -104,17 +104,18 @@ class Regression:
             At most.
         """
         total = blocks.total
-        counts = np.maximum(total.counts[0], 1.0)
+        counts, heard = np.maximum(total.counts[0], 1.0), total.squares > 0
+        squares = np.where(heard, total.squares, 1.0)
         # below this share of the torque nothing is left but rounding
-        least = np.finfo(float).eps * np.maximum(total.squares, np.finfo(float).tiny) / counts
+        least = np.finfo(float).eps * squares / counts
         if kept is None:
             kept = np.arange(blocks.layout.size)
         if first is None:
-            first = np.where(total.squares > 0, counts / np.maximum(total.squares, least), 0.0)
+            first = np.where(heard, counts / squares, 0.0)
 
         def weigh(weights: Array) -> Array:
             left = total.mean_squares(total.normal(weights).solution(kept))
-            return np.asarray(np.where(total.squares > 0, 1.0 / np.maximum(left, least), 0.0))
+            return np.asarray(np.where(heard, 1.0 / np.maximum(left, least), 0.0))
 
         return cls(blocks, reweighted(weigh, first, rounds), kept)
 

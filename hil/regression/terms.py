@@ -152,6 +152,12 @@ def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
     return moving(robot, motion, axis) & steady
 
 
+def common_terms() -> tuple[str, ...]:
+    """Names of the columns of G."""
+    waves = (f"{wave} {order}" for wave in ("cosine", "sine") for order in RIPPLE_ORDERS)
+    return ("offset", "asymmetric", *waves, "load", "load by direction")
+
+
 def place(robot: Robot, axis: int) -> NDArray[np.intp]:
     """Where base parameters and an axis's common terms stand among all unknowns."""
     return axis_place(len(base_parameters(robot)), N_COMMON, axis)
