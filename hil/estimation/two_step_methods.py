@@ -88,7 +88,8 @@ def estimates(
     NotIdentifiable
         Base parameters that the measurements do not excite.
     """
-    raw, unusable = prepare(robot, recorded)
+    raw, unusable = prepare(recorded)
+    robot = with_reached_limits(robot, raw)
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
         found[method] = (_improved if method == "improved" else _published)(robot, raw, unusable)
@@ -196,21 +197,9 @@ def _estimate(
 
 
 def prepare(
-    robot: Robot, recorded: Recorded
+    recorded: Recorded,
 ) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
-    """Signals of all measurements that are of use here, and why others have none.
-
-    Raises
-    ------
-    NotIdentifiable
-        A robot whose limits are unknown: which samples are used depends on them.
-    """
-    for key in ("velocity_limit", "acceleration_limit", "torque_limit"):
-        if np.isnan(getattr(robot, key)).any():
-            raise NotIdentifiable(
-                f"{key} of {robot.name} is unknown, and the methods for strokes take their samples"
-                f" by it; state it in the robot file, or identify by --method '{DEFAULT}'"
-            )
+    """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
@@ -221,6 +210,24 @@ def prepare(
         except NotEnoughData as error:
             left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
+
+
+def with_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
+    """Robot whose unknown limits are what the measurements reach.
+
+    Samples are taken by shares of the limits; an import may not state them.
+    """
+    if robot.limits_known or not prepared:
+        return robot
+    reached = {
+        "velocity_limit": [np.abs(s.smoothed(s.qd)).max(axis=0) for _, s in prepared],
+        "acceleration_limit": [np.abs(s.smoothed(s.qdd)).max(axis=0) for _, s in prepared],
+        "torque_limit": [np.abs(s.smoothed(s.tau)).max(axis=0) for _, s in prepared],
+    }
+    least = np.finfo(float).tiny
+    return robot.with_limits(
+        {key: np.maximum(np.max(each, axis=0), least) for key, each in reached.items()}
+    )
 
 
 def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
@@ -237,7 +244,7 @@ def prepared_for(
 ) -> list[tuple[ParameterMotion, Signals]]:
     """Signals of the measurements behind an estimate, its drive train taken into account."""
     unused = {left.id for left in found.left_out}
-    own = [each for each in prepare(robot, recorded)[0] if each[0].id not in unused]
+    own = [each for each in prepare(recorded)[0] if each[0].id not in unused]
     if found.drive_train is None:
         return own
     return [(m, found.drive_train.applied(robot, s)) for m, s in own]

@@ -12,7 +12,8 @@ Blocks add up over groups. They follow any change of columns without another pas
 
 which is how unknown gains, drifting levels and a load beside a known robot enter. Columns that
 belong to a group alone are eliminated from its block by orthogonal projection (Frisch, Waugh and
-Lovell), so recordings of any kind and rate that are given the same columns make one regression.
+Lovell). So recordings of any kind and rate make one regression: what they share are the unknowns of
+the same names; an axis whose torque was recorded in two ways is two channels.
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ class Blocks:
         Of the torque, the shared and the own columns, in this order.
     counts : ndarray, shape (n_groups, n_channels)
         Samples, less coefficients that were eliminated.
+    channels : tuple of str
+        Their names; by default those of axes.
     labels : mapping of str to ndarray of int, shape (n_groups,)
         What each group is of, such as its recording.
     """
@@ -56,7 +59,12 @@ class Blocks:
     own: tuple[str, ...]
     products: Array
     counts: Array
+    channels: tuple[str, ...] = ()
     labels: Mapping[str, Indices] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.channels:
+            object.__setattr__(self, "channels", axis_names(self.products.shape[1]))
 
     def __len__(self) -> int:
         return len(self.products)
@@ -69,7 +77,7 @@ class Blocks:
     @property
     def layout(self) -> Layout:
         """Where the columns' unknowns stand."""
-        return Layout(self.shared, self.own, self.n_channels)
+        return Layout(self.shared, self.own, self.channels)
 
     @property
     def squares(self) -> Array:
@@ -110,27 +118,36 @@ class Blocks:
         return self.merged(np.zeros(len(self), dtype=np.intp))
 
     def joined(self, *others: Blocks) -> Blocks:
-        """Groups of all, one after the other; columns that one lacks are zero there."""
+        """Groups of all, one after the other; columns and channels that one lacks are zero."""
         every = (self, *others)
-        shared, own = (
+        shared, own, channels = (
             tuple(dict.fromkeys(name for each in every for name in getattr(each, kind)))
-            for kind in ("shared", "own")
+            for kind in ("shared", "own", "channels")
         )
-        m = 1 + len(shared) + len(own)
-        place = {name: 1 + k for k, name in enumerate((*shared, *own))}
-        parts = []
-        for each in every:
-            at = np.array([0, *(place[name] for name in (*each.shared, *each.own))])
-            part = np.zeros((*each.products.shape[:2], m, m))
-            part[:, :, at[:, np.newaxis], at] = each.products
-            parts.append(part)
+        parts = [each.expanded(shared, own, channels) for each in every]
         labels = {
             name: np.concatenate([each.labels[name] for each in every])
             for name in self.labels
             if all(name in each.labels for each in every)
         }
-        counts = np.concatenate([each.counts for each in every])
-        return Blocks(shared, own, np.concatenate(parts), counts, labels)
+        products, counts = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("products", "counts")
+        )
+        return Blocks(shared, own, products, counts, channels, labels)
+
+    def expanded(
+        self, shared: tuple[str, ...], own: tuple[str, ...], channels: tuple[str, ...]
+    ) -> Blocks:
+        """The same among more columns and channels, zero where there was nothing."""
+        order = (*shared, *own)
+        at = np.array([0, *(1 + order.index(name) for name in (*self.shared, *self.own))])
+        of = np.array([channels.index(name) for name in self.channels])
+        products = np.zeros((len(self), len(channels), 1 + len(order), 1 + len(order)))
+        counts = np.zeros((len(self), len(channels)))
+        products[:, of[:, None, None], at[:, None], at] = self.products
+        counts[:, of] = self.counts
+        return Blocks(shared, own, products, counts, channels, self.labels)
 
     def only(self, shared: Sequence[str], own: Sequence[str]) -> Blocks:
         """Some columns alone, in the order given."""
@@ -198,3 +215,8 @@ class Blocks:
         """Mean square of what `x` leaves of each channel, all groups together."""
         found: Array = self.total.squares_left(x)[0] / np.maximum(self.counts.sum(axis=0), 1.0)
         return found
+
+
+def axis_names(n: int) -> tuple[str, ...]:
+    """Names of channels that are axes, from 1."""
+    return tuple(f"axis {axis + 1}" for axis in range(n))

@@ -26,12 +26,18 @@ class Layout:
         Of all channels.
     own : tuple of str
         Of each channel alone, the same for all.
-    n_channels : int
+    channels : tuple of str
+        Names of the channels, such as ``axis 2``.
     """
 
     shared: tuple[str, ...]
     own: tuple[str, ...]
-    n_channels: int
+    channels: tuple[str, ...]
+
+    @property
+    def n_channels(self) -> int:
+        """How many channels there are."""
+        return len(self.channels)
 
     @property
     def size(self) -> int:
@@ -40,8 +46,8 @@ class Layout:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all unknowns; those of a channel begin with its number, from 1: ``2 Coulomb``."""
-        own = (f"{k + 1} {name}" for k in range(self.n_channels) for name in self.own)
+        """Of all unknowns; those of a channel begin with its name: ``axis 2 Coulomb``."""
+        own = (f"{channel} {name}" for channel in self.channels for name in self.own)
         return (*self.shared, *own)
 
     def place(self, channel: int) -> Indices:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +43,7 @@ def blocks(W: Array, y: Array, own: tuple[str, ...] = OWN) -> Blocks:
     rows = np.concatenate([y[..., np.newaxis], W], axis=-1)
     products = np.einsum("gcni,gcnj->gcij", rows, rows)
     counts = np.full(W.shape[:2], float(W.shape[2]))
-    return Blocks(SHARED, own, products, counts, {"run": np.zeros(len(W), dtype=np.intp)})
+    return Blocks(SHARED, own, products, counts, labels={"run": np.zeros(len(W), np.intp)})
 
 
 def stacked(W: Array, y: Array, weights: Array) -> Array:
@@ -87,6 +88,21 @@ def test_columns_that_one_part_lacks_are_zero_there(rng: np.random.Generator) ->
     assert not joined.products[4:, :, joined.place("Coulomb")].any()
 
 
+def test_an_axis_recorded_in_two_ways_is_two_channels(rng: np.random.Generator) -> None:
+    """Noise and friction differ; what is shared is found from both."""
+    W, y = samples(rng, 40)
+    loud = y + 3.0 * rng.normal(size=y.shape) + 2.0 * W[..., 3]
+    other = replace(blocks(W, loud), channels=("axis 1 imported", "axis 2 imported"))
+    joined = blocks(W, y).joined(other)
+    assert joined.layout.size == 2 + 4 * 2
+    found, alone = Regression.weighed(joined), Regression.weighed(blocks(W, y))
+    np.testing.assert_allclose(found.weights[:2], alone.weights, rtol=0.1)
+    np.testing.assert_allclose(found.weights[2:], 1.0 / np.array([9.01, 9.25]), rtol=0.1)
+    params = found.fit().params
+    coulomb = [params[f"axis {k} {way}Coulomb"] for k in (1, 2) for way in ("", "imported ")]
+    np.testing.assert_allclose(coulomb, [1.0, 3.0, 2.0, 4.0], atol=0.3)
+
+
 def test_coefficients_of_a_group_alone_are_eliminated(rng: np.random.Generator) -> None:
     W, y = samples(rng, 5, noise=0.0)
     drifting = rng.normal(size=5)
@@ -122,7 +138,7 @@ def test_what_is_found_has_names(rng: np.random.Generator) -> None:
     all_blocks = blocks(*samples(rng, 10))
     kept = all_blocks.layout.kept([["Coulomb"], ["offset", "Coulomb"]])
     fit = Regression.weighed(all_blocks, kept).fit()
-    assert fit.names == ("p1", "p2", "1 Coulomb", "2 offset", "2 Coulomb")
+    assert fit.names == ("p1", "p2", "axis 1 Coulomb", "axis 2 offset", "axis 2 Coulomb")
     assert set(fit.params) == set(fit.conf_int()) == set(fit.standard_errors)
     assert fit.x[all_blocks.layout.at("offset", 0)] == 0.0
     assert not fit.covariance[all_blocks.layout.at("offset", 0)].any()
