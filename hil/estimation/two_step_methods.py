@@ -22,7 +22,7 @@ the rotor inertias. Where the robot file states their uncertainty it is carried 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.history import history
 from hil.estimation.identifiability import conditions, require_all_groups, require_rank
 from hil.estimation.local_fits import ELSEWHERE, local_fit
+from hil.estimation.options import DEFAULTS, NUISANCES, Options
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step import TwoStep
@@ -43,7 +44,7 @@ from hil.planning.measurement import shows_element, shows_parameters
 from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -80,6 +81,7 @@ def estimates(
     robot: Robot,
     recorded: Recorded,
     methods: Sequence[TwoStepMethod] = TWO_STEP_METHODS,
+    options: Options = DEFAULTS,
 ) -> dict[TwoStepMethod, Estimate]:
     """Identify by several two-step methods, which share the signals.
 
@@ -92,25 +94,54 @@ def estimates(
     robot = with_reached_limits(robot, raw)
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
-        found[method] = (_improved if method == "improved" else _published)(robot, raw, unusable)
+        if method == "improved":
+            found[method] = _improved(robot, raw, unusable, options)
+        else:
+            found[method] = _published(robot, raw, unusable)
     return found
 
 
 def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
-    fits, useless = _local_fits(robot, raw)
+    fits, useless = local_fits(robot, raw)
     condition = conditions(robot, fits, together=False)
     require_all_groups(robot, fits, condition)
     solver = TwoStep(robot, fits)
     p, changes = _left_out_in_turn(solver)
-    return _estimate(
+    return estimate_of(
         robot, "published", fits, condition, (*unusable, *streamed, *useless), solver, p,
         jackknife(changes), effective_degrees(changes**2),
     )  # fmt: skip
 
 
-def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
-    drive_train = find_drive_train(robot, raw)
+class Joint(NamedTuple):
+    """Measurements of strokes and trajectories as one regression, drive trains compensated.
+
+    Attributes
+    ----------
+    solver : SimultaneousFit
+    drive_train : DriveTrain
+    prepared : sequence of (ParameterMotion, Signals)
+        With the drive trains taken into account.
+    rigid : ndarray, shape (n_base,)
+        Base parameters before anything was known of friction of the load.
+    """
+
+    solver: SimultaneousFit
+    drive_train: DriveTrain
+    prepared: Prepared
+    rigid: Array
+
+
+def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) -> Joint:
+    """Condense measurements to one regression, and find what lies between current and arm.
+
+    Parameters
+    ----------
+    nuisance : collection of str
+        Which of `NUISANCES` are looked for; others are taken for none.
+    """
+    drive_train = _found(find_drive_train(robot, raw), nuisance)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
     solver = first = SimultaneousFit(robot, prepared)
     mu, error = solver.load_friction
@@ -119,29 +150,50 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
         # what gears transmit is now known better than from measurements of inertia alone, and so is
         # which of them turn it into friction; a doubtful one would take the lag along, since few
         # measurements of inertia tell the two apart
-        drive_train = find_drive_train(robot, raw, loaded)
+        drive_train = _found(find_drive_train(robot, raw, loaded), nuisance)
         drive_train = replace(drive_train, p=solver.solve())
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
         solver = SimultaneousFit(robot, prepared)
-    fits, useless = _local_fits(robot, prepared)
+    return Joint(solver, drive_train, prepared, first.without_load_friction)
+
+
+def _found(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
+    """What was found of the drive trains, as far as it was asked for."""
+    none = np.zeros_like(train.lag)
+    if "lag" not in nuisance:
+        train = replace(train, lag=none, lag_error=none)
+    if "compliance" not in nuisance:
+        train = replace(train, soft=np.zeros_like(train.soft))
+    if not {"lag", "compliance"} <= set(nuisance):
+        # what is not looked for has no error of which the covariance would tell
+        train = replace(train, covariance=np.zeros_like(train.covariance))
+    return train
+
+
+def _improved(
+    robot: Robot, raw: Prepared, unusable: Sequence[LeftOut], options: Options
+) -> Estimate:
+    found = joint(robot, raw, options.nuisance)
+    solver, drive_train = found.solver, found.drive_train
+    fits, useless = local_fits(robot, found.prepared)
     condition = conditions(robot, fits)
-    require_rank(robot, prepared, fits, condition, solver)
-    fit = solver.regression.fit("jackknife")
+    require_rank(robot, found.prepared, fits, condition, solver)
+    fit = solver.regression.fit(options.covariance)
     p, n = solver.solve(), solver.n_base
     covariance = fit.covariance[:n, :n] + drive_train.covariance
-    covariance += _of_gears(robot, raw, drive_train, p)
-    found = _estimate(
+    covariance += covariance_of_gears(robot, raw, drive_train, p)
+    estimate = estimate_of(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
         covariance, fit.degrees_of_freedom[:n],
     )  # fmt: skip
     return replace(
-        found,
+        estimate,
         drive_train=drive_train,
         load_friction=solver.load_friction,
         causes=find_causes(
-            robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
+            robot, raw, drive_train, solver, found.rigid, estimate.local, covariance
         ),
-        noise_covariance=solver.noise_covariance[: len(p), : len(p)],
+        noise_covariance=solver.noise_covariance[:n, :n],
         friction_law=campaign_friction(
             robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
         ),
@@ -154,7 +206,7 @@ def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
     return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
 
 
-def _of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:
+def covariance_of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:
     """Covariance of the base parameters from what is uncertain of the soft gears' compliances."""
     effects = [np.zeros(len(p))]
     for axis in np.flatnonzero(drive_train.soft):
@@ -165,9 +217,9 @@ def _of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) ->
     return np.transpose(effects) @ effects
 
 
-def _estimate(
+def estimate_of(
     robot: Robot,
-    method: TwoStepMethod,
+    method: str,
     fits: Sequence[LocalFit],
     condition: dict[str, float],
     left_out: tuple[LeftOut, ...],
@@ -176,6 +228,7 @@ def _estimate(
     covariance: Array,
     degrees: Array,
 ) -> Estimate:
+    """Put an estimate together, with what drives' errors do to it."""
     local = tuple(each.at(p) for each in fits)
     effect = solver.sensitivity()
     carried, usual = effect * robot.stated_uncertainty, effect * robot.usual_uncertainty
@@ -250,7 +303,7 @@ def prepared_for(
     return [(m, found.drive_train.applied(robot, s)) for m, s in own]
 
 
-def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
+def local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
     """Step 1 for all measurements, and the reasons for those that are of no use."""
     found, left_out = [], []
     for measurement, s in prepared:
