@@ -74,10 +74,10 @@ def identify(
             if run.imported:
                 out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
-        identified = identification.identified(run, method, more)
-        found = identified.model
-        if not (more or run.imported):
-            kept_findings.keep_identified(run, identified)
+        if more or run.imported:
+            found = identification.identified(run, method, more).model
+        else:
+            found = kept_findings.identify_and_keep(run, method).model
         if consistent or masses:
             from hil.results.consistency import with_consistent_robot
 
