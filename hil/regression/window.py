@@ -7,6 +7,7 @@ alone does it: plans and dry runs would wait longer for SciPy than they take.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,11 +31,13 @@ def smooth(x: Array, period: float) -> Array:
 
 def correlated(x: Array, taps: Array) -> Array:
     """Sum of each sample and its neighbours times `taps`; those beyond an end are like the end."""
-    reach = len(taps) // 2
-    ends = [(reach, reach)] + [(0, 0)] * (x.ndim - 1)
-    columns = np.ascontiguousarray(np.pad(x, ends, mode="edge").reshape(len(x) + 2 * reach, -1).T)
-    sums = np.empty((len(x), len(columns)))
-    for k, column in enumerate(columns):
+    n, reach = len(x), len(taps) // 2
+    flat = x.reshape(n, -1)
+    padded = np.empty((flat.shape[1], n + 2 * reach))  # np.pad takes as long as all that follows
+    padded[:, :reach], padded[:, n + reach :] = flat[:1].T, flat[-1:].T
+    padded[:, reach : n + reach] = flat.T
+    sums = np.empty(flat.shape)
+    for k, column in enumerate(padded):
         sums[:, k] = np.correlate(column, taps, mode="valid")
     return sums.reshape(x.shape)
 
@@ -56,7 +59,10 @@ def noise_gain(period: float) -> float:
     return float(np.sum(weights(period) ** 2))
 
 
+@cache
 def weights(period: float) -> Array:
     """Of the window's samples, one every `period` [s]; their sum is 1."""
     window = np.blackman(2 * half_window(period) + 3)[1:-1]
-    return np.asarray(window / window.sum())
+    window /= window.sum()
+    window.flags.writeable = False
+    return window

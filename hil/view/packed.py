@@ -41,8 +41,3 @@ def deflated(data: object) -> str:
     """JSON of `data`, compressed, as text that HTML may hold."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
-
-
-def inflated(text: str) -> object:
-    """Return what `deflated` has packed."""
-    return json.loads(gzip.decompress(base64.b64decode(text)))

@@ -12,6 +12,7 @@ from html import unescape
 import matplotlib as mpl
 import numpy as np
 import pytest
+from inflating import inflated
 from small_run import as_on_hardware, empty_plots, write_run
 
 from hil import cli
@@ -32,7 +33,6 @@ from hil.results.tables.html import symbols
 from hil.runs.finding import Finding
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.view.packed import inflated
 
 PLOTS = {
     *ELEMENT_KINDS,
