@@ -174,14 +174,16 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
 
 
 def _refuse_unknown(method: str | None) -> None:
-    from hil.estimation.identify import METHODS
+    from hil.estimation.identify import METHODS, RIVALS
 
     if method is not None and method not in METHODS:
         from checked_files.near import did_you_mean
 
         known = "; ".join(METHODS)
         near = did_you_mean(method, METHODS)
-        raise typer.BadParameter(f"{method} must be one of: {known}{near}", param_hint="--method")
+        raise typer.BadParameter(
+            f"{method} must be one of: {known}{near}; {RIVALS}", param_hint="--method"
+        )
 
 
 def _show_outcome(model: Model) -> None:
@@ -196,16 +198,20 @@ def _show_shortfall(run: Run) -> None:
 
 
 def _show_unusable_model(run: Run) -> None:
-    """State that the kept model was cut off or edited: the report is of a new estimate."""
+    """State why the kept model is not what the report is of: cut off, edited, of a rival."""
     from checked_files.yaml_file import FileError
+    from hil.estimation.identify import METHODS, RIVALS
     from hil.results.model_file import NAME, read_model_file
 
-    path = run.path / NAME
+    path, why = run.path / NAME, None
     try:
-        if path.exists():
-            read_model_file(path)
+        method = read_model_file(path).provenance.method if path.exists() else None
+        if method is not None and method not in METHODS:
+            why = f"{path}: {method} method; {RIVALS}"
     except FileError as error:
-        say(f"not used, the report is of a new estimate: {error}", style="yellow")
+        why = str(error)
+    if why is not None:
+        say(f"not used, the report is of a new estimate: {why}", style="yellow")
 
 
 def _show_place(what: str, path: Path) -> None:

@@ -67,6 +67,12 @@ METHODS: dict[str, Identify] = {
 """All methods by name: two-step ones, conventional ones from trajectories, and those for motions
 that somebody else recorded."""
 
+RIVALS = (
+    "methods that they are compared with are run from the repository:"
+    " python -m benchmarks.rivals RUN --method NAME"
+)
+"""Where methods of earlier versions are that exist only to be compared with."""
+
 
 def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
     """Name of the method for measurements or recorded motions, and why it is this one."""
@@ -108,5 +114,5 @@ def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Esti
         A conventional method without trajectories.
     """
     if method not in METHODS:
-        raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}")
+        raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")
     return METHODS[method](robot, recorded)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError
+from hil.estimation.identify import METHODS
 from hil.report.friction_of_run import friction_of_run
 from hil.results.kept_findings import keep, kept
 from hil.results.model_file import NAME, read_model_file
@@ -131,7 +133,8 @@ def identified(run: ReportedRun) -> IdentifiedRun | ForeignRun:
 
 def _method(run: Run) -> str | None:
     """Method of the model that `hil identify` wrote; without one, that for what was recorded."""
-    try:
-        return read_model_file(run.path / NAME).provenance.method
-    except FileError:
-        return None if run.imported else "improved"
+    with suppress(FileError):
+        method = read_model_file(run.path / NAME).provenance.method
+        if method in METHODS:
+            return method
+    return None if run.imported else "improved"

@@ -8,17 +8,16 @@ positive
     it; its covariance counts what other laws of friction would have found
     (`hil.estimation.free_motion.alternatives`), and offsets of friction that pass for weight
     (`hil.estimation.free_motion.offsets`);
-robust
-    pieces of time that fit worse than most count less (Huber's weights, found by iteration);
-total
-    total least squares: errors in the columns as in the torque, columns scaled to unit length;
 instrumental
     Z'W x = Z'y: Z from one half of the samples, every other one, and W from the other half. Errors
-    of measurement that differ from sample to sample are in one of them only, so they shift nothing.
+    of measurement that differ from sample to sample are in one of them only, so they shift nothing;
+a function of the equations of pieces of time
+    the equations as it weights them, and their solution.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -39,7 +38,7 @@ from hil.estimation.free_motion.system import (
 from hil.estimation.free_motion.uncertainty import uncertainty
 from hil.model.base_parameters import base_parameters
 from hil.regression.layout import embedded
-from hil.regression.least_squares import condition, inverse, total_least_squares, undetermined
+from hil.regression.least_squares import condition, inverse, undetermined
 from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
@@ -52,11 +51,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-Solver = Literal["least squares", "positive", "robust", "total", "instrumental"]
-HUBER = 1.345
-"""Times the usual misfit from which on a piece counts less."""
-ROUNDS = 30
-"""Of Huber's weights."""
+Solver = (
+    Literal["least squares", "positive", "instrumental"]
+    | Callable[["Normal"], "tuple[Normal, Array]"]
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,10 +131,8 @@ def _by_solver(
     solver: Solver, pieces: Normal, products: Products, choice: Choice
 ) -> tuple[Normal, Array]:
     """Equations as a solver weights them, and their solution."""
-    if solver == "robust":
-        return _robust(pieces)
-    if solver == "total":
-        return pieces, _total(pieces)
+    if callable(solver):
+        return solver(pieces)
     if solver == "instrumental" and products.instruments is not None:
         crossed = normal(products.instruments, products.n_shared, choice.weights)
         pieces = crossed.only(choice.kept(products.n_shared))
@@ -186,24 +182,3 @@ def require_determined(robot: Robot, pieces: Normal) -> None:
             " move through more of their ranges, or state in the robot file which link parameters"
             " are present"
         )
-
-
-def _robust(pieces: Normal) -> tuple[Normal, Array]:
-    """Equations with Huber's weights of pieces, and their solution."""
-    equations, x = pieces, pieces.solution()
-    for _ in range(ROUNDS):
-        before, misfit = x, np.sqrt(pieces.error(x))
-        usual = max(float(np.median(misfit)), 1e-300)
-        equations = pieces.weighted(np.minimum(1.0, HUBER * usual / np.maximum(misfit, 1e-300)))
-        x = equations.solution()
-        if np.allclose(before, x, rtol=1e-9, atol=0.0):
-            break
-    return equations, x
-
-
-def _total(pieces: Normal) -> Array:
-    N, v = pieces.information, pieces.vector
-    heard = np.diag(N) > 0
-    x = np.zeros(len(v))
-    x[heard] = total_least_squares(N[np.ix_(heard, heard)], v[heard], float(pieces.square.sum()))
-    return x

@@ -36,7 +36,5 @@ VARIANTS: dict[str, Variant] = {
     "least squares": Variant(weighted=False),
     "weighted least squares": Variant(),
     "instrumental variables": Variant(solver="instrumental"),
-    "total least squares": Variant(solver="total"),
-    "robust": Variant(solver="robust"),
 }
 """All methods for free motions."""
