@@ -40,10 +40,10 @@ import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 from drift_study.scenarios import SCENARIOS, Scenario, write_plant
 from drift_study.summary import GROUPS
+from rivals.cramer_rao import cramer_rao
 
 from hil.cli.robot_drives import packaged_drives
 from hil.estimation.causes import CauseName
-from hil.estimation.cramer_rao import cramer_rao
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import load_robot

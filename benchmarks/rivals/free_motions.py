@@ -17,7 +17,8 @@ import numpy as np
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.variants import Variant
 from hil.estimation.free_motion_methods import estimate_from
-from hil.regression.least_squares import total_least_squares
+
+from .solution import total_least_squares
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

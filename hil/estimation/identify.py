@@ -1,8 +1,7 @@
 """All methods by name, and the one for what was recorded.
 
-Two-step methods take measurements (`two_step_methods`), conventional ones trajectories
-(`conventional`), the others motions that somebody else recorded (`free_motion_methods`,
-`back_and_forth_method`).
+Two-step methods take measurements (`two_step_methods`), the others motions that somebody else
+recorded (`free_motion_methods`, `back_and_forth_method`).
 """
 
 from __future__ import annotations
@@ -12,9 +11,7 @@ from typing import TYPE_CHECKING
 from hil.errors import UnknownName
 from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.estimation.back_and_forth.recognition import goes_back_and_forth
-from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
-from hil.estimation.free_motion.variants import DEFAULT
-from hil.estimation.free_motion.variants import VARIANTS as FREE_VARIANTS
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.planning.free_motion import FreeMotion
 
@@ -35,13 +32,6 @@ def _two_step(method: TwoStepMethod) -> Identify:
     return lambda robot, recorded: estimates(robot, recorded, (method,))[method]
 
 
-def _conventional(name: str) -> Identify:
-    def identify(robot: Robot, recorded: Recorded) -> Estimate:
-        return fit_trajectories(robot, trajectories(recorded), VARIANTS[name], name=name)
-
-    return identify
-
-
 def _free_motion(name: str) -> Identify:
     def identify(robot: Robot, recorded: Recorded) -> Estimate:
         # spectra and filters load for half a second, and what was measured here needs none
@@ -60,13 +50,10 @@ def _back_and_forth(robot: Robot, recorded: Recorded) -> Estimate:
 
 METHODS: dict[str, Identify] = {
     **{method: _two_step(method) for method in TWO_STEP_METHODS},
-    **{name: _conventional(name) for name in VARIANTS},
     BACK_AND_FORTH: _back_and_forth,
-    **{name: _free_motion(name) for name in FREE_VARIANTS},
+    **{name: _free_motion(name) for name in VARIANTS},
 }
-"""All methods by name: two-step ones, conventional ones from trajectories, and those for motions
-that somebody else recorded."""
-
+"""All methods by name: two-step ones, and those for motions that somebody else recorded."""
 RIVALS = (
     "methods that they are compared with are run from the repository:"
     " python -m benchmarks.rivals RUN --method NAME"
@@ -111,7 +98,7 @@ def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Esti
     NotIdentifiable
         Base parameters that the measurements do not excite.
     NotEnoughData
-        A conventional method without trajectories.
+        A method for free motions without any.
     """
     if method not in METHODS:
         raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")

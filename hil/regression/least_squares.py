@@ -68,25 +68,6 @@ def solved(N: Array, side: Array) -> Array:
     return solution
 
 
-def solved_square(M: Array, side: Array) -> Array:
-    """Solve ``M x = side`` for a regular matrix, such as Z'W of instrumental variables.
-
-    Parameters
-    ----------
-    M : ndarray, shape (n, n)
-        Not necessarily symmetric; its diagonal is not zero.
-    side : ndarray, shape (n,) or (n, k)
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        M is singular.
-    """
-    scale = 1.0 / np.sqrt(np.abs(np.diag(M)))
-    solution: Array = (np.linalg.solve(M * np.outer(scale, scale), (side.T * scale).T).T * scale).T
-    return solution
-
-
 def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
     """B of ``B'N B = 1`` and ``B B' = N^+``, shape (n, number of determined directions).
 
@@ -192,26 +173,6 @@ def fitted(W: Array, y: Array) -> Array:
     """
     Q, B = orthonormal(W)
     return B @ (Q.T @ y)
-
-
-def total_least_squares(N: Array, v: Array, square: float) -> Array:
-    """Solve ``W x = y`` with errors in W as in y, alike in all columns scaled to unit length.
-
-    The right singular vector to the smallest singular value of [W y], eq. (2.7) of Van Huffel and
-    Vandewalle, *The Total Least Squares Problem*, 1991.
-
-    Parameters
-    ----------
-    N : ndarray, shape (n, n)
-    v : ndarray, shape (n,)
-    square : float
-        y'y.
-    """
-    gram = np.block([[N, v[:, np.newaxis]], [v[np.newaxis], np.array([[square]])]])
-    scale, _, vectors = _scaled(gram, None)
-    smallest = vectors[:, 0] * scale
-    solution: Array = -smallest[:-1] / smallest[-1]
-    return solution
 
 
 def eliminated(product: Array, k: int, rank: float = RANK) -> tuple[Array, int]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,8 +16,6 @@ from hil.regression.least_squares import (
     orthonormal,
     shares_without_nuisance,
     solved,
-    solved_square,
-    total_least_squares,
     undetermined,
     without_nuisance,
 )
@@ -59,7 +56,7 @@ def test_all_ways_to_solve_agree_with_numpy(problem: tuple[Array, Array]) -> Non
     W, y = problem
     expected, length = lstsq(W, y), np.linalg.norm(W, axis=0)
     N, v = W.T @ W, W.T @ y
-    ways = (fitted(W, y), solved(N, v), solved_square(N, v), inverse(N) @ v)
+    ways = (fitted(W, y), solved(N, v), inverse(N) @ v)
     for found in ways:
         close(length * found, length * expected)
 
@@ -68,9 +65,7 @@ def test_all_ways_to_solve_agree_with_numpy(problem: tuple[Array, Array]) -> Non
 def test_several_right_hand_sides_are_solved_one_by_one(problem: tuple[Array, Array]) -> None:
     W, y = problem
     both = np.column_stack([y, y[::-1]])
-    for solve, N, sides in (
-        (fitted, W, both), (solved, W.T @ W, W.T @ both), (solved_square, W.T @ W, W.T @ both),
-    ):  # fmt: skip
+    for solve, N, sides in ((fitted, W, both), (solved, W.T @ W, W.T @ both)):
         alone = np.column_stack([solve(N, side) for side in sides.T])
         np.testing.assert_allclose(solve(N, sides), alone, rtol=1e-8, atol=1e-12)
 
@@ -174,20 +169,3 @@ def test_what_elimination_leaves_of_rounding_is_small_against_the_size_it_had() 
     P = without_nuisance(N, 2)
     left = (P @ N)[:, :2]
     np.testing.assert_array_equal(undetermined(left, 1e-9, np.diag(N)[:2]), [True, False])
-
-
-def test_a_singular_matrix_has_no_square_solution() -> None:
-    with pytest.raises(np.linalg.LinAlgError):
-        solved_square(np.ones((2, 2)), np.ones(2))
-
-
-def test_total_least_squares_has_no_bias_by_noise_that_is_alike_in_all_columns() -> None:
-    random = np.random.default_rng(3)
-    x = np.array([1.0, -2.0])
-    true = random.normal(size=(50000, 2))
-    exact = np.column_stack([true, true @ x])
-    noisy = exact + 0.3 * exact.std(axis=0) * random.normal(size=exact.shape)
-    W, y = noisy[:, :2], noisy[:, 2]
-    found = total_least_squares(W.T @ W, W.T @ y, float(y @ y))
-    np.testing.assert_allclose(found, x, atol=0.03)
-    assert np.abs(fitted(W, y) - x).max() > 0.1

@@ -27,15 +27,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.regression.least_squares import solved_square, total_least_squares
 from hil.regression.normal_equations import mean_squares, normal, reweighted
 from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.estimation.conventional.products import Products
     from hil.regression.normal_equations import Normal
+
+    from .products import Products
 
     Array = NDArray[np.float64]
 
@@ -135,3 +135,44 @@ def _weights(
         squares = np.einsum("i,aij,j->a", p, plain.sum(axis=0)[:, base, base], p)
         return np.asarray(np.maximum(data.counts.sum(axis=0), 1.0) / squares)
     return reweighted(residual_weights, of_torque)
+
+
+def solved_square(M: Array, side: Array) -> Array:
+    """Solve ``M x = side`` for a regular matrix, such as Z'W of instrumental variables.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        Not necessarily symmetric; its diagonal is not zero.
+    side : ndarray, shape (n,) or (n, k)
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        M is singular.
+    """
+    scale = 1.0 / np.sqrt(np.abs(np.diag(M)))
+    solution: Array = (np.linalg.solve(M * np.outer(scale, scale), (side.T * scale).T).T * scale).T
+    return solution
+
+
+def total_least_squares(N: Array, v: Array, square: float) -> Array:
+    """Solve ``W x = y`` with errors in W as in y, alike in all columns scaled to unit length.
+
+    The right singular vector to the smallest singular value of [W y], eq. (2.7) of Van Huffel and
+    Vandewalle, *The Total Least Squares Problem*, 1991.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n, n)
+        W'W; no column of W is zero.
+    v : ndarray, shape (n,)
+        W'y.
+    square : float
+        y'y.
+    """
+    gram = np.block([[N, v[:, np.newaxis]], [v[np.newaxis], np.array([[square]])]])
+    scale = 1.0 / np.sqrt(np.diag(gram))
+    smallest = np.linalg.eigh(gram * np.outer(scale, scale)).eigenvectors[:, 0] * scale
+    solution: Array = -smallest[:-1] / smallest[-1]
+    return solution

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A
 
-from hil.estimation.cramer_rao import cramer_rao
+from benchmarks.rivals.cramer_rao import cramer_rao
 from hil.estimation.signals import signals
 from hil.model.robot import load_robot
 from hil.planning.measurement import Inertia

@@ -22,29 +22,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.condensed import groups
-from hil.estimation.conventional.friction_terms import (
-    DIRECTION,
-    LOAD,
-    N_FRICTION,
-    compensated,
-    friction_columns,
-)
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.regression.least_squares import eliminated
 
+from .friction_terms import (
+    DIRECTION,
+    LOAD,
+    N_FRICTION,
+    compensated,
+    friction_columns,
+)
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from hil.estimation.conventional.friction_terms import Characteristic
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
     from hil.runs.recording import Recording
+
+    from .friction_terms import Characteristic
 
     Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import pytest
 from synthetic import TABLE_3_A
 from trajectory_run import COULOMB, VISCOUS, recorded, some_trajectory
 
-from hil.errors import NotEnoughData
-from hil.estimation.conventional import variants
-from hil.estimation.conventional.products import stack
-from hil.estimation.conventional.variants import (
+from benchmarks.rivals import variants
+from benchmarks.rivals.products import stack
+from benchmarks.rivals.solution import solved_square, total_least_squares
+from benchmarks.rivals.variants import (
     BOTH,
     COMPENSATED,
     CUSTOMARY,
@@ -23,10 +23,11 @@ from hil.estimation.conventional.variants import (
     fit_trajectories,
     trajectories,
 )
+from hil.errors import NotEnoughData
 from hil.model.robot import load_robot
 
 if TYPE_CHECKING:
-    from hil.estimation.conventional.friction_terms import Characteristic
+    from benchmarks.rivals.friction_terms import Characteristic
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
 
@@ -192,3 +193,20 @@ def test_low_speeds_can_be_left_out(robot: Robot, trajectory: Trajectory) -> Non
 def test_without_trajectories_nothing_can_be_identified() -> None:
     with pytest.raises(NotEnoughData, match="no trajectories"):
         trajectories([])
+
+
+def test_a_singular_matrix_has_no_square_solution() -> None:
+    with pytest.raises(np.linalg.LinAlgError):
+        solved_square(np.ones((2, 2)), np.ones(2))
+
+
+def test_total_least_squares_has_no_bias_by_noise_that_is_alike_in_all_columns() -> None:
+    random = np.random.default_rng(3)
+    x = np.array([1.0, -2.0])
+    true = random.normal(size=(50000, 2))
+    exact = np.column_stack([true, true @ x])
+    noisy = exact + 0.3 * exact.std(axis=0) * random.normal(size=exact.shape)
+    W, y = noisy[:, :2], noisy[:, 2]
+    found = total_least_squares(W.T @ W, W.T @ y, float(y @ y))
+    np.testing.assert_allclose(found, x, atol=0.03)
+    assert np.abs(np.linalg.lstsq(W, y)[0] - x).max() > 0.1

@@ -1,4 +1,10 @@
-"""The conventional methods by name, and what they estimate from recordings of trajectories.
+"""Conventional identification (section 5 of the paper): one regression over exciting trajectories.
+
+All joints move at once, and the base parameters come from Q = A(q, qd, qdd) p + friction in one
+linear fit, eq. (11). Variants differ in how friction is treated (`friction_terms`), how rows are
+weighted and how the overdetermined system is solved (`solution`). Here are those by name that the
+literature proposes, and the strongest that we can build. None of them assumes that friction changes
+in the course of the measurement, but those by period.
 
 Friction of the load needs the base parameters that it is to be found with. So a method that has it
 solves without it, computes the transmitted torques from that solution and solves again, until the
@@ -14,25 +20,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.conventional.friction_terms import LOAD, N_OF_SPEED, places
-from hil.estimation.conventional.products import stack
-from hil.estimation.conventional.solution import solve
 from hil.estimation.drive_train import LoadFriction
 from hil.estimation.estimate import Estimate
 from hil.planning.measurement import recorded_as
 from hil.planning.trajectory import Trajectory
+
+from .friction_terms import LOAD, N_OF_SPEED, places
+from .products import stack
+from .solution import solve
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from hil.estimation.conventional.friction_terms import Characteristic, Terms
-    from hil.estimation.conventional.products import Products, Stacked
-    from hil.estimation.conventional.solution import Solution, Solver, Weighting
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
+
+    from .friction_terms import Characteristic, Terms
+    from .products import Products, Stacked
+    from .solution import Solution, Solver, Weighting
 
     Array = NDArray[np.float64]
 
@@ -55,7 +63,7 @@ class Variant:
     terms : str
         Friction that is fitted jointly.
     weighting, solver : str
-        See `hil.estimation.conventional.solution`.
+        See `solution`.
     slowest : float
         Samples below this share of the speed limit are left out.
     by_period : bool
