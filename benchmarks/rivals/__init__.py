@@ -11,17 +11,24 @@ from .free_motions import SOLVERS, fit_free_motions
 from .variants import VARIANTS, fit_trajectories, trajectories
 
 if TYPE_CHECKING:
-    from hil.estimation.identify import Identify
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.identify import Identify, Recorded
+    from hil.estimation.options import Options
+    from hil.model.robot import Robot
 
 
 def _conventional(name: str) -> Identify:
-    return lambda robot, recorded: fit_trajectories(
-        robot, trajectories(recorded), VARIANTS[name], name=name
-    )
+    def identify(robot: Robot, recorded: Recorded, _: Options) -> Estimate:
+        return fit_trajectories(robot, trajectories(recorded), VARIANTS[name], name=name)
+
+    return identify
 
 
 def _free_motion(name: str) -> Identify:
-    return lambda robot, recorded: fit_free_motions(robot, recorded, name)
+    def identify(robot: Robot, recorded: Recorded, _: Options) -> Estimate:
+        return fit_free_motions(robot, recorded, name)
+
+    return identify
 
 
 RIVALS: dict[str, Identify] = {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.text import Text
 
-from hil.cli.arguments import Masses, RunPath, Without
+from hil.cli.arguments import Masses, RunPath, RunPaths, Without
 from hil.cli.outputs import REFUSED, folder_to_write, refuse_unwritable, say_simulated
 from hil.terminal.console import out, say
 from hil.terminal.working import working
@@ -39,7 +39,7 @@ Others = Annotated[
 
 @commands.command()
 def identify(
-    folder: RunPath,
+    folders: RunPaths,
     method: Method = None,
     others: Others = None,
     without: Without = None,
@@ -51,7 +51,10 @@ def identify(
     ] = False,
     masses: Masses = None,
 ) -> None:
-    """Estimate base parameters from a run; exit status 3 where that failed."""
+    """Estimate base parameters from runs of any kind; exit status 3 where that failed.
+
+    The model is written into the first folder.
+    """
     begun = perf_counter()
     with working("reading the run") as now:
         from hil.cli.consistent_view import body_bounds, render
@@ -64,14 +67,14 @@ def identify(
 
         _refuse_unknown(method)
         bounds = body_bounds(masses)
-        path = folder / model_file.NAME
+        path = folders[0] / model_file.NAME
         refuse_unwritable(path)
-        run, *more = open_runs([folder, *(others or ())])
+        run, *more = open_runs([*folders, *(others or ())])
         run = run.without(without or ())
         bounds.refuse_other_links(run.robot)
         if method is None:
             method, reason = identification.method_for(run, more)
-            if run.imported:
+            if run.imported or any(each.imported for each in more):
                 out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
         if more or run.imported:

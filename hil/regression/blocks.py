@@ -23,18 +23,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.layout import Layout
+from hil.regression.layout import Layout, axis_names
 from hil.regression.least_squares import eliminated
 from hil.regression.normal_equations import Normal, successive
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
-    Mask = NDArray[np.bool_]
+    from hil.arrays import Array, Indices, Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,11 +93,14 @@ class Blocks:
 
     def merged(self, label: Indices) -> Blocks:
         """Groups of one label, shape (n_groups,), added up to one."""
-        values, first, of = np.unique(label, return_index=True, return_inverse=True)
-        products = np.zeros((len(values), *self.products.shape[1:]))
-        counts = np.zeros((len(values), self.n_channels))
-        np.add.at(products, of, self.products)
-        np.add.at(counts, of, self.counts)
+        _, first, of = np.unique(label, return_index=True, return_inverse=True)
+        products, counts = self.products, self.counts
+        if np.any(np.diff(of) < 0):
+            order = np.argsort(of, kind="stable")
+            products, counts, of = products[order], counts[order], of[order]
+        begins = np.searchsorted(of, np.arange(len(first)))
+        products = np.add.reduceat(products, begins, axis=0)
+        counts = np.add.reduceat(counts, begins, axis=0)
         labels = {name: each[first] for name, each in self.labels.items()}
         return replace(self, products=products, counts=counts, labels=labels)
 
@@ -115,7 +114,9 @@ class Blocks:
     @property
     def total(self) -> Blocks:
         """All groups added up to one."""
-        return self.merged(np.zeros(len(self), dtype=np.intp))
+        products, counts = (x.sum(axis=0, keepdims=True) for x in (self.products, self.counts))
+        labels = {name: label[:1] for name, label in self.labels.items()}
+        return replace(self, products=products, counts=counts, labels=labels)
 
     def joined(self, *others: Blocks) -> Blocks:
         """Groups of all, one after the other; columns and channels that one lacks are zero."""
@@ -174,6 +175,42 @@ class Blocks:
         products = np.swapaxes(T, -1, -2) @ self.products @ T
         return replace(self, shared=tuple(shared), own=tuple(own), products=products)
 
+    def recast(
+        self,
+        torque: Array | None = None,
+        added: Mapping[str, Array] | None = None,
+        dropped: Sequence[str] = (),
+    ) -> Blocks:
+        """Blocks of another torque, or with other shared columns; `combined` where most stay.
+
+        Parameters
+        ----------
+        torque : ndarray, shape (n_channels, m), optional
+            What is to be explained, by the columns of `products`; by default the torque as it is.
+        added : mapping of str to ndarray, shape (n_channels, m) or (n_groups, n_channels, m)
+            Shared columns that come behind the others, likewise.
+        dropped : sequence of str
+            Shared columns that go.
+        """
+        m, new = self.products.shape[-1], added or {}
+        first = np.eye(1, m) if torque is None else torque
+        lead = np.broadcast_shapes(self.products.shape[:2], *(x.shape[:-1] for x in new.values()))
+        made = np.stack([np.broadcast_to(x, (*lead, m)) for x in (first, *new.values())], axis=-1)
+        stay = tuple(name for name in self.shared if name not in dropped)
+        kept, k = self.place(*stay, *self.own), len(stay)
+        # where columns stand in the result: those that are made, and those that stay
+        n_made, size = made.shape[-1], made.shape[-1] + len(kept)
+        at = np.concatenate([[0], np.arange(1 + k, k + n_made)])
+        place = np.setdiff1d(np.arange(size), at)
+        products = np.empty((*lead, size, size))
+        right, left = self.products @ made, np.swapaxes(made, -1, -2) @ self.products
+        products[..., at[:, None], at] = np.swapaxes(made, -1, -2) @ right
+        for to, of in _runs(place, kept):
+            products[..., to, at], products[..., at, to] = right[..., of, :], left[..., of]
+            for beside, other in _runs(place, kept):
+                products[..., to, beside] = self.products[..., of, other]
+        return replace(self, shared=(*stay, *new), products=products)
+
     def eliminated(self, *names: str) -> Blocks:
         """Blocks in which some columns have coefficients of each group alone."""
         local = self.place(*names)
@@ -193,15 +230,17 @@ class Blocks:
 
     def normal(self, weights: Array) -> Normal:
         """Normal equations of all unknowns by group, channels weighted by `weights`."""
-        layout = self.layout
-        n, n_groups = layout.size, len(self)
-        N, v, square = np.zeros((n_groups, n, n)), np.zeros((n_groups, n)), np.zeros(n_groups)
+        n, k, n_own = self.layout.size, len(self.shared), len(self.own)
+        N, v = np.zeros((len(self), n, n)), np.zeros((len(self), n))
         for channel, weight in enumerate(weights):
-            at, part = layout.place(channel), Normal.split(self.products[:, channel])
-            N[:, at[:, np.newaxis], at] += weight * part.N
-            v[:, at] += weight * part.v
-            square += weight * part.square
-        return Normal(N, v, square)
+            part = Normal.split(weight * self.products[:, channel])
+            own = slice(k + channel * n_own, k + (channel + 1) * n_own)
+            N[:, :k, :k] += part.N[:, :k, :k]
+            N[:, :k, own], N[:, own, :k] = part.N[:, :k, k:], part.N[:, k:, :k]
+            N[:, own, own] = part.N[:, k:, k:]
+            v[:, :k] += part.v[:, :k]
+            v[:, own] = part.v[:, k:]
+        return Normal(N, v, self.products[:, :, 0, 0] @ weights)
 
     def squares_left(self, x: Array) -> Array:
         """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
@@ -217,6 +256,9 @@ class Blocks:
         return found
 
 
-def axis_names(n: int) -> tuple[str, ...]:
-    """Names of channels that are axes, from 1."""
-    return tuple(f"axis {axis + 1}" for axis in range(n))
+def _runs(to: Indices, of: Indices) -> list[tuple[slice, slice]]:
+    """Places and those that they come from, as slices: these are copied many times faster."""
+    ends = np.flatnonzero((np.diff(to) != 1) | (np.diff(of) != 1)) + 1
+    first, last = np.append(0, ends), np.append(ends, len(to))
+    pairs = zip(first.tolist(), last.tolist(), strict=True)
+    return [(slice(to[a], to[b - 1] + 1), slice(of[a], of[b - 1] + 1)) for a, b in pairs if b > a]

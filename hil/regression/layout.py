@@ -10,10 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
+    from hil.arrays import Array, Indices
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +63,11 @@ class Layout:
         places = [self.at(name) for name in names]
         places += [self.at(name, k) for k, each in enumerate(own) for name in each]
         return np.array(sorted(places), dtype=np.intp)
+
+
+def axis_names(n: int) -> tuple[str, ...]:
+    """Names of channels that are axes, from 1."""
+    return tuple(f"axis {axis + 1}" for axis in range(n))
 
 
 def axis_place(n_shared: int, n_own: int, axis: int) -> Indices:

@@ -18,12 +18,20 @@ CR2
 white
     the residuals are white noise: what is foreseen, and for comparison.
 
-What repeats with the motion shows in no group of time. It does in groups of another kind, such as
-cells of positions and velocities, whose scatter is added where they are given.
+What a model lacks, such as a shape of friction, repeats with the motion and shows in no group of
+time. But it differs from one part of the space of states to the next. Cells of that space are to it
+what groups of time are to noise: each leaves a score, and were the model complete these would sum
+up to as little. So the covariance is the sum of two where cells are given,
+
+    V = V_groups + N^-1 (sum of score score' over cells) N^-1,
+
+with the degrees of freedom that as many groups and cells give as carry an unknown. Over-all it is
+too large rather than too small: noise counts in both.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -37,6 +45,7 @@ from hil.regression.normal_equations import reweighted
 from hil.regression.uncertainty import (
     bias_reduced,
     degrees_if_white,
+    effective_degrees,
     jackknife,
     left_out,
     sandwich,
@@ -44,16 +53,13 @@ from hil.regression.uncertainty import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices, Mask
     from hil.regression.blocks import Blocks
     from hil.regression.layout import Layout
     from hil.regression.normal_equations import Normal
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
-    Mask = NDArray[np.bool_]
-
+Solver = Callable[["Normal"], "tuple[Normal, Array]"]
+"""What weights the equations of groups, and solves them."""
 Covariance = Literal["jackknife", "clusters", "CR2", "white"]
 ROUNDS = 20
 """Times that weights and solution are found from each other, at most: the change of the weights
@@ -61,10 +67,29 @@ falls by half an order of magnitude or more each time."""
 
 
 class Uncertainty(NamedTuple):
-    """Covariance of the kept unknowns, shape (k, k), and its degrees of freedom, shape (k,)."""
+    """Covariance of the kept unknowns, shape (k, k), its degrees of freedom, (k,), and cells' part.
+
+    The latter is what scatters over cells, 0 without any.
+    """
 
     covariance: Array
     degrees_of_freedom: Array
+    of_cells: Array
+
+
+def least_squares(equations: Normal) -> tuple[Normal, Array]:
+    """Solve all groups' equations, as they are."""
+    return equations, equations.solution()
+
+
+def by_groups_and_cells(groups: Normal, cells: Normal, x: Array) -> Uncertainty:
+    """Uncertainty of a solution by leaving out groups, and what scatters over cells."""
+    changes = left_out(groups.N, groups.scores(x))
+    influence = cells.scores(x) @ inverse(groups.information)
+    influence = influence[cells.square > 0]
+    of_cells = scatter(influence, few=True)
+    degrees = effective_degrees(np.vstack([changes, influence]) ** 2)
+    return Uncertainty(jackknife(changes) + of_cells, degrees, of_cells)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +103,14 @@ class Regression:
         Reciprocal residual variances.
     kept : ndarray of int
         Unknowns that are found; the others are zero.
+    solver : callable
+        Weights the equations of groups as it sees fit, and solves them.
     """
 
     blocks: Blocks
     weights: Array
     kept: Indices
+    solver: Solver = least_squares
 
     @classmethod
     def weighed(
@@ -121,7 +149,7 @@ class Regression:
 
     def of(self, blocks: Blocks) -> Regression:
         """The same of other blocks, with these weights."""
-        return Regression(blocks, self.weights, self.kept)
+        return Regression(blocks, self.weights, self.kept, self.solver)
 
     @property
     def layout(self) -> Layout:
@@ -129,14 +157,18 @@ class Regression:
         return self.blocks.layout
 
     @cached_property
+    def _solved(self) -> tuple[Normal, Array]:
+        return self.solver(self.blocks.normal(self.weights).only(self.kept))
+
+    @property
     def normal(self) -> Normal:
-        """Normal equations of the kept unknowns by group."""
-        return self.blocks.normal(self.weights).only(self.kept)
+        """Normal equations of the kept unknowns by group, as the solver weights them."""
+        return self._solved[0]
 
     @cached_property
     def solution(self) -> Array:
         """All unknowns, shape (n,)."""
-        return embedded(self.normal.solution(), self.kept, self.layout.size)
+        return embedded(self._solved[1], self.kept, self.layout.size)
 
     def undetermined(self, n: int) -> Mask:
         """Of the first `n` unknowns those that the groups leave open beside all others."""
@@ -160,8 +192,12 @@ class Regression:
             Groups, at most: successive ones are added up, so what lasts longer counts.
         """
         normal = self.normal if most is None else self.normal.grouped(most)
-        x, inverted = self.solution[self.kept], inverse(self.normal.information)
+        x = self.solution[self.kept]
+        if cells is not None and covariance == "jackknife":
+            return by_groups_and_cells(normal, cells.normal(self.weights).only(self.kept), x)
+        inverted = inverse(self.normal.information)
         degrees = degrees_if_white(inverted, normal.N)
+        of_cells = np.zeros_like(inverted)
         if covariance == "jackknife":
             found = jackknife(left_out(normal.N, normal.scores(x)))
         elif covariance == "clusters":
@@ -173,10 +209,10 @@ class Regression:
             freedom = self.blocks.counts.sum() - len(self.kept)
             degrees = np.full(len(x), max(float(freedom), 1.0))
         if cells is not None:
-            other = self.of(cells).normal
+            other = cells.normal(self.weights).only(self.kept)
             influence = other.scores(x) @ inverted
-            found = found + scatter(influence[other.square > 0], few=True)
-        return Uncertainty(found, degrees)
+            of_cells = scatter(influence[other.square > 0], few=True)
+        return Uncertainty(found + of_cells, degrees, of_cells)
 
     def fit(
         self,

@@ -8,7 +8,7 @@ more. So in each direction of the unknowns the greater of the two counts: with
     V_pairs + V_cells = L L',    L^-1 V_pairs L^-T = U diag(a) U',
 
 it is ``V = L U diag(max(a, 1 - a)) U' L'``. (Of free motions, whose blocks of time are few and
-alike, both are added up: `hil.estimation.free_motion.uncertainty`.) Degrees of freedom are those of
+alike, both are added up: `hil.regression.regression`.) Degrees of freedom are those of
 the blocks, by each one's share of the variance were the noise white.
 """
 

@@ -13,12 +13,10 @@ from hil.regression.standstill import extent, moving
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.planning.free_motion import FreeMotion
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
 
 STRETCHES = 150.0
 """Time of all stretches together, at most [s]."""

@@ -16,6 +16,7 @@ from hil.regression.regression import Regression
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.regression.normal_equations import Normal
     from hil.regression.regression import Covariance
 
     Array = NDArray[np.float64]
@@ -121,6 +122,42 @@ def test_other_columns_cost_no_pass_over_samples(rng: np.random.Generator) -> No
     changed[..., 1] += 4.0 * W[..., 0]
     combined = blocks(W, y).combined(T, SHARED, OWN)
     np.testing.assert_allclose(combined.products, blocks(changed, y).products)
+
+
+def test_another_torque_and_other_shared_columns_cost_none_either(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 5)
+    torque, added = np.zeros((2, 5)), rng.normal(size=(5, 2, 5))
+    torque[:, 0], torque[:, 2] = 2.0, -1.0
+    rows = np.concatenate([y[..., np.newaxis], W], axis=-1)
+    made = np.einsum("gcnk,gck->gcn", rows, added)
+    found = blocks(W, y).recast(torque, {"new": added}, dropped=("p2",))
+    assert (found.shared, found.own) == (("p1", "new"), OWN)
+    new = np.stack([W[..., 0], made, W[..., 2], W[..., 3]], axis=-1)
+    expected = blocks(new, 2.0 * y - W[..., 1])
+    np.testing.assert_allclose(found.products, expected.products, atol=1e-9)
+
+
+def test_groups_of_one_label_are_added_up_wherever_they_stand(rng: np.random.Generator) -> None:
+    whole, label = blocks(*samples(rng, 6)), np.array([1, 0, 1, 2, 0, 1])
+    merged = whole.merged(label)
+    of_one = whole.products[label == 1].sum(axis=0)
+    np.testing.assert_allclose(merged.products[1], of_one)
+    np.testing.assert_allclose(merged.counts[:, 0], [60.0, 90.0, 30.0])
+
+
+def test_a_solver_weights_groups_as_it_sees_fit(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 12)
+    y[3] += 50.0
+    plain = Regression.weighed(blocks(W, y), rounds=1)
+
+    def without_the_worst(equations: Normal) -> tuple[Normal, Array]:
+        error = equations.error(equations.solution())
+        kept = equations.weighted((error < error.max()).astype(float))
+        return kept, kept.solution()
+
+    robust = replace(plain, solver=without_the_worst)
+    error, of_plain = (np.abs(each.fit().x - TRUTH).max() for each in (robust, plain))
+    assert error < 0.1 * of_plain
 
 
 @pytest.mark.parametrize("rule", ["jackknife", "clusters", "CR2", "white"])
