@@ -17,10 +17,10 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.signals import signals
+from hil.least_squares.solving import eliminated, inverse
+from hil.least_squares.terms import n_unknowns, place, term_columns
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.regression.least_squares import eliminated, inverse
-from hil.regression.terms import n_unknowns, place, term_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

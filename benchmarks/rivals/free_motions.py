@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
+    from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.regression.normal_equations import Normal
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]

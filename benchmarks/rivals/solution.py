@@ -27,13 +27,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.regression.normal_equations import mean_squares, normal, reweighted
-from hil.regression.uncertainty import sandwich, scatter
+from hil.least_squares.normal_equations import mean_squares, normal, reweighted
+from hil.least_squares.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.regression.normal_equations import Normal
+    from hil.least_squares.normal_equations import Normal
 
     from .products import Products
 

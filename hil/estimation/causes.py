@@ -24,11 +24,11 @@ from hil.estimation.drive_train import compliance_units
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.least_squares.differences import SECOND
+from hil.least_squares.terms import ASYMMETRIC, usable
+from hil.least_squares.window import HALF_WIDTH, weights
 from hil.model.dynamics import mass_matrix
 from hil.model.motors import motor_inertia
-from hil.regression.differences import SECOND
-from hil.regression.terms import ASYMMETRIC, usable
-from hil.regression.window import HALF_WIDTH, weights
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

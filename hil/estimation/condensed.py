@@ -7,7 +7,7 @@ regressor for the measured motion of all joints,
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e,
 
 and friction is again fitted for this measurement alone; the columns, and which samples are usable,
-are those of `hil.regression.terms`. The coefficients `a` are eliminated at once by orthogonal
+are those of `hil.least_squares.terms`. The coefficients `a` are eliminated at once by orthogonal
 projection (Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next.
 
 It makes no difference what the measurement was made for: strokes of one axis, an axis that creeps
@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.solving import eliminated
+from hil.least_squares.terms import FEWEST, LOAD, common_terms, term_columns, usable
+from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
-from hil.regression.blocks import Blocks
-from hil.regression.least_squares import eliminated
-from hil.regression.terms import FEWEST, LOAD, common_terms, term_columns, usable
-from hil.regression.thinned import smoothed_at
-from hil.regression.window import APART
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

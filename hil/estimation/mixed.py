@@ -34,9 +34,9 @@ from hil.estimation.two_step_methods import (
     prepare,
     with_reached_limits,
 )
+from hil.least_squares.regression import Regression
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
-from hil.regression.regression import Regression
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.options import Options
     from hil.estimation.simultaneous import SimultaneousFit
+    from hil.least_squares.blocks import Blocks
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.regression.blocks import Blocks
     from hil.runs.recording import Recording
 
     Recorded = Iterable[tuple[RecordedMotion, Recording]]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hil.errors import UnknownName
 
 if TYPE_CHECKING:
-    from hil.regression.regression import Covariance
+    from hil.least_squares.regression import Covariance
 
 NUISANCES = ("lag", "compliance", "presliding", "drift")
 """What may lie between torque and rigid bodies beside friction: torques read late, gears that give
@@ -29,7 +29,7 @@ class Options:
     nuisance : tuple of str
         Which of `NUISANCES` are looked for; each is taken only where the data show it.
     covariance : str
-        One of `COVARIANCES` (`hil.regression.regression`).
+        One of `COVARIANCES` (`hil.least_squares.regression`).
     """
 
     friction: str = "auto"

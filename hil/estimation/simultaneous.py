@@ -1,7 +1,7 @@
 """Step 2, improved: all groups at once from the condensed measurements.
 
-Measurements, periods and pieces are blocks (`hil.regression.blocks`) of the base parameters, which
-all axes share, and of the terms common to an axis's measurements (`hil.regression.terms`); friction
+Measurements, periods and pieces are blocks (`hil.least_squares.blocks`) of the base parameters, which
+all axes share, and of the terms common to an axis's measurements (`hil.least_squares.terms`); friction
 of each measurement alone is eliminated. Axes are weighted with the reciprocals of their residual
 variances. The common terms are nuisance, but for one: mu, the share of the transmitted torque that
 is friction. What the gears transmit is taken from a first solution without it. Only axes whose mu
@@ -20,11 +20,11 @@ import numpy as np
 from hil.errors import NotIdentifiable
 from hil.estimation.condensed import ROTOR, condensed_blocks, stack
 from hil.estimation.drive_train import LoadFriction
+from hil.least_squares.layout import embedded
+from hil.least_squares.regression import Regression
+from hil.least_squares.solving import inverse, solved, undetermined_beside
+from hil.least_squares.terms import LOAD, common_terms, place
 from hil.model.base_parameters import base_parameters
-from hil.regression.layout import embedded
-from hil.regression.least_squares import inverse, solved, undetermined_beside
-from hil.regression.regression import Regression
-from hil.regression.terms import LOAD, common_terms, place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
+    from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
-    from hil.regression.normal_equations import Normal
 
     Array = NDArray[np.float64]
 

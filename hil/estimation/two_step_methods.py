@@ -11,7 +11,7 @@ improved
     that leaves uncertain is added. Trajectories count as well as strokes, period by period.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
-`hil.regression.uncertainty`): they hold whatever differs from one measurement to the next, noise,
+`hil.least_squares.uncertainty`): they hold whatever differs from one measurement to the next, noise,
 drift or a misfit of the friction terms, and assume nothing about any of them. If few measurements
 carry a parameter its standard error is itself uncertain; it has fewer degrees of freedom.
 
@@ -39,9 +39,9 @@ from hil.estimation.options import DEFAULTS, NUISANCES, Options
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step import TwoStep
+from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_element, shows_parameters
-from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence

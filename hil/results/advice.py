@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.causes import CauseName
+from hil.least_squares.solving import inverse
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
-from hil.regression.least_squares import inverse
 from hil.results.rounding import signed, unit
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ import numpy as np
 
 from hil.errors import InvalidArray
 from hil.estimation.intervals import half_width
+from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
-from hil.regression.uncertainty import correlation_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.estimate import Estimate
-    from hil.regression.regression import Covariance
+    from hil.least_squares.regression import Covariance
     from hil.results.model import Model
     from hil.results.tables.summary import Summary
     from hil.runs.recording import Recording

@@ -10,9 +10,9 @@ from synthetic import TABLE_3_A
 
 from benchmarks.rivals.cramer_rao import cramer_rao
 from hil.estimation.signals import signals
+from hil.least_squares.terms import term_columns
 from hil.model.robot import load_robot
 from hil.planning.measurement import Inertia
-from hil.regression.terms import term_columns
 from hil.runs.recording import Recording
 
 if TYPE_CHECKING:

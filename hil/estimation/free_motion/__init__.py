@@ -7,7 +7,7 @@ zone (`choice`), the latter two by the error of prediction on blocks that were h
 whether friction changed its level meanwhile (`drift`). Recordings are condensed one after the other
 (`accumulation`) to blocks of inner products of named columns (`columns`) of filtered motion
 (`motion`); samples are never all in memory at once. All else is a regression over these blocks
-(`hil.regression.regression`). The methods by name are in `hil.estimation.free_motion_methods`.
+(`hil.least_squares.regression`). The methods by name are in `hil.estimation.free_motion_methods`.
 
 Standard errors add up two things: what differs from one block of time to the next, and what differs
 from one part of the space of states to the next, which is where an incomplete model shows; the

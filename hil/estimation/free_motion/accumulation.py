@@ -5,7 +5,7 @@ matrix over the columns
 
     y | A(q, qd, qdd), coupled motors, friction
 
-of filtered samples (`hil.regression.blocks`): first with the signal as it was recorded for y and
+of filtered samples (`hil.least_squares.blocks`): first with the signal as it was recorded for y and
 the torque of rotors of known inertia as a further column (`recorded_products`), then of the torque
 to be explained (`scaling`). Pieces are divided by the axis's speed too, so that a dead zone can be
 chosen afterwards. Cells are samples that are alike in positions and velocities, wherever in time
@@ -27,16 +27,16 @@ from hil.errors import NotEnoughData
 from hil.estimation.free_motion.columns import ROTOR, axis_columns, shared_names
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
-from hil.regression.blocks import Blocks
-from hil.regression.normal_equations import successive
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.normal_equations import successive
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from hil.arrays import Array, Indices
     from hil.estimation.free_motion.motion import Motion, Processing
+    from hil.least_squares.layout import Layout
     from hil.model.robot import Robot
-    from hil.regression.layout import Layout
     from hil.runs.recording import Recording
 
 SPEEDS = (0.02, 0.05, 0.1)

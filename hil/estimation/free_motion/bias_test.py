@@ -17,7 +17,7 @@ from scipy import special
 
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
-from hil.regression.least_squares import solved
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
     from hil.arrays import Array
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.motion import Processing
     from hil.estimation.free_motion.scaling import Scaling
     from hil.estimation.free_motion.survey import Survey
+    from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
-    from hil.regression.normal_equations import Normal
 
 OVERSAMPLED = 8.0
 """Samples in a period of the cut-off frequency, so that halves of them show the motion."""

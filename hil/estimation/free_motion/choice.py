@@ -1,6 +1,6 @@
 """What the data choose: the law of friction of each axis, and the dead zone at low speed.
 
-Alternatives are compared on pieces of time that were held out (`hil.regression.choice`). What is
+Alternatives are compared on pieces of time that were held out (`hil.least_squares.choice`). What is
 usual is weighted least squares with the classical law. Nothing simpler is tried: it would save an
 unknown or two and leave more of some other motion.
 
@@ -32,16 +32,16 @@ import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.friction_terms import BENT, LAWS
-from hil.regression.choice import HeldOut, simplest
-from hil.regression.regression import Regression
+from hil.least_squares.choice import HeldOut, simplest
+from hil.least_squares.regression import Regression
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from hil.arrays import Array, Indices
     from hil.estimation.free_motion.accumulation import Products
-    from hil.regression.blocks import Blocks
-    from hil.regression.layout import Layout
+    from hil.least_squares.blocks import Blocks
+    from hil.least_squares.layout import Layout
 
 USUAL = "Coulomb and viscous"
 """Law that stands unless the data call for another."""

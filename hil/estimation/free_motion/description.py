@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import Solution
     from hil.estimation.free_motion.survey import Survey
+    from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
-    from hil.regression.regression import Fit
 
 SHORT = 30.0
 """Duration of all recordings below which a remark is made [s]."""

@@ -24,8 +24,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
-from hil.regression.choice import FOLDS, HeldOut, simplest
-from hil.regression.normal_equations import Normal
+from hil.least_squares.choice import FOLDS, HeldOut, simplest
+from hil.least_squares.normal_equations import Normal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
-    from hil.regression.layout import Layout
+    from hil.least_squares.layout import Layout
 
 APART = 60.0
 """Time between instants at which a level is found, at least [s]."""

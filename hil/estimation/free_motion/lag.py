@@ -27,12 +27,12 @@ from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.presliding import blocks, with_presliding
 from hil.estimation.options import NUISANCES
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.choice import HeldOut, folds, simplest
+from hil.least_squares.layout import Layout, axis_names
+from hil.least_squares.normal_equations import Normal
+from hil.least_squares.regression import Regression
 from hil.model.base_parameters import base_parameters
-from hil.regression.blocks import Blocks
-from hil.regression.choice import HeldOut, folds, simplest
-from hil.regression.layout import Layout, axis_names
-from hil.regression.normal_equations import Normal
-from hil.regression.regression import Regression
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

@@ -23,17 +23,17 @@ from hil.estimation.free_motion.two_runs import LoadTerms, State, TwoRuns
 from hil.estimation.intervals import MANY
 from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS
+from hil.least_squares.regression import by_groups_and_cells
+from hil.least_squares.solving import IDENTIFIABLE, inverse, undetermined
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import IDENTIFIABLE, inverse, undetermined
-from hil.regression.regression import by_groups_and_cells
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array, Mask
     from hil.estimation.free_motion.gathering import Gathered
+    from hil.least_squares.regression import Uncertainty
     from hil.model.robot import Robot
-    from hil.regression.regression import Uncertainty
 
 
 class Chance(NamedTuple):

@@ -24,12 +24,12 @@ import numpy as np
 
 from hil.estimation.free_motion.bristles import Direction
 from hil.estimation.free_motion.friction_terms import friction_columns
-from hil.regression.least_squares import solved
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
     from hil.arrays import Array
-    from hil.regression.blocks import Blocks
-    from hil.regression.layout import Layout
+    from hil.least_squares.blocks import Blocks
+    from hil.least_squares.layout import Layout
 
 ASYMMETRY = 0.15
 """Usual offset as a share of friction at half the speed: 5, 17, 5, 4 and 1 % on five joints of the

@@ -23,11 +23,11 @@ import numpy as np
 
 from hil.estimation.free_motion.columns import coupled_friction, rotor_torque, shared_names
 from hil.estimation.free_motion.motion import filtered_motion
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.choice import HeldOut, simplest
+from hil.least_squares.normal_equations import successive
+from hil.least_squares.regression import Regression
 from hil.model.dynamics import regressor
-from hil.regression.blocks import Blocks
-from hil.regression.choice import HeldOut, simplest
-from hil.regression.normal_equations import successive
-from hil.regression.regression import Regression
 
 if TYPE_CHECKING:
     from hil.arrays import Array

@@ -45,20 +45,20 @@ from hil.estimation.free_motion.accumulation import Products
 from hil.estimation.free_motion.choice import USUAL, kept_by, usual
 from hil.estimation.free_motion.columns import ROTOR
 from hil.estimation.free_motion.result import GainValue
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.layout import embedded
+from hil.least_squares.regression import Regression
+from hil.least_squares.solving import IDENTIFIABLE, solved, undetermined
 from hil.model.base_parameters import base_parameters
-from hil.regression.blocks import Blocks
-from hil.regression.layout import embedded
-from hil.regression.least_squares import IDENTIFIABLE, solved, undetermined
-from hil.regression.regression import Regression
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array
     from hil.estimation.free_motion.choice import Choice
+    from hil.least_squares.layout import Layout
+    from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
-    from hil.regression.layout import Layout
-    from hil.regression.regression import Fit
 
 Condensed = TypeVar("Condensed", Blocks, Products)
 

@@ -14,7 +14,7 @@ instrumental
 a function of the equations of pieces of time
     the equations as it weights them, and their solution.
 
-Covariances add up what scatters over time and over states (`hil.regression.regression`).
+Covariances add up what scatters over time and over states (`hil.least_squares.regression`).
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
 from hil.estimation.free_motion.offsets import only_directions, split_covariance, with_doubt
 from hil.estimation.free_motion.positive import nearest_positive
+from hil.least_squares.layout import embedded
+from hil.least_squares.regression import Solver
+from hil.least_squares.solving import condition, inverse, undetermined
 from hil.model.base_parameters import base_parameters
-from hil.regression.layout import embedded
-from hil.regression.least_squares import condition, inverse, undetermined
-from hil.regression.regression import Solver
 
 if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
+    from hil.least_squares.regression import Fit, Regression
     from hil.model.robot import Robot
-    from hil.regression.regression import Fit, Regression
 
 FreeSolver = Literal["least squares", "positive", "instrumental"] | Solver
 BLOCKS = 30

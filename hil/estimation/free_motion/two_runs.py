@@ -22,17 +22,17 @@ from hil.estimation.free_motion.columns import ROTOR
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling
 from hil.estimation.free_motion.solution import BLOCKS
-from hil.regression.layout import Layout, embedded
-from hil.regression.least_squares import solved
-from hil.regression.normal_equations import Normal
-from hil.regression.regression import Regression
+from hil.least_squares.layout import Layout, embedded
+from hil.least_squares.normal_equations import Normal
+from hil.least_squares.regression import Regression
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array
     from hil.estimation.free_motion.gathering import Gathered
-    from hil.regression.blocks import Blocks
+    from hil.least_squares.blocks import Blocks
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from hil.regression.uncertainty import scatter
+from hil.least_squares.uncertainty import scatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.estimation import signals
-from hil.regression import terms, window
+from hil.least_squares import terms, window
 from hil.report.section import Section
 
 if TYPE_CHECKING:

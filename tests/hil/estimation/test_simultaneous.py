@@ -11,8 +11,8 @@ from free_run import TRUTH, arm, recorded
 from hil.estimation.condensed import ROTOR
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.least_squares.solving import solved
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import solved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as arrays
 
 from hil.estimation.free_motion.friction_terms import LAWS, TERMS
 from hil.estimation.identify import estimate
+from hil.least_squares.choice import folds, simplest
 from hil.model.dynamics import inverse_dynamics
-from hil.regression.choice import folds, simplest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,7 +7,7 @@ import pytest
 
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import ASYMMETRY, with_doubt
-from hil.regression.layout import Layout
+from hil.least_squares.layout import Layout
 
 OFFSET, COULOMB = 1 + COLUMNS.index("offset"), 1 + COLUMNS.index("Coulomb")
 G = 9.81

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hil.regression.thinned import smoothed_at
-from hil.regression.window import smooth
+from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.window import smooth
 
 PERIOD = 0.004
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.regression.least_squares import (
+from hil.least_squares.solving import (
     eliminated,
     fitted,
     inverse,

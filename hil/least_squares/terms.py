@@ -14,7 +14,7 @@ up what is left of such a drift, since over every stroke, forth or back, the int
 t sign(v) qdd is minus the way.
 
 G holds a constant and |v| (asymmetric friction, sensor offset), torque ripple at multiples of the
-motor's angle (zero at those that look like something else, `hil.regression.ripple`), and friction
+motor's angle (zero at those that look like something else, `hil.least_squares.ripple`), and friction
 that grows with the transmitted torque, |Q_t| sign(v) and, where that differs by direction, |Q_t|.
 What is transmitted is not known before there is a first estimate, so these two are zero here, and
 the estimator fills them in.
@@ -34,10 +34,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from hil.least_squares.layout import axis_place
+from hil.least_squares.ripple import RIPPLE_ORDERS, ripple_orders
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
-from hil.regression.layout import axis_place
-from hil.regression.ripple import RIPPLE_ORDERS, ripple_orders
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,7 +93,7 @@ class Motion(Protocol):
         """q, qd and qdd on the links' side of the gears, which is `q` as long as they are rigid."""
 
     def smoothed(self, x: Array) -> Array:
-        """Low-pass along the first axis (`hil.regression.window`)."""
+        """Low-pass along the first axis (`hil.least_squares.window`)."""
 
     def away_from(self, excluded: Mask) -> Mask:
         """Samples that nothing connects to the `excluded` ones, shape (n,)."""

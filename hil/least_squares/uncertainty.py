@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.regression.least_squares import inverse, inverse_root, solved, undetermined
+from hil.least_squares.solving import inverse, inverse_root, solved, undetermined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.layout import embedded
-from hil.regression.least_squares import solved
-from hil.regression.normal_equations import successive
+from hil.least_squares.layout import embedded
+from hil.least_squares.normal_equations import successive
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from hil.regression.normal_equations import Normal
+    from hil.least_squares.normal_equations import Normal
 
     Array = NDArray[np.float64]
     Indices = NDArray[np.intp]

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from hil.regression.layout import axis_place, embedded
-from hil.regression.least_squares import fitted
-from hil.regression.normal_equations import (
+from hil.least_squares.layout import axis_place, embedded
+from hil.least_squares.normal_equations import (
     Normal,
     mean_squares,
     normal,
     reweighted,
     successive,
 )
+from hil.least_squares.solving import fitted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,7 +7,7 @@ The unknowns of all channels are found together,
 each channel weighted with the reciprocal of its residual variance w_j, which follows from the
 solution as the solution does from it; they are found from each other again and again (`weighed`).
 What the solution is worth is asked with the covariance as an argument (`fit`); rules are those of
-`hil.regression.uncertainty`, and what they hold for is decided by the groups:
+`hil.least_squares.uncertainty`, and what they hold for is decided by the groups:
 
 jackknife
     groups left out in turn: whatever differs from one group to the next;
@@ -39,10 +39,10 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.regression.layout import embedded
-from hil.regression.least_squares import condition, inverse, undetermined_beside
-from hil.regression.normal_equations import reweighted
-from hil.regression.uncertainty import (
+from hil.least_squares.layout import embedded
+from hil.least_squares.normal_equations import reweighted
+from hil.least_squares.solving import condition, inverse, undetermined_beside
+from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
     effective_degrees,
@@ -54,9 +54,9 @@ from hil.regression.uncertainty import (
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Indices, Mask
-    from hil.regression.blocks import Blocks
-    from hil.regression.layout import Layout
-    from hil.regression.normal_equations import Normal
+    from hil.least_squares.blocks import Blocks
+    from hil.least_squares.layout import Layout
+    from hil.least_squares.normal_equations import Normal
 
 Solver = Callable[["Normal"], "tuple[Normal, Array]"]
 """What weights the equations of groups, and solves them."""

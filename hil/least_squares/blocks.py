@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.layout import Layout, axis_names
-from hil.regression.least_squares import eliminated
-from hil.regression.normal_equations import Normal, successive
+from hil.least_squares.layout import Layout, axis_names
+from hil.least_squares.normal_equations import Normal, successive
+from hil.least_squares.solving import eliminated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

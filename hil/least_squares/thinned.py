@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from scipy import sparse
 
-from hil.regression.window import weights
+from hil.least_squares.window import weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.layout import axis_place, embedded
-from hil.regression.least_squares import solved
+from hil.least_squares.layout import axis_place, embedded
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.regression.least_squares import fitted, inverse, solved
-from hil.regression.uncertainty import (
+from hil.least_squares.solving import fitted, inverse, solved
+from hil.least_squares.uncertainty import (
     bias_reduced,
     classical,
     correlation_of,

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.regression.blocks import Blocks
-from hil.regression.regression import Regression
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.regression import Regression
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.regression.normal_equations import Normal
-    from hil.regression.regression import Covariance
+    from hil.least_squares.normal_equations import Normal
+    from hil.least_squares.regression import Covariance
 
     Array = NDArray[np.float64]
 

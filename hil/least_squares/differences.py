@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.window import weights
+from hil.least_squares.window import weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
