@@ -1,12 +1,12 @@
 """Step 2, improved: all groups at once from the condensed measurements.
 
-Measurements, periods and pieces are blocks (`hil.least_squares.blocks`) of the base parameters, which
-all axes share, and of the terms common to an axis's measurements (`hil.least_squares.terms`); friction
-of each measurement alone is eliminated. Axes are weighted with the reciprocals of their residual
-variances. The common terms are nuisance, but for one: mu, the share of the transmitted torque that
-is friction. What the gears transmit is taken from a first solution without it. Only axes whose mu
-is significant keep it: where little torque is transmitted it is hardly known and would make
-everything else uncertain too. A common term that nothing excites stays zero.
+Measurements, periods and pieces are blocks (`hil.least_squares.blocks`) of the base parameters,
+which all axes share, and of the terms common to an axis's measurements (`hil.least_squares.terms`);
+friction of each measurement alone is eliminated. Axes are weighted with the reciprocals of their
+residual variances. The common terms are nuisance, but for one: mu, the share of the transmitted
+torque that is friction. What the gears transmit is taken from a first solution without it. Only
+axes whose mu is significant keep it: where little torque is transmitted it is hardly known and
+would make everything else uncertain too. A common term that nothing excites stays zero.
 """
 
 from __future__ import annotations

@@ -11,9 +11,10 @@ improved
     that leaves uncertain is added. Trajectories count as well as strokes, period by period.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
-`hil.least_squares.uncertainty`): they hold whatever differs from one measurement to the next, noise,
-drift or a misfit of the friction terms, and assume nothing about any of them. If few measurements
-carry a parameter its standard error is itself uncertain; it has fewer degrees of freedom.
+`hil.least_squares.uncertainty`): they hold whatever differs from one measurement to the next,
+noise, drift or a misfit of the friction terms, and assume nothing about any of them. If few
+measurements carry a parameter its standard error is itself uncertain; it has fewer degrees of
+freedom.
 
 Two errors cannot show in the data, however long one measures: those of the torque constants and of
 the rotor inertias. Where the robot file states their uncertainty it is carried to the parameters.

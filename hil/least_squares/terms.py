@@ -14,10 +14,10 @@ up what is left of such a drift, since over every stroke, forth or back, the int
 t sign(v) qdd is minus the way.
 
 G holds a constant and |v| (asymmetric friction, sensor offset), torque ripple at multiples of the
-motor's angle (zero at those that look like something else, `hil.least_squares.ripple`), and friction
-that grows with the transmitted torque, |Q_t| sign(v) and, where that differs by direction, |Q_t|.
-What is transmitted is not known before there is a first estimate, so these two are zero here, and
-the estimator fills them in.
+motor's angle (zero at those that look like something else, `hil.least_squares.ripple`), and
+friction that grows with the transmitted torque, |Q_t| sign(v) and, where that differs by direction,
+|Q_t|. What is transmitted is not known before there is a first estimate, so these two are zero
+here, and the estimator fills them in.
 
 Left out are samples near a reversal, where friction is no function of velocity, and those where the
 acceleration changes fast, at the corners of the trapezoid: there, differences of positions and

@@ -5,8 +5,8 @@ no other.
 
 Methods for strokes and trajectories fit friction anew in every measurement. Of their models the
 rigid bodies are judged beside that: friction is fitted in the recording itself, motion by motion
-and period by period, by the terms that the methods use (`hil.least_squares.terms`). Where such a model
-states no friction of an axis, this is all that can be judged of it.
+and period by period, by the terms that the methods use (`hil.least_squares.terms`). Where such a
+model states no friction of an axis, this is all that can be judged of it.
 
 A model from free motions was found with its law of friction. Then nothing is fitted
 (`hil.results.recorded_torque`).
