@@ -49,8 +49,8 @@ from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
+from hil.results.advice import error_budget
 from hil.results.diagnosis import diagnose
-from hil.results.error_budget import error_budget
 from hil.results.payload import find_payload
 from hil.runs.pooling import recorded
 from hil.runs.run import Run

@@ -7,20 +7,22 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.text import Text
 
 from hil.cli.arguments import Masses, RunPath, RunPaths, Without
-from hil.cli.outputs import REFUSED, folder_to_write, refuse_unwritable, say_simulated
+from hil.cli.outputs import (
+    REFUSED,
+    folder_to_write,
+    refuse_unwritable,
+    say_judgement,
+    say_simulated,
+)
 from hil.terminal.console import out, say
 from hil.terminal.working import working
 
 if TYPE_CHECKING:
-    from hil.results.model import Model
     from hil.runs.run import Run
 
 commands = typer.Typer()
-STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
-
 
 Method = Annotated[
     str | None,
@@ -60,7 +62,7 @@ def identify(
         from hil.cli.consistent_view import body_bounds, render
         from hil.estimation.friction.symmetry import of_local_values
         from hil.results import identification, kept_findings, model_file
-        from hil.results.tables.error_budget import error_budget
+        from hil.results.advice import budget_table
         from hil.results.tables.friction import symmetry
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.pooling import open_runs, pooled
@@ -87,11 +89,12 @@ def identify(
             now("finding the nearest robot that consists of bodies")
             found = with_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
-    _show_outcome(found)
+    if found.outcome is not None:
+        say_judgement(found.outcome)
     say_simulated(run, *more)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
-    show(error_budget(found.error_budget), out)
+    show(budget_table(found.error_budget), out)
     for term in found.error_budget:
         show_sentence(f"{term.cause}: {term.found}", out)
     render(found)
@@ -187,12 +190,6 @@ def _refuse_unknown(method: str | None) -> None:
         raise typer.BadParameter(
             f"{method} must be one of: {known}{near}; {RIVALS}", param_hint="--method"
         )
-
-
-def _show_outcome(model: Model) -> None:
-    """Begin with what the model is worth."""
-    if model.outcome is not None:
-        out.print(Text(str(model.outcome), style=STYLES[model.outcome.word]), soft_wrap=True)
 
 
 def _show_shortfall(run: Run) -> None:

@@ -6,24 +6,24 @@ from typing import TYPE_CHECKING
 
 from hil.report.header import when
 from hil.report.page import TEMPLATES
-from hil.results.rounding import signed, unit
+from hil.results.acceptance import table
 from hil.results.tables.html import environment
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Column, Part, Table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now, versions
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
 
-    from hil.results.acceptance_file import Check
+    from hil.results.acceptance import Acceptance
     from hil.results.tables.table import Row
     from hil.runs.run import Run
 
 NOT_KNOWN = "not stated"
 
 
-def write_page(path: Path, run: Run, checks: Sequence[Check], stated: Mapping[str, str]) -> None:
+def write_page(path: Path, run: Run, found: Acceptance, stated: Mapping[str, str]) -> None:
     """Write the page, whole or not at all; `stated`: facts that the run does not hold."""
     sessions = run.journal.sessions
     facts = {
@@ -35,39 +35,16 @@ def write_page(path: Path, run: Run, checks: Sequence[Check], stated: Mapping[st
     templates.filters["when"] = when
     text = templates.get_template("acceptance.html").render(
         robot=run.robot.name,
-        failed=sum(not check.passed for check in checks),
-        count=len(checks),
+        word=found.word,
+        failed=sum(check.word == "failed" for check in found.checks),
+        count=len(found.checks),
         facts=facts.items(),
-        tables=[each for each in (checked(checks), _drives(run)) if each],
+        tables=[each for each in (table(found), _drives(run)) if each],
         simulated=run.journal.simulated,
         written=now(),
         version=versions()["canopen-robot-identification"],
     )
     write_file(path, text.encode())
-
-
-def checked(checks: Sequence[Check]) -> Table:
-    """Checks as a table."""
-    return Table(
-        title="Checks",
-        columns=(
-            Column("check"),
-            *figures("value", "at least", "at most"),
-            Column("unit"),
-            Column(""),
-        ),
-        parts=(Part(tuple(map(_row, checks))),),
-    )
-
-
-def _row(check: Check) -> Row:
-    values = (check.value, check.least, check.most)
-    cells = ("" if each is None else _figure(each) for each in values)
-    return (check.name, *cells, unit(check.unit), "PASS" if check.passed else Marked("FAIL"))
-
-
-def _figure(value: float | str) -> str:
-    return value if isinstance(value, str) else signed(f"{value:.6g}")
 
 
 def _drives(run: Run) -> Table | None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.report.reported_run import ForeignRun, IdentifiedRun, ReportedRun
-    from hil.results.outcome import Outcome
+    from hil.results.judgement import Judgement
     from hil.runs.recording_file import Measured
 
 Facts = tuple[tuple[str, str], ...]
@@ -28,7 +28,7 @@ class Header:
     ----------
     title, verdict : str
         The latter may be empty.
-    outcome : Outcome or None
+    outcome : Judgement or None
         What the identification is worth, where there is one.
     facts : tuple of (str, str)
         Each with its name.
@@ -39,7 +39,7 @@ class Header:
 
     title: str
     verdict: str
-    outcome: Outcome | None
+    outcome: Judgement | None
     facts: Facts
     shortfall: str
     simulated: bool
@@ -94,7 +94,7 @@ def of_campaign(run: IdentifiedRun) -> Header:
 
 
 def _header(
-    run: ReportedRun, about: str, verdict: str, facts: Facts, outcome: Outcome | None
+    run: ReportedRun, about: str, verdict: str, facts: Facts, outcome: Judgement | None
 ) -> Header:
     journal = run.source.journal
     last = journal.sessions[-1] if journal.sessions else None
@@ -118,7 +118,7 @@ def _header(
 def verdict(run: IdentifiedRun) -> str:
     """State the whole report in two sentences."""
     relative = run.found.prediction.relative
-    urgent = sum(item.urgent for item in run.found.advice)
+    urgent = sum(item.word != "good" for item in run.found.advice)
     attention = "No finding requires action."
     if urgent:
         attention = (

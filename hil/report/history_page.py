@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.estimation.intervals import SIGNIFICANT
 from hil.report.header import when
 from hil.report.page import TEMPLATES
 from hil.report.plots.history import over_time
 from hil.report.section import Plot
-from hil.results.changes import FALSE_ALARM
 from hil.results.tables import history as tables
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import write_file
@@ -34,7 +34,7 @@ def write_page(path: Path, found: History) -> None:
         marked=found.sentences(found.runs[-1]),
         tables=[table(found) for table in (tables.runs, tables.changes, tables.condition)],
         plots=list(_plots(found)),
-        rate=f"{FALSE_ALARM:.0%}",
+        rate=f"{SIGNIFICANT:.0%}",
         written=now(),
         version=versions()["canopen-robot-identification"],
     )

@@ -16,10 +16,10 @@ from hil.estimation.mistakes.finding import find_mistake
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepared_for
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
-from hil.results.error_budget import error_budget
+from hil.results.advice import error_budget
 from hil.results.model import Model
 from hil.results.naming import named
-from hil.results.outcome_rules import outcome
+from hil.results.outcome import outcome
 from hil.results.provenance import Provenance
 from hil.results.stamp import digests
 from hil.runs.journal import now

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
+from hil.estimation.intervals import SIGNIFICANT
 from hil.least_squares.uncertainty import scatter
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
 BOUND = 0.02
 """Largest acceptable asymmetry, as share of the friction level."""
-SIGNIFICANT = 0.01
-"""p-value below which a hypothesis is given up."""
 FEWEST = 3
 """Measurements of an axis that a test needs."""
 

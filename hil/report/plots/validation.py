@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hil.results.predicted_torques import PredictedTorque
-    from hil.results.verdict import Validation
+    from hil.results.validation import Validation
 
 SHOWN = 20.0
 """Of each axis's recordings, from where it moves first [s]."""

@@ -9,7 +9,7 @@ from hil.results.tables.table import Column, Part, Table
 
 if TYPE_CHECKING:
     from hil.report.reported_run import IdentifiedRun
-    from hil.results.advice import Advice
+    from hil.results.judgement import Reservation
 
 COLUMNS = (
     Column("where"),
@@ -18,11 +18,11 @@ COLUMNS = (
 
 
 def section(run: IdentifiedRun) -> Section | None:
-    """Urgent advice as a table, all other as a list."""
+    """What is to be done as a table, notes as a list."""
     if run.source.imported:
         return None
-    urgent = [item for item in run.found.advice if item.urgent]
-    notes = [item for item in run.found.advice if not item.urgent]
+    urgent = [item for item in run.found.advice if item.word != "good"]
+    notes = [item for item in run.found.advice if item.word == "good"]
     return Section(
         "Findings and remedies",
         "advice.html",
@@ -30,7 +30,7 @@ def section(run: IdentifiedRun) -> Section | None:
     )
 
 
-def _table(items: list[Advice]) -> Table:
+def _table(items: list[Reservation]) -> Table:
     """Findings under their remedies, each of which is stated once."""
     remedies = dict.fromkeys(item.remedy for item in items)
     return Table(
@@ -38,7 +38,7 @@ def _table(items: list[Advice]) -> Table:
         COLUMNS,
         tuple(
             Part(
-                tuple((item.subject, item.what) for item in items if item.remedy == remedy),
+                tuple((item.subject, item.reason) for item in items if item.remedy == remedy),
                 f"Remedy: {remedy}",
             )
             for remedy in remedies

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 from hil.report.kept_result import kept_model
 from hil.report.plots import VALIDATION
 from hil.report.section import Picture, Section, picture_uri
-from hil.results.tables.validation import verdicts
+from hil.results.validation import judgements
 
 if TYPE_CHECKING:
     from hil.report.reported_run import ForeignRun, IdentifiedRun
 
 
 def section(run: IdentifiedRun | ForeignRun) -> Section | None:
-    """Verdicts on the kept model, if it is the one of this report, and the newest's picture."""
+    """Judgements of the kept model, if it is the one of this report, and the newest's picture."""
     kept = kept_model(run)
     if kept is None or not kept.validations:
         return None
@@ -31,7 +31,7 @@ def section(run: IdentifiedRun | ForeignRun) -> Section | None:
     return Section(
         "Validation",
         "validation.html",
-        {"verdicts": verdicts(kept.validations)},
+        {"judgements": judgements(kept.validations)},
         (picture,) if uri else (),
         leads=True,
     )
