@@ -95,6 +95,8 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     stacks = (axes for _, axes in measured.solver.stacked)
     return replace(
         estimate,
+        drive_train=measured.drive_train,
+        load_friction=measured.solver.load_friction,
         n_measurements=len(raw) + gathered.found.n_recordings,
         friction_law=campaign_friction(robot, p, stacks, history(robot, raw)),
     )

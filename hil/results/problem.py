@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import NotEnoughData
+from hil.errors import NotEnoughData, UnknownName
+from hil.estimation.free_motion.friction_terms import LAWS
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.friction_law import friction_torque
 from hil.estimation.intervals import half_width
@@ -110,6 +111,8 @@ def regression(
     if not runs:
         raise NotEnoughData("0 runs: give one or more, such as hil.Run.open('runs/first')")
     refuse_mixed(runs)
+    if friction not in ("auto", *LAWS):
+        raise UnknownName(f"friction {friction!r} must be auto, or a law: {'; '.join(LAWS)}")
     return Problem(runs, Options(friction, tuple(nuisance), covariance), method)
 
 

@@ -1,0 +1,145 @@
+"""One regression of recordings of any kind: options, names, parts of the torque, mixtures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import write_free_run
+from small_run import write_run
+from synthetic import TABLE_3_A
+from trajectory_run import recorded, some_trajectory
+
+import hil
+from hil.errors import Mismatch, NotEnoughData, UnknownName
+from hil.planning.free_motion import FreeMotion
+from hil.results.problem import Problem
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.least_squares.regression import Covariance
+    from hil.model.robot import Robot
+    from hil.results.problem import Fit
+
+
+@pytest.fixture(scope="module")
+def strokes(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Strokes of one axis at a time."""
+    path: Path = tmp_path_factory.mktemp("problem") / "strokes"
+    write_run(path, manutec)
+    return Run.open(path)
+
+
+@pytest.fixture(scope="module")
+def imported(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A motion of all axes that somebody else recorded."""
+    ((trajectory, recording),) = recorded(manutec, some_trajectory(manutec), noise=0.002)
+    motion = FreeMotion(
+        id="csv", q=trajectory.q, duration=float(np.ptp(recording.time)), cycles=2, source="made"
+    )
+    path: Path = tmp_path_factory.mktemp("problem") / "imported"
+    return write_free_run(path, manutec, [(motion, recording)])
+
+
+@pytest.fixture(scope="module")
+def measured(strokes: Run) -> Fit:
+    """Strokes by themselves."""
+    return hil.regression(strokes).fit()
+
+
+@pytest.fixture(scope="module")
+def free(imported: Run) -> Fit:
+    """The import by itself."""
+    return hil.regression(imported).fit()
+
+
+@pytest.fixture(scope="module")
+def both(strokes: Run, imported: Run) -> Fit:
+    """Both kinds as one regression."""
+    return hil.regression(strokes, imported).fit()
+
+
+def variances(fit: Fit) -> np.ndarray:
+    """Of the base parameters."""
+    return np.diag(fit.estimate.covariance)
+
+
+def test_what_recordings_call_for_is_stated(strokes: Run, imported: Run) -> None:
+    assert hil.regression(strokes).method == "improved"
+    assert hil.regression(imported).method == "free motion"
+    assert hil.regression(strokes, imported).method == "joint"
+
+
+def test_a_mixture_finds_the_parameters_that_both_share(both: Fit) -> None:
+    z = (both.estimate.p - TABLE_3_A) / both.estimate.standard_error
+    assert np.abs(z).max() < 4.0
+    inside = [
+        low <= truth <= high
+        for (low, high), truth in zip(both.conf_int().values(), TABLE_3_A, strict=False)
+    ]
+    assert np.mean(inside) >= 0.85
+
+
+def test_a_mixture_knows_more_than_either_part(both: Fit, measured: Fit, free: Fit) -> None:
+    for part in (measured, free):
+        assert np.median(variances(both) / variances(part)) < 1.0
+
+
+def test_all_that_was_found_has_a_name(both: Fit, manutec: Robot) -> None:
+    assert both.names[:3] == ("p1", "p2", "p3")
+    assert "axis 2 Coulomb" in both.params
+    assert "axis 2 lag" in both.params
+    assert set(both.params) == set(both.conf_int()) == set(both.standard_errors)
+    assert both.model.robot == manutec
+    assert "p1" in str(both.summary())
+
+
+@pytest.mark.parametrize("kind", ["both", "free"])
+def test_parts_of_the_torque_add_up(
+    kind: str, imported: Run, request: pytest.FixtureRequest
+) -> None:
+    (recording,) = [each.recording for each in imported]
+    parts = request.getfixturevalue(kind).torque_parts(recording)
+    names = ("gravity", "inertia", "velocity", "rotors", "friction")
+    total = np.sum([parts[name] for name in names], axis=0)
+    np.testing.assert_allclose(parts["measured"] - total, parts["left"])
+    # friction of the strokes is not that of the import
+    most = 0.05 if kind == "free" else 0.3
+    assert np.linalg.norm(parts["left"]) < most * np.linalg.norm(parts["measured"])
+    assert len(parts["time"]) == len(total)
+
+
+def test_what_is_not_looked_for_is_not_found(strokes: Run) -> None:
+    plain = hil.regression(strokes, nuisance=()).fit()
+    assert not plain.estimate.drive_train.lag.any()
+    assert not plain.estimate.drive_train.soft.any()
+
+
+def test_a_law_may_be_stated(imported: Run) -> None:
+    fit = hil.regression(imported, friction="arc tangent", nuisance=()).fit()
+    assert {law.law for law in fit.model.friction_law.axes} == {"arc tangent"}
+    assert not any(lag.value for lag in fit.estimate.free.lag)
+
+
+@pytest.mark.parametrize("covariance", ["clusters", "CR2", "white"])
+def test_errors_are_stated_as_asked(measured: Fit, strokes: Run, covariance: Covariance) -> None:
+    other = hil.regression(strokes, covariance=covariance).fit()
+    np.testing.assert_array_equal(measured.estimate.p, other.estimate.p)
+    assert not np.allclose(variances(measured), variances(other), rtol=1e-3)
+
+
+def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
+    with pytest.raises(NotEnoughData, match="0 runs"):
+        hil.regression()
+    with pytest.raises(Mismatch, match="named twice"):
+        hil.regression(strokes, strokes)
+    with pytest.raises(UnknownName, match="nuisance 'lags' must be one of: lag"):
+        hil.regression(strokes, nuisance=("lags",))
+    with pytest.raises(UnknownName, match="covariance 'HC3' must be one of: jackknife"):
+        hil.regression(strokes, covariance="HC3")
+    with pytest.raises(UnknownName, match="friction 'Stribeck' must be"):
+        hil.regression(strokes, friction="Stribeck")
+    assert isinstance(hil.regression(strokes), Problem)
