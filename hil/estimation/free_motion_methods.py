@@ -117,7 +117,7 @@ def estimate_from(robot: Robot, name: str, solver: FreeSolver, gathered: Gathere
             still=tuple(axis + 1 for axis in found.still),
             driving=driving_axes(fit),
             unusual=tuple(axis + 1 for axis in solution.unusual),
-            bias_test=bias_test(robot, found, processing, scaling, choice, gathered.first),
+            bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
             least_inertia=least_inertia(robot, fit.x[:n], visited),
             remarks=remarks(robot, products, solution, found, plain.condition, left.torque),
             gains=found_gains(robot, scaling, fit),

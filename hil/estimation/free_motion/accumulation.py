@@ -26,7 +26,6 @@ import numpy as np
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.columns import ROTOR, axis_columns, shared_names
 from hil.estimation.free_motion.friction_terms import COLUMNS
-from hil.estimation.free_motion.motion import filtered_motion
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.normal_equations import successive
 
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.motion import Motion, Processing
     from hil.least_squares.layout import Layout
     from hil.model.robot import Robot
-    from hil.runs.recording import Recording
 
 SPEEDS = (0.02, 0.05, 0.1)
 """Bounds of the classes of speed, as shares of the axis's speed: dead zones that are tried."""
@@ -58,7 +56,8 @@ class Division:
     piece : float
         Length of a piece [s].
     states : ndarray, shape (n_cells, 2 n_joints)
-        Middles of the cells: positions and velocities over `scale`.
+        Middles of the cells: positions and velocities over `scale`; none where cells are not asked
+        for.
     scale : ndarray, shape (2 n_joints,)
     """
 
@@ -128,7 +127,7 @@ class Products:
         )
 
 
-def division(processing: Processing, stretches: Iterable[Recording], duration: float) -> Division:
+def division(processing: Processing, stretches: Sequence[Motion], duration: float) -> Division:
     """Divide recordings of some `duration` [s], cells as `stretches` of them show the motion.
 
     Raises
@@ -136,16 +135,22 @@ def division(processing: Processing, stretches: Iterable[Recording], duration: f
     NotEnoughData
         All stretches are shorter than the filter's reach.
     """
-    motions = [filtered_motion(each, processing) for each in stretches]
-    states = np.vstack([_states(motion)[motion.used] for motion in motions])
+    states = np.vstack([_states(motion)[motion.used] for motion in stretches])
     if not len(states):
         raise _too_short(processing)
     scale = np.maximum(states.std(axis=0), 1e-9)
-    return Division(
-        piece=max(duration / PIECES, SHORTEST / processing.band),
-        states=_middles(states / scale),
-        scale=scale,
-    )
+    return Division(piece_of(processing, duration), _middles(states / scale), scale)
+
+
+def by_time_alone(processing: Processing, duration: float) -> Division:
+    """Divide recordings of some `duration` [s] into pieces of time alone."""
+    n = len(processing.speed)
+    return Division(piece_of(processing, duration), np.zeros((0, 2 * n)), np.ones(2 * n))
+
+
+def piece_of(processing: Processing, duration: float) -> float:
+    """Length of a piece of recordings of some `duration` [s]."""
+    return max(duration / PIECES, SHORTEST / processing.band)
 
 
 def _states(motion: Motion) -> Array:
@@ -178,14 +183,14 @@ def cells_of(states: Array) -> Indices:
 
 def recorded_products(
     robot: Robot,
-    recorded: Iterable[Recording],
-    processing: Processing,
+    motions: Iterable[Motion],
     divided: Division,
     first: Array,
+    terms: tuple[str, ...] = COLUMNS,
     *,
     instruments: bool = False,
 ) -> Products:
-    """Condense recordings, the signal as it was recorded.
+    """Condense motions, the signal as it was recorded.
 
     The torque of the rotors whose inertia is known is the last of the shared columns, `ROTOR`.
 
@@ -193,6 +198,8 @@ def recorded_products(
     ----------
     first : ndarray, shape (n_base,)
         First estimate of the base parameters, for what friction knows of the load.
+    terms : tuple of str
+        Of friction, in the order of `COLUMNS`.
     instruments : bool
         Whether products of one half of the samples with the other are wanted.
 
@@ -202,35 +209,36 @@ def recorded_products(
         All recordings are shorter than the filter's reach.
     """
     shared = (*shared_names(robot), ROTOR)
-    m = 1 + len(shared) + len(COLUMNS)
+    m = 1 + len(shared) + len(terms)
     cells = _Groups.empty(len(divided.states), robot.n_joints, m)
     pieces: list[_Groups] = []
     crossed: list[Array] = []
     origin: list[int] = []
-    for number, recording in enumerate(recorded):
-        motion = filtered_motion(recording, processing)
+    for number, motion in enumerate(motions):
         parts = _parts(motion, divided.piece)
         if not parts:
             continue
         own = _Groups.empty(len(parts), robot.n_joints, m)
-        time, states = _numbered(parts), divided.cells(motion)[motion.used]
+        time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
+        states = divided.cells(motion)[motion.used] if len(divided.states) else None
+        speeds = np.digitize(motion.slowest[motion.used], SPEEDS)
         for axis in range(robot.n_joints):
-            rows = _stacked(robot, motion, axis, first, motion.tau)[motion.used]
-            speed = np.digitize(motion.slowest[motion.used, axis], SPEEDS)
-            own.add(axis, rows, time, speed)
-            cells.add(axis, rows, states, speed)
+            rows = _stacked(robot, motion, axis, first, motion.tau, terms)[motion.used]
+            own.add(axis, rows, time, speeds[:, axis])
+            if states is not None:
+                cells.add(axis, rows, states, speeds[:, axis])
         pieces.append(own)
         origin += [number] * len(parts)
         if instruments:
-            crossed.append(_crossed(robot, recording, motion, parts, first))
+            crossed.append(_crossed(robot, motion, parts, first, terms))
     if not pieces:
-        raise _too_short(processing)
-
-    by_time = _Groups.joined(pieces).by_speed(shared, {"recording": np.array(origin)})
+        raise _too_short(motion.processing)
+    columns = shared, terms
+    by_time = _Groups.joined(pieces).by_speed(*columns, {"recording": np.array(origin)})
     other = None
     if instruments:
-        other = Blocks(shared, COLUMNS, np.concatenate(crossed), by_time[0].counts)
-    return Products(by_time, cells.by_speed(shared), other)
+        other = Blocks(*columns, np.concatenate(crossed), by_time[0].counts)
+    return Products(by_time, cells.by_speed(*columns), other)
 
 
 def _too_short(processing: Processing) -> NotEnoughData:
@@ -272,30 +280,38 @@ class _Groups:
             self.products[*at, axis][np.ix_(heard, heard)] += part.T @ part
 
     def by_speed(
-        self, shared: tuple[str, ...], labels: Mapping[str, Indices] | None = None
+        self,
+        shared: tuple[str, ...],
+        own: tuple[str, ...],
+        labels: Mapping[str, Indices] | None = None,
     ) -> tuple[Blocks, ...]:
         """Blocks of each class of speed and all that are faster."""
-        whole = (np.cumsum(x[::-1], axis=0)[::-1] for x in (self.products, self.counts))
-        return tuple(
-            Blocks(shared, COLUMNS, products, counts, labels=labels or {})
-            for products, counts in zip(*whole, strict=True)
-        )
+        for k in reversed(range(len(SPEEDS))):
+            self.products[k] += self.products[k + 1]
+            self.counts[k] += self.counts[k + 1]
+        both = zip(self.products, self.counts, strict=True)
+        return tuple(Blocks(shared, own, *each, labels=labels or {}) for each in both)
 
 
 def _crossed(
-    robot: Robot, recording: Recording, motion: Motion, parts: Sequence[slice], first: Array
+    robot: Robot, motion: Motion, parts: Sequence[slice], first: Array, terms: tuple[str, ...]
 ) -> Array:
     """Products of one half of the samples with the other, shape (n_parts, n_joints, m, m)."""
-    half, other = (filtered_motion(recording, motion.processing, offset=k) for k in (1, 2))
+    half, other = (motion.half(k) for k in (1, 2))
     found = []
     for axis in range(robot.n_joints):
-        W, Z = (_stacked(robot, each, axis, first, motion.tau) for each in (half, other))
+        W, Z = (_stacked(robot, each, axis, first, motion.tau, terms) for each in (half, other))
         found.append(np.array([Z[part].T @ W[part] for part in parts]))
     return np.stack(found, axis=1)
 
 
-def _stacked(robot: Robot, motion: Motion, axis: int, first: Array, y: Array) -> Array:
-    columns = motion.passed(axis_columns(robot, motion, axis, first))
+def _stacked(
+    robot: Robot, motion: Motion, axis: int, first: Array, y: Array, terms: tuple[str, ...]
+) -> Array:
+    every = axis_columns(robot, motion, axis, first)
+    friction = every.shape[1] - len(COLUMNS) + np.array([COLUMNS.index(term) for term in terms])
+    shared = np.arange(every.shape[1] - len(COLUMNS))
+    columns = motion.passed(every[:, np.concatenate([shared, friction])])
     return np.hstack([y[: len(columns), axis, np.newaxis], columns[: len(y)]])
 
 
@@ -306,8 +322,3 @@ def _parts(motion: Motion, length: float) -> list[slice]:
         return []
     n = max(1, round(len(used) * motion.period * motion.rates.coarse / length))
     return successive(int(used[0]), int(used[-1]) + 1, n)
-
-
-def _numbered(parts: Sequence[slice]) -> Indices:
-    """Number of the part of each sample."""
-    return np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])

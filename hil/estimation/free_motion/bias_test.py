@@ -15,16 +15,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from hil.estimation.free_motion.accumulation import division, recorded_products
+from hil.estimation.free_motion.accumulation import by_time_alone, recorded_products
+from hil.estimation.free_motion.friction_terms import BENT, COLUMNS, LAWS
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
 from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
     from hil.estimation.free_motion.choice import Choice
-    from hil.estimation.free_motion.motion import Processing
+    from hil.estimation.free_motion.motion import Motion
     from hil.estimation.free_motion.scaling import Scaling
-    from hil.estimation.free_motion.survey import Survey
     from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
 
@@ -33,20 +35,25 @@ OVERSAMPLED = 8.0
 
 
 def bias_test(
-    robot: Robot,
-    found: Survey,
-    processing: Processing,
-    scaling: Scaling,
-    choice: Choice,
-    first: Array,
+    robot: Robot, stretches: Sequence[Motion], scaling: Scaling, choice: Choice, first: Array
 ) -> BiasTest | None:
     """Test least squares on the survey's stretches; None where there are too few blocks."""
-    if processing.cut_off * found.stretches[0].period * OVERSAMPLED > 1.0:
+    periods, processing = [each.rates.period for each in stretches], stretches[0].processing
+    if processing.cut_off * periods[0] * OVERSAMPLED > 1.0:
         return None
-    duration = sum(each.period * each.n_samples for each in found.stretches)
-    divided = division(processing, found.stretches, duration)
+    samples = [each.recording.n_samples for each in stretches]
+    divided = by_time_alone(processing, float(np.dot(periods, samples)))
+    terms = tuple(t for t in COLUMNS if t == BENT or any(t in LAWS[law] for law in choice.laws))
     products = scaling.applied(
-        recorded_products(robot, found.stretches, processing, divided, first, instruments=True)
+        recorded_products(
+            robot,
+            stretches,
+            divided,
+            first,
+            # unknown gains are linearised about a torque of all terms
+            COLUMNS if scaling.unknown else terms,
+            instruments=True,
+        )
     )
     if products.instruments is None or products.n_pieces < FEW_BLOCKS:
         return None

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.free_motion.accumulation import division, recorded_products
+from hil.estimation.free_motion.accumulation import by_time_alone, division, recorded_products
 from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choice
 from hil.estimation.free_motion.drift import Drift, find_drift
+from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL
 from hil.estimation.free_motion.lag import with_lag
+from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.scaling import first_scaling, open_gains, refined
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import survey
@@ -24,12 +26,12 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
-    from hil.estimation.free_motion.motion import Processing
+    from hil.estimation.free_motion.motion import Motion, Processing
     from hil.estimation.free_motion.scaling import Scaling
     from hil.estimation.free_motion.settings import Reasons
     from hil.estimation.free_motion.survey import Survey
@@ -72,6 +74,8 @@ class Gathered:
     Attributes
     ----------
     found : Survey
+    stretches : list of Motion
+        Those of the survey, filtered.
     processing : Processing
     lag_error : ndarray, shape (n_joints,)
         Standard errors of the lags of the torques [s].
@@ -87,6 +91,7 @@ class Gathered:
     """
 
     found: Survey
+    stretches: list[Motion]
     processing: Processing
     lag_error: Array
     reasons: Reasons
@@ -134,12 +139,13 @@ def gather(
     chosen, lag_error = variant.terms == "chosen", np.zeros(robot.n_joints)
     if chosen and {"lag", "presliding"} & set(options.nuisance):
         processing, lag_error = with_lag(robot, found, processing, options.nuisance)
-    first, unknown = _first_estimate(robot, found, processing, open_scale=open_scale)
+    stretches = [filtered_motion(each, processing) for each in found.stretches]
+    divided = division(processing, stretches, found.duration)
+    first, unknown = _first_estimate(robot, found, stretches, open_scale=open_scale)
     condensed = recorded_products(
         robot,
-        (recording for _, recording in motions),
-        processing,
-        division(processing, found.stretches, found.duration),
+        (filtered_motion(recording, processing) for _, recording in motions),
+        divided,
         first,
         instruments=variant.solver == "instrumental",
     )
@@ -154,19 +160,21 @@ def gather(
     if chosen and not unknown and "drift" in options.nuisance:
         drift = find_drift(products, choice, found.duration)
         choice = choose(drift.applied(products), laws) if any(drift.spans) else choice
-    return Gathered(found, processing, lag_error, reasons, first, condensed, scaling, choice, drift)
+    return Gathered(
+        found, stretches, processing, lag_error, reasons, first, condensed, scaling, choice, drift
+    )
 
 
 def _first_estimate(
-    robot: Robot, found: Survey, processing: Processing, *, open_scale: bool
+    robot: Robot, found: Survey, stretches: Sequence[Motion], *, open_scale: bool
 ) -> tuple[Array, tuple[int, ...]]:
     """Base parameters over the survey's stretches, and axes whose gain is found with them.
 
     Friction needs to know the transmitted torque.
     """
     n_base = len(base_parameters(robot))
-    divided = division(processing, found.stretches, found.duration)
-    recorded = recorded_products(robot, found.stretches, processing, divided, np.zeros(n_base))
+    divided = by_time_alone(stretches[0].processing, found.duration)
+    recorded = recorded_products(robot, stretches, divided, np.zeros(n_base), (*CLASSICAL, BENT))
     total, unknown = recorded.pieces[0].total, found.unknown_gains
     while open_scale and (lost := open_gains(total, unknown)):
         unknown = tuple(axis for axis in unknown if axis != lost[0])

@@ -184,8 +184,10 @@ class Motion:
         Torque, filtered and its lag taken back [N m or N], at `rates.coarse`.
     used : ndarray of bool, shape (n_used,)
         Samples that no reflected sample has reached.
-    recorded : ndarray, shape (n_recorded, n_joints)
-        Positions at the recording's own rate [rad or m].
+    recording : Recording
+        Where it comes from.
+    offset : int
+        Half of its samples that the motion comes from, as of `filtered_motion`.
     """
 
     processing: Processing
@@ -195,12 +197,18 @@ class Motion:
     qdd: Array
     tau: Array
     used: Mask
-    recorded: Array
+    recording: Recording
+    offset: int = 0
 
     @cached_property
     def smooth(self) -> Array:
-        """Positions at the recording's own rate, filtered [rad or m]."""
-        return low_passed(self.recorded, self.rates.period, self.processing.cut_off)[0]
+        """Positions at the recording's own rate, filtered, shape (n_recorded, n_joints)."""
+        q = _every_other(self.recording.q, self.offset)
+        return low_passed(q, self.rates.period, self.processing.cut_off)[0]
+
+    def half(self, offset: int) -> Motion:
+        """The same from every other sample of the recording, as of `filtered_motion`."""
+        return filtered_motion(self.recording, self.processing, offset)
 
     @property
     def period(self) -> float:
@@ -262,7 +270,7 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     spoilt = processing.spoilt(period * every)
     used = np.zeros(len(tau), dtype=bool)
     used[spoilt : len(tau) - spoilt] = True
-    return Motion(processing, rates, q, qd, qdd, tau, used, _every_other(recording.q, offset))
+    return Motion(processing, rates, q, qd, qdd, tau, used, recording, offset)
 
 
 def _motion(
