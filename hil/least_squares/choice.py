@@ -17,19 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import successive
 from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.least_squares.normal_equations import Normal
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
 
 FOLDS = 12
 """Parts of the groups that are held out in turn."""
@@ -82,14 +77,21 @@ class HeldOut:
         self._N = [N - fitted.N[fold].sum(axis=0) for fold in self._folds]
         self._v = [v - fitted.v[fold].sum(axis=0) for fold in self._folds]
 
-    def error(self, kept: NDArray[np.intp]) -> Array:
+    def error(self, kept: Indices) -> Array:
         """Squared error of each block by a fit of some unknowns to the other folds' blocks."""
-        found = np.zeros(len(self._scored.v))
+        return self.errors({"": kept})[""]
+
+    def errors(self, alternatives: Mapping[str, Indices]) -> dict[str, Array]:
+        """Errors of several sets of unknowns, with one pass over the blocks."""
+        scored, names = self._scored, list(alternatives)
+        found = np.zeros((len(scored.v), len(names)))
         for fold, N, v in zip(self._folds, self._N, self._v, strict=True):
-            x = embedded(solved(N[np.ix_(kept, kept)], v[kept]), kept, len(v))
-            left = (self._scored.N[fold] @ x - 2.0 * self._scored.v[fold]) @ x
-            found[fold] = self._scored.square[fold] + left
-        return np.maximum(found, 0.0)
+            x = np.zeros((len(v), len(names)))
+            for k, kept in enumerate(alternatives.values()):
+                x[kept, k] = solved(N[np.ix_(kept, kept)], v[kept])
+            left = np.einsum("bik,ik->bk", scored.N[fold] @ x, x) - 2.0 * scored.v[fold] @ x
+            found[fold] = scored.square[fold, np.newaxis] + left
+        return dict(zip(names, np.maximum(found, 0.0).T, strict=True))
 
 
 def folds(n: int) -> list[slice]:

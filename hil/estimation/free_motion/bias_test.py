@@ -17,6 +17,7 @@ from scipy import special
 
 from hil.estimation.free_motion.accumulation import by_time_alone, recorded_products
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS, LAWS
+from hil.estimation.free_motion.motion import FINE
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
 from hil.least_squares.solving import solved
 
@@ -30,16 +31,14 @@ if TYPE_CHECKING:
     from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
 
-OVERSAMPLED = 8.0
-"""Samples in a period of the cut-off frequency, so that halves of them show the motion."""
-
 
 def bias_test(
     robot: Robot, stretches: Sequence[Motion], scaling: Scaling, choice: Choice, first: Array
 ) -> BiasTest | None:
     """Test least squares on the survey's stretches; None where there are too few blocks."""
     periods, processing = [each.rates.period for each in stretches], stretches[0].processing
-    if processing.cut_off * periods[0] * OVERSAMPLED > 1.0:
+    # halves of the samples must show the motion
+    if processing.cut_off * periods[0] * FINE > 1.0:
         return None
     samples = [each.recording.n_samples for each in stretches]
     divided = by_time_alone(processing, float(np.dot(periods, samples)))

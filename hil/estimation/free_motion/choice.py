@@ -132,8 +132,10 @@ def choose(products: Products, tried: Sequence[str] = TRIED) -> Choice:
             others = {law: (*laws[:axis], law, *laws[axis + 1 :]) for law in tried}
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
             load = whole.layout.at("load", axis)
-            found = {law: held_out.error(each) for law, each in kept.items()
-                     if len(tried) == 1 or _is_friction(total.solution(each)[load])}  # fmt: skip
+            found = held_out.errors({
+                law: each for law, each in kept.items()
+                if len(tried) == 1 or _is_friction(total.solution(each)[load])
+            })  # fmt: skip
             laws[axis] = simplest(found, n)
             errors.append(_relative(found, laws[axis]))
         kept_laws = kept_by(whole.layout, laws)

@@ -3,8 +3,8 @@
 The spectrum of a position falls until it drowns in the noise of its measurement, which is about the
 same at all frequencies and alone near half the sampling rate. Up to where it stands `ABOVE` times
 above that floor there is motion that is worth differentiating twice; beyond, accelerations become
-noise. That is the cut-off frequency, the median over the axes, unless the map states one. It is at
-most `SAMPLED` times the sampling rate and at most `HIGHEST`, where no arm is rigid any more.
+noise. That is the cut-off frequency, the median over the axes, unless the map states one. It is so
+low that a period of it has `FINE` samples, and at most `HIGHEST`, where no arm is rigid any more.
 
 Torque and columns pass a low-pass with a third of that. Positions must keep what bends sharply,
 such as the start of a trapezoid, or columns are wrong; the equation holds in any band, and its
@@ -28,9 +28,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import signal
+from scipy import fft
 
-from hil.estimation.free_motion.motion import Processing, low_passed, reach
+from hil.estimation.free_motion.motion import FINE, Processing, low_passed, reach
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,8 +45,6 @@ FLOOR = 0.3
 """Share of the sampling rate from which on there is noise alone."""
 ABOVE = 100.0
 """Power of the motion over that of the noise, at the cut-off."""
-SAMPLED = 0.125
-"""Share of the sampling rate that the cut-off reaches at most."""
 HIGHEST, LOWEST = 100.0, 1.0
 """Cut-off frequencies that are chosen [Hz]."""
 EQUATION = 3.0
@@ -107,7 +105,7 @@ def cut_off_of(
 
 
 def _chosen(bandwidths: Sequence[float], period: float) -> tuple[float, str]:
-    most = min(SAMPLED / period, HIGHEST)
+    most = min(1.0 / (FINE * period), HIGHEST)
     wanted = float(np.median(bandwidths)) if bandwidths else most
     if wanted > most:
         return most, "the motion stands out from noise at all frequencies that samples show"
@@ -133,10 +131,22 @@ def bandwidth(x: Array, period: float) -> float:
 
 
 def spectrum(x: Array, period: float) -> tuple[Array, Array]:
-    """Frequencies [Hz] and power density of samples (n,) every `period` [s]."""
-    n = min(len(x) // 4, round(WINDOW / period))
-    f, power = signal.welch(signal.detrend(x), 1.0 / period, nperseg=max(n, 8))
-    return f, power
+    """Frequencies [Hz] and power density of samples (n,) every `period` [s].
+
+    By Welch's method (IEEE Trans. Audio Electroacoust. 15 (1967) 70-73): Hann windows that overlap
+    by half, without a straight line and without their means.
+    """
+    n = max(min(len(x) // 4, round(WINDOW / period)), 8)
+    t = np.arange(len(x)) - (len(x) - 1) / 2
+    level = x - x.mean() - t * (t @ x) / (t @ t)
+    parts = np.lib.stride_tricks.sliding_window_view(level, n)[:: n - n // 2]
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
+    spectra = fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)
+    power = 2.0 * period * np.mean(np.abs(spectra) ** 2, axis=0) / (window @ window)
+    # frequencies that have no negative counterpart
+    power[0] /= 2.0
+    power[-1] /= 1.0 + (n % 2 == 0)
+    return fft.rfftfreq(n, period), power
 
 
 def floor(f: Array, power: Array, period: float) -> float:
