@@ -115,13 +115,13 @@ def channels(
     prepared : sequence of (ParameterMotion, Signals)
         As `hil.estimation.two_step_methods.prepare` makes them.
     """
-    found: dict[int, list[tuple[Signals, Indices]]] = {}
-    for _, s in prepared:
-        for axis in range(robot.n_joints):
-            found.setdefault(axis, []).extend((s, index) for index in _parts(robot, s, axis))
-    total = sum(len(index) for parts in found.values() for _, index in parts)
+    found = {
+        axis: [(s, list(_parts(robot, s, axis))) for _, s in prepared]
+        for axis in range(robot.n_joints)
+    }
+    total = sum(len(index) for given in found.values() for _, parts in given for index in parts)
     every = max(1, total // MOST)
-    each = [_channel(robot, axis, parts, every) for axis, parts in sorted(found.items())]
+    each = [_channel(robot, axis, given, every) for axis, given in found.items()]
     return tuple(channel for channel in each if channel is not None)
 
 
@@ -139,19 +139,24 @@ def _parts(robot: Robot, s: Signals, axis: int) -> Iterator[Indices]:
 
 
 def _channel(
-    robot: Robot, axis: int, given: Sequence[tuple[Signals, Indices]], every: int
+    robot: Robot, axis: int, given: Sequence[tuple[Signals, Sequence[Indices]]], every: int
 ) -> Channel | None:
     rows, parts, first = [], [], 0
-    for s, whole in given:
-        index = whole[:: max(1, min(every, len(whole) // FEWEST))]
-        if len(index) < FEWEST:
+    for s, wholes in given:
+        thinned = [whole[:: max(1, min(every, len(whole) // FEWEST))] for whole in wholes]
+        indices = [index for index in thinned if len(index) >= FEWEST]
+        if not indices:
             continue
-        rows.append(_smoothed(s, axis, index))
+        together = np.concatenate(indices)
+        rows.append(_smoothed(s, axis, together))
         shapes = friction_columns(s, s.qd[:, axis] / speed_scale(robot, s, axis))
-        basis, _ = orthonormal(smoothed_at(index, shapes, s.period), _SAME)
-        time = float(s.time[index].mean())
-        parts.append(Part(slice(first, first + len(index)), time, basis))
-        first += len(index)
+        smooth = smoothed_at(together, shapes, s.period)
+        ends = np.cumsum([len(index) for index in indices])
+        for index, own in zip(indices, np.split(smooth, ends[:-1]), strict=True):
+            basis, _ = orthonormal(own, _SAME)
+            time = float(s.time[index].mean())
+            parts.append(Part(slice(first, first + len(index)), time, basis))
+            first += len(index)
     if not rows:
         return None
     n, columns = robot.n_joints, np.concatenate(rows)
