@@ -56,8 +56,7 @@ class Division:
     piece : float
         Length of a piece [s].
     states : ndarray, shape (n_cells, 2 n_joints)
-        Middles of the cells: positions and velocities over `scale`; none where cells are not asked
-        for.
+        Middles of the cells: positions and velocities over `scale`; none without stretches.
     scale : ndarray, shape (2 n_joints,)
     """
 
@@ -127,7 +126,7 @@ class Products:
         )
 
 
-def division(processing: Processing, stretches: Sequence[Motion], duration: float) -> Division:
+def division(processing: Processing, duration: float, stretches: Sequence[Motion] = ()) -> Division:
     """Divide recordings of some `duration` [s], cells as `stretches` of them show the motion.
 
     Raises
@@ -135,22 +134,15 @@ def division(processing: Processing, stretches: Sequence[Motion], duration: floa
     NotEnoughData
         All stretches are shorter than the filter's reach.
     """
+    n = 2 * len(processing.speed)
+    piece = max(duration / PIECES, SHORTEST / processing.band)
+    if not stretches:
+        return Division(piece, np.zeros((0, n)), np.ones(n))
     states = np.vstack([_states(motion)[motion.used] for motion in stretches])
     if not len(states):
         raise _too_short(processing)
     scale = np.maximum(states.std(axis=0), 1e-9)
-    return Division(piece_of(processing, duration), _middles(states / scale), scale)
-
-
-def by_time_alone(processing: Processing, duration: float) -> Division:
-    """Divide recordings of some `duration` [s] into pieces of time alone."""
-    n = len(processing.speed)
-    return Division(piece_of(processing, duration), np.zeros((0, 2 * n)), np.ones(2 * n))
-
-
-def piece_of(processing: Processing, duration: float) -> float:
-    """Length of a piece of recordings of some `duration` [s]."""
-    return max(duration / PIECES, SHORTEST / processing.band)
+    return Division(piece, _middles(states / scale), scale)
 
 
 def _states(motion: Motion) -> Array:

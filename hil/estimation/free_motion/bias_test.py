@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from hil.estimation.free_motion.accumulation import by_time_alone, recorded_products
+from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS, LAWS
 from hil.estimation.free_motion.motion import FINE
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
@@ -41,7 +41,7 @@ def bias_test(
     if processing.cut_off * periods[0] * FINE > 1.0:
         return None
     samples = [each.recording.n_samples for each in stretches]
-    divided = by_time_alone(processing, float(np.dot(periods, samples)))
+    divided = division(processing, float(np.dot(periods, samples)))
     terms = tuple(t for t in COLUMNS if t == BENT or any(t in LAWS[law] for law in choice.laws))
     products = scaling.applied(
         recorded_products(

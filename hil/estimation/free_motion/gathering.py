@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.free_motion.accumulation import by_time_alone, division, recorded_products
+from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choice
 from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL
@@ -140,7 +140,7 @@ def gather(
     if chosen and {"lag", "presliding"} & set(options.nuisance):
         processing, lag_error = with_lag(robot, found, processing, options.nuisance)
     stretches = [filtered_motion(each, processing) for each in found.stretches]
-    divided = division(processing, stretches, found.duration)
+    divided = division(processing, found.duration, stretches)
     first, unknown = _first_estimate(robot, found, stretches, open_scale=open_scale)
     condensed = recorded_products(
         robot,
@@ -173,7 +173,7 @@ def _first_estimate(
     Friction needs to know the transmitted torque.
     """
     n_base = len(base_parameters(robot))
-    divided = by_time_alone(stretches[0].processing, found.duration)
+    divided = division(stretches[0].processing, found.duration)
     recorded = recorded_products(robot, stretches, divided, np.zeros(n_base), (*CLASSICAL, BENT))
     total, unknown = recorded.pieces[0].total, found.unknown_gains
     while open_scale and (lost := open_gains(total, unknown)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -168,15 +168,5 @@ def _middle(recording: Recording, length: float) -> Recording:
     n = round(length / recording.period)
     first = max(0, (recording.n_samples - n) // 2)
     part = slice(first, first + n)
-    qd, group = recording.qd, recording.group
-    return replace(
-        recording,
-        time=recording.time[part],
-        q=recording.q[part],
-        tau=recording.tau[part],
-        flags=recording.flags[part],
-        stroke=recording.stroke[part],
-        partner_stroke=recording.partner_stroke[part],
-        qd=None if qd is None else qd[part],
-        group=None if group is None else group[part],
-    )
+    arrays = {each.name: getattr(recording, each.name) for each in fields(recording)}
+    return replace(recording, **{k: x[part] for k, x in arrays.items() if x is not None})

@@ -153,7 +153,7 @@ def test_the_method_follows_from_what_was_recorded() -> None:
     assert default_method([free])[0] == "free motion"
     assert default_method([stroke])[0] == "improved"
     method, reason = default_method([free, stroke])
-    assert method == "improved"
+    assert method == "joint"
     assert "1 of 2" in reason
 
 

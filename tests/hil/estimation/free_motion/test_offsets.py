@@ -7,12 +7,12 @@ import pytest
 
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import ASYMMETRY, with_doubt
-from hil.least_squares.layout import Layout
+from hil.least_squares.layout import Layout, axis_names
 
 OFFSET, COULOMB = 1 + COLUMNS.index("offset"), 1 + COLUMNS.index("Coulomb")
 G = 9.81
 FRICTION = 20.0
-LAYOUT = Layout(("p1",), COLUMNS, 1)
+LAYOUT = Layout(("p1",), COLUMNS, axis_names(1))
 
 
 def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
