@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 OWN = 1e-5
 """As `rank` of `orthonormal`: base parameters that a part by itself can show."""
-N_OWN = 2
-"""Terms of a channel by itself: an offset and |v|, by which friction may differ by direction."""
 FINEST = 1e-4
 """Share of the torque limit that no reading is finer than, and no model truer."""
 CONFIGURATIONS = 60
@@ -70,7 +68,10 @@ class Campaign:
 
     def __init__(self, channels: Sequence[Channel], stated: Reading) -> None:
         self.channels = channels
-        found = [_pure_error(channel, *stated.columns(channel)) for channel in channels]
+        self._stated, first = stated, [stated.columns(channel) for channel in channels]
+        self._rows = [rows for rows, _ in first]
+        self._own = [_own_terms(channel) for channel in channels]
+        found = [_pure_error(c, *columns) for c, columns in zip(channels, first, strict=True)]
         limits = stated.robot.torque_limit
         least = [FINEST * limit_or_reached(limits[c.axis], c.tau) for c in channels]
         self.pure_error = np.maximum(found, least)
@@ -105,7 +106,7 @@ class Campaign:
         """Fit base parameters under a reading."""
         blocks = [self._block(k, reading) for k in range(len(self.channels))]
         p = _fitted(blocks)
-        left = [_left(block, p) for block in blocks]
+        left = [block[:, 0] - block[:, 1:] @ p for block in blocks]
         degrees = [max(channel.degrees, 1) for channel in self.channels]
         misfit = [float(x @ x) / n for x, n in zip(left, degrees, strict=True)]
         return Explanation(np.concatenate(left), np.array(misfit), p)
@@ -113,9 +114,9 @@ class Campaign:
     def driving(self, reading: Reading, p: Array) -> tuple[int, ...]:
         """Joints that friction would drive, as power that it takes is negative."""
         found = []
-        for channel in self.channels:
+        for k, channel in enumerate(self.channels):
             joint = reading.joint(channel.axis)
-            rows, motor = reading.columns(channel)
+            rows, motor = self._columns(k, reading)
             left = channel.tau - motor - rows @ p
             turned = reading.sign_q[joint] * reading.sign_tau[joint]
             direction = np.sign(channel.qd[:, channel.axis])
@@ -132,33 +133,34 @@ class Campaign:
         rotors = np.diag(reading.robot.reflected_inertia / reading.scale**2)
         return bool(np.linalg.eigvalsh(mass_matrix(reading.robot, p, some) + rotors).min() < 0)
 
+    def _columns(self, k: int, reading: Reading) -> tuple[Array, Array]:
+        """Columns of a reading; the regressor is computed anew where its motion is another one."""
+        known = self._rows[k] if reading.moves_as(self._stated) else None
+        return reading.columns(self.channels[k], known)
+
     def _block(self, k: int, reading: Reading) -> Array:
-        """Torque, base parameters and the channel's own terms, over its pure error."""
+        """Torque and base parameters without friction and own terms, over the pure error."""
         channel = self.channels[k]
-        rows, motor = reading.columns(channel)
-        speed = np.abs(channel.qd[:, channel.axis])
-        columns = np.column_stack([channel.tau - motor, rows, np.ones_like(speed), speed])
-        block: Array = channel.without_friction(columns) / self.pure_error[k]
+        rows, motor = self._columns(k, reading)
+        columns = channel.without_friction(np.column_stack([channel.tau - motor, rows]))
+        block: Array = projected_out(self._own[k], columns) / self.pure_error[k]
         return block
 
 
+def _own_terms(channel: Channel) -> Array:
+    """Basis of a channel's own terms: an offset and |v|, by which friction may differ by direction.
+
+    They are those of the speeds as recorded, so that they are the same in all readings.
+    """
+    speed = np.abs(channel.qd[:, channel.axis])
+    terms = channel.without_friction(np.column_stack([np.ones_like(speed), speed]))
+    return orthonormal(terms)[0]
+
+
 def _fitted(blocks: Sequence[Array]) -> Array:
-    """Base parameters of all channels, each of which has two terms of its own."""
-    n = blocks[0].shape[1] - 1 - N_OWN
-    N, v = np.zeros((n, n)), np.zeros(n)
-    for block in blocks:
-        Q, _ = orthonormal(block[:, 1 + n :])
-        own = projected_out(Q, block[:, : 1 + n])
-        N += own[:, 1:].T @ own[:, 1:]
-        v += own[:, 1:].T @ own[:, 0]
-    return solved(N, v)
-
-
-def _left(block: Array, p: Array) -> Array:
-    """What base parameters and a channel's own terms leave."""
-    n = 1 + len(p)
-    Q, _ = orthonormal(block[:, n:])
-    return projected_out(Q, block[:, 0] - block[:, 1:n] @ p)
+    """Base parameters of all channels."""
+    products = np.sum([block.T @ block for block in blocks], axis=0)
+    return solved(products[1:, 1:], products[1:, 0])
 
 
 def _pure_error(channel: Channel, rows: Array, motor: Array) -> float:

@@ -136,17 +136,25 @@ class Reading:
             q[:, self.slip.axis] += self.slip.angle * (channel.time >= self.slip.instant)
         return q, qd, qdd
 
-    def columns(self, channel: Channel) -> tuple[Array, Array]:
+    def moves_as(self, other: Reading) -> bool:
+        """Whether both read the same motion of the same robot: one regressor serves both."""
+        shared = ("robot", "order", "sign_q", "scale", "zero", "gravity", "slip")
+        return all(getattr(self, name) is getattr(other, name) for name in shared)
+
+    def columns(self, channel: Channel, known: Array | None = None) -> tuple[Array, Array]:
         """Torque that is read per unit of each base parameter, and of motor and what is added.
 
-        Shapes (n, n_base) and (n,).
+        Shapes (n, n_base) and (n,). `known` are the former of a reading of the same motion, which
+        scales none of them.
         """
         joint = self.joint(channel.axis)
         q, qd, qdd = self.motion(channel)
         factor = np.full(len(q), self.sign_tau[joint] * self.gain[joint])
         if self.drift is not None and self.drift.axis == joint:
             factor = factor * self.drift.factor(channel.time)
-        rows = regressor(self.robot, q, qd, qdd, joints=[joint], gravity=self.gravity)[:, 0]
+        rows = known
+        if rows is None:
+            rows = regressor(self.robot, q, qd, qdd, joints=[joint], gravity=self.gravity)[:, 0]
         motor = self.robot.reflected_inertia[joint] / self.scale[joint] ** 2 * qdd[:, joint]
         if self.added is not None and self.added.axis == joint:
             motor = motor + self.added.torque(q[:, joint])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from free_run import arm, recorded
 
+from hil.estimation.mistakes import reading
 from hil.estimation.mistakes.evidence import channels
 from hil.estimation.mistakes.finding import find_mistake
 from hil.estimation.mistakes.misfit import Campaign
@@ -17,6 +18,7 @@ from hil.estimation.mistakes.mistake import MistakeName as Name
 from hil.estimation.mistakes.reading import Reading, Slip
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
 from hil.model.robot import Robot, parse_robot
 
 if TYPE_CHECKING:
@@ -103,6 +105,20 @@ def meshing(q: Array, tau: Array, _time: Array) -> None:
 
 def limit(_q: Array, tau: Array, _time: Array) -> None:
     np.clip(tau[:, 0], -60.0, 60.0, out=tau[:, 0])
+
+
+def test_the_regressor_of_the_stated_motion_is_computed_once(
+    robot: Robot, good: FreeRecorded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[object, ...]] = []
+
+    def counting(of: Robot, *motion: Array, joints: list[int], gravity: Array) -> Array:
+        asked.append((id(of), *joints, *(each.tobytes() for each in (*motion, gravity))))
+        return regressor(of, *motion, joints=joints, gravity=gravity)
+
+    monkeypatch.setattr(reading, "regressor", counting)
+    find_mistake(robot, changed(good, constant))
+    assert asked.count(asked[0]) == 1
 
 
 def test_nothing_is_named_where_nothing_is_wrong(robot: Robot, good: FreeRecorded) -> None:
