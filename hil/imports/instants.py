@@ -64,17 +64,26 @@ class Stretch:
         return max(0, round(self.duration / self.period) + 1 - len(self.rows))
 
 
-def lost(time: Array, at: int, period: float) -> float:
-    """Time that is missing between two samples: later ones do not make up for it [s].
+def lost(time: Array, at: Rows, period: float) -> Array:
+    """Time that is missing after each of some samples: later ones do not make up for it [s].
 
     Stamps may be late, never early: the least late ones before and after state the time that passed
     for the samples in between.
+
+    Parameters
+    ----------
+    time : array (n,)
+    at : array (m,) of int
+        Samples, none of them the last.
     """
-    reach = int(min((time[at + 1] - time[at]) / period, len(time))) + 7
-    before, after = np.arange(max(0, at + 1 - reach), at + 1), np.arange(at + 1, at + 1 + reach)
-    after = after[after < len(time)]
-    least = [float(np.min(time[these] - these * period)) for these in (before, after)]
-    return least[1] - least[0]
+    late, last = time - period * np.arange(len(time)), len(time) - 1
+    reach = np.minimum((time[at + 1] - time[at]) / period, len(time)).astype(np.int64) + 7
+    found = np.empty(len(at))
+    for each in np.unique(reach):
+        here, window = at[reach == each, np.newaxis], np.arange(each)
+        before, after = late[(here - window).clip(0)], late[(here + 1 + window).clip(max=last)]
+        found[reach == each] = after.min(axis=1) - before.min(axis=1)
+    return found
 
 
 def instants_of(samples: Samples, parts: list[Rows], period: float) -> Instants:
@@ -151,8 +160,8 @@ def _slots(time: Array, period: float) -> NDArray[np.int64]:
     """
     steps, passed = np.ones(len(time) - 1, dtype=np.int64), np.diff(time)
     tick = float(np.median(passed[passed > SAME_STAMP * period]))
-    for at in np.flatnonzero(passed > 1.5 * max(period, tick)):
-        steps[at] += max(0, round(lost(time, int(at), period) / period))
+    wide = np.flatnonzero(passed > 1.5 * max(period, tick))
+    steps[wide] += np.rint(lost(time, wide, period) / period).astype(np.int64).clip(0)
     slots = np.zeros(len(time), dtype=np.int64)
     np.cumsum(steps, out=slots[1:])
     return slots

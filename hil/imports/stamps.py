@@ -212,9 +212,9 @@ def _split(time: Array, rows: Rows, period: float, counts: Counts) -> Iterator[R
     """Split rows where samples are missing for longer than is bridged."""
     longest = max(GAP, GAP_PERIODS * period)
     wide = np.flatnonzero(np.diff(time) > longest)
-    cuts = [int(at) + 1 for at in wide if lost(time, int(at), period) > longest - period]
+    cuts = wide[lost(time, wide, period) > longest - period] + 1
     counts.gaps += len(cuts)
-    counts.lost += float(sum(time[cut] - time[cut - 1] - period for cut in cuts))
+    counts.lost += float(np.sum(time[cuts] - time[cuts - 1] - period))
     yield from np.split(rows, cuts)
 
 

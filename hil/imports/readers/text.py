@@ -13,7 +13,7 @@ import io
 import warnings
 import zlib
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -54,13 +54,20 @@ class TextTable:
             try:
                 block = self._read(text, columns)
                 self._refuse_longer_rows(text, len(block), line)
-            except ValueError:  # NumPy's reader knows no missing cells and states no lines
+            except ValueError:  # which states no lines, as for rows that are too short
                 block = self._read_row_by_row(text, columns, row, line)
             row, line = row + len(block), line + text.count(b"\n")
             if len(block):
                 yield block
 
     def _read(self, text: bytes, columns: Sequence[int]) -> Array:
+        try:
+            return self._cells(text, columns, np.float64)
+        except ValueError:  # a cell that is missing, or an instant
+            found = self._cells(text, columns, np.str_)
+            return np.stack([_numbers(column) for column in found.T], axis=1)
+
+    def _cells(self, text: bytes, columns: Sequence[int], kind: type) -> NDArray[Any]:
         layout = self._layout
         if layout.decimal == ",":
             text = text.replace(b",", b".")
@@ -70,6 +77,7 @@ class TextTable:
             warnings.filterwarnings("ignore", ".*input contained no data")
             return np.loadtxt(
                 io.BytesIO(text),
+                dtype=kind,
                 delimiter=None if layout.delimiter == " " else layout.delimiter,
                 comments=layout.comment if layout.comment.encode() in text else None,
                 quotechar='"' if b'"' in text else None,
@@ -132,6 +140,27 @@ class _NoNumber(Exception):
     def __init__(self, cell: str, column: int) -> None:
         super().__init__(cell, column)  # both: another process makes it again from these
         self.cell, self.column = cell, column
+
+
+def _numbers(cells: NDArray[np.str_]) -> Array:
+    """Numbers of a column at once, as `_number` has them one by one.
+
+    Raises
+    ------
+    ValueError
+        A cell holds something else.
+    """
+    with suppress(ValueError):
+        return cells.astype(np.float64)
+    cells = np.char.strip(cells)
+    missing = np.isin(np.char.lower(cells), list(MISSING))
+    with suppress(ValueError):
+        return np.where(missing, "nan", cells).astype(np.float64)
+    if not all(map(DATE.match, cells[~missing])):
+        raise ValueError
+    found = np.full(len(cells), np.nan)
+    found[~missing] = np.char.rstrip(cells[~missing], "Z").astype("datetime64[ns]").astype(float)
+    return found
 
 
 def _number(row: Sequence[str], column: int, decimal: str) -> float:

@@ -11,6 +11,7 @@ from checked_files.yaml_file import FileError
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
+from hil.imports.readers.text import TextTable
 from hil.imports.tables import column_of
 from hil.optional_packages import remedy
 
@@ -181,6 +182,18 @@ def test_instants_as_text_are_nanoseconds(tmp_path):
     (tmp_path / "a.csv").write_text("\n".join(["when,q", *rows]))
     values = np.concatenate(list(open_table(tmp_path / "a.csv", Format()).blocks([0])))[:, 0]
     np.testing.assert_allclose(np.diff(values), 1e6, atol=300)  # doubles of 2026 hold 256 ns
+
+
+def test_missing_cells_and_instants_are_read_at_once_not_cell_by_cell(tmp_path, monkeypatch):
+    monkeypatch.setattr(TextTable, "_read_row_by_row", None)
+    begin = "2026-01-31T12:00:00"
+    (tmp_path / "a.csv").write_text(
+        f"when,q,x\n{begin}.001,0.5,1\n{begin}.002Z,,2\n,NULL, none\n{begin}.004,1.5, 4\n"
+    )
+    values = np.concatenate(list(open_table(tmp_path / "a.csv", Format()).blocks([0, 1, 2])))
+    first = float(np.datetime64(f"{begin}.001", "ns").astype(np.int64))
+    np.testing.assert_allclose(values[:, 0] - first, [0, 1e6, np.nan, 3e6], atol=300)
+    np.testing.assert_array_equal(values[:, 1:], [[0.5, 1], [np.nan, 2], [np.nan] * 2, [1.5, 4]])
 
 
 @pytest.mark.parametrize("header", ["", "t,q\r\n"])
