@@ -30,16 +30,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
     from rich.console import Console
 
+    from hil.arrays import Array, Mask
     from hil.estimation.estimate import Estimate
     from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
     from hil.results.tables.table import Row
     from hil.runs.run import Run
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,9 +74,9 @@ class Comparison:
         return ratio
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Mask:
         """Which intervals of 95 % hold the truth, shape (n_base,)."""
-        held: NDArray[np.bool_] = np.abs(self.error) <= self.half_width
+        held: Mask = np.abs(self.error) <= self.half_width
         return held
 
     @property

@@ -16,11 +16,9 @@ from checked_files.yaml_file import FileModel
 from hil.model.robot_file import EARTH, LINK_PARAMETERS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 _PLANT, _PLANT_FILES = "sim_plant", "plants"
 

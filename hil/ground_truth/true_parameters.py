@@ -23,11 +23,9 @@ from hil.model.dependencies import influences
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-9
 

@@ -19,12 +19,10 @@ from hil.imports.segments import LONGEST, SHORTEST, Piece
 from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Numbers
     from hil.imports.instants import Stretch
     from hil.imports.samples import Samples
 
-    Array = NDArray[np.float64]
 
 UNDER_WAY = 0.05
 """Speed from which on the axis is under way, as share of its greatest."""
@@ -78,9 +76,7 @@ def pairs_of(q: Array, period: float) -> list[tuple[tuple[int, int], tuple[int, 
     return [(forth[:2], back[:2]) for forth, back in pairwise(strokes) if forth[2] and not back[2]]
 
 
-def pieces_by_pairs(
-    samples: Samples, stretch: Stretch, axis: int
-) -> list[tuple[Piece, NDArray[np.int16]]]:
+def pieces_by_pairs(samples: Samples, stretch: Stretch, axis: int) -> list[tuple[Piece, Numbers]]:
     """Cut a stretch into motions of whole pairs, with the stroke of each sample.
 
     Parameters
@@ -120,7 +116,7 @@ def _grouped(
 
 def _numbers(
     group: list[tuple[tuple[int, int], tuple[int, int]]], first: int, last: int
-) -> NDArray[np.int16]:
+) -> Numbers:
     numbers = np.full(last - first, IDLE, dtype=np.int16)
     for index, (forth, back) in enumerate(group):
         for stroke, (begin, end) in ((2 * index, forth), (2 * index + 1, back)):

@@ -12,11 +12,8 @@ from hil.least_squares.standstill import moving
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.imports.excerpt import Excerpt
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +31,7 @@ class Evidence:
     recorded_qd: Array
     noise_qd: Array
     noise_qdd: Array
-    moves: NDArray[np.bool_]
+    moves: Mask
 
     @classmethod
     def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:

@@ -15,12 +15,10 @@ from hil.least_squares.standstill import extent
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.samples import Samples
     from hil.least_squares.standstill import Extent
 
-    Array = NDArray[np.float64]
 
 EXCERPTS = 24
 """At most."""

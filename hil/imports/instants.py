@@ -16,12 +16,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Integers
     from hil.imports.samples import Samples
 
-    Array = NDArray[np.float64]
-    Rows = NDArray[np.int64]
 
 EVEN = 0.01
 """Deviation from the period that counts as none, as share of it."""
@@ -49,7 +46,7 @@ class Stretch:
         Of an even grid for them [s].
     """
 
-    rows: Rows
+    rows: Integers
     instants: Array
     period: float
 
@@ -64,7 +61,7 @@ class Stretch:
         return max(0, round(self.duration / self.period) + 1 - len(self.rows))
 
 
-def lost(time: Array, at: Rows, period: float) -> Array:
+def lost(time: Array, at: Integers, period: float) -> Array:
     """Time that is missing after each of some samples: later ones do not make up for it [s].
 
     Stamps may be late, never early: the least late ones before and after state the time that passed
@@ -86,7 +83,7 @@ def lost(time: Array, at: Rows, period: float) -> Array:
     return found
 
 
-def instants_of(samples: Samples, parts: list[Rows], period: float) -> Instants:
+def instants_of(samples: Samples, parts: list[Integers], period: float) -> Instants:
     """Whether instants are even anyway, or better counted than taken from the stamps."""
     steps = [np.diff(samples.time[rows]) for rows in parts]
     if all(np.all(np.abs(s - period) < EVEN * period) for s in steps):
@@ -103,7 +100,7 @@ def instants_of(samples: Samples, parts: list[Rows], period: float) -> Instants:
     return "counted" if counted_is_smoother else "stamped"
 
 
-def _some_of(parts: list[Rows]) -> Iterator[Rows]:
+def _some_of(parts: list[Integers]) -> Iterator[Integers]:
     left = _COMPARED
     for rows in sorted(parts, key=len, reverse=True):
         middle = rows[max(0, len(rows) // 2 - left // 2) :][:left]
@@ -123,14 +120,14 @@ def _roughness(q: Array, h: Array, period: float) -> Array:
     return np.array([np.sum(counted**2, axis=0), np.sum(stamped**2, axis=0)])
 
 
-def distinct(time: Array, rows: Rows, period: float) -> Rows:
+def distinct(time: Array, rows: Integers, period: float) -> Integers:
     """Rows without those that bear the stamp of the row before."""
     apart = np.diff(time[rows]) > SAME_STAMP * period
-    kept: Rows = rows[np.concatenate([[True], apart])]
+    kept: Integers = rows[np.concatenate([[True], apart])]
     return kept
 
 
-def stretch_of(time: Array, rows: Rows, period: float, instants: Instants) -> Stretch:
+def stretch_of(time: Array, rows: Integers, period: float, instants: Instants) -> Stretch:
     """Find the instants of rows without a gap between them."""
     if instants == "stamped":
         return Stretch(rows, time, period)
@@ -141,7 +138,7 @@ def stretch_of(time: Array, rows: Rows, period: float, instants: Instants) -> St
     return Stretch(rows, np.asarray(begin + own * slots, dtype=np.float64), own)
 
 
-def _line(slots: NDArray[np.int64], time: Array, period: float) -> tuple[float, float]:
+def _line(slots: Integers, time: Array, period: float) -> tuple[float, float]:
     """Slope and begin of even instants, by the least late stamps here and there [s]."""
     if len(slots) < 3 * WINDOW:
         return float((time[-1] - time[0]) / slots[-1]), float(time[0])
@@ -153,7 +150,7 @@ def _line(slots: NDArray[np.int64], time: Array, period: float) -> tuple[float, 
     return float(slope), float(begin + time[0])
 
 
-def _slots(time: Array, period: float) -> NDArray[np.int64]:
+def _slots(time: Array, period: float) -> Integers:
     """Number of each sample in an even count that goes on where samples are missing.
 
     What is lost within a tick of a coarse clock cannot be seen.

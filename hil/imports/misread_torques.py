@@ -13,13 +13,11 @@ from hil.imports.suspicion import Suspicion
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.evidence import Evidence
     from hil.imports.excerpt import Excerpt
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 CHANCE = 20
 """Samples just beside zero, all on one side of it: by chance one in a million."""

@@ -21,12 +21,10 @@ from hil.model.dynamics import regressor
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.imports.evidence import Evidence
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
     Motion = tuple[Array, Array, Array]
 
 POINTS = 200
@@ -143,9 +141,7 @@ def _unexplained(columns: Array, tau: Array, qd: Array) -> float:
     return float(np.linalg.norm(wanted - used @ x) / np.linalg.norm(wanted))
 
 
-def _readings(
-    robot: Robot, motion: Motion, tau: Array, moving: NDArray[np.bool_]
-) -> Iterator[_Reading]:
+def _readings(robot: Robot, motion: Motion, tau: Array, moving: Mask) -> Iterator[_Reading]:
     for joint in np.flatnonzero(moving).tolist():
         yield from _of_one_joint(robot, motion, tau, joint)
     widest = float(np.ptp(motion[0][:, robot.revolute], axis=0).max(initial=0.0))

@@ -16,14 +16,13 @@ from hil.runs.recording_file import Measured
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Numbers
     from hil.imports.map_file import MapFile
     from hil.imports.samples import Samples
     from hil.imports.segments import Piece
     from hil.imports.stamps import Timing
 
-    Numbered = tuple[Piece, NDArray[np.int16]]
+    Numbered = tuple[Piece, Numbers]
 
 
 SLOWEST = 0.1
@@ -107,7 +106,7 @@ def measured_motions(
 
 
 def _recording(
-    the_map: MapFile, samples: Samples, piece: Piece, numbers: NDArray[np.int16], begin: float
+    the_map: MapFile, samples: Samples, piece: Piece, numbers: Numbers, begin: float
 ) -> Recording:
     strokes = the_map.content.kind is not None
     idle = np.full_like(numbers, IDLE)
@@ -124,7 +123,7 @@ def _recording(
     )
 
 
-def _cycles(numbers: NDArray[np.int16], alone: int | None) -> int:
+def _cycles(numbers: Numbers, alone: int | None) -> int:
     n = int(numbers.max()) + 1
     return n if alone is None else n // 2
 

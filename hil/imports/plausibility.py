@@ -23,12 +23,10 @@ from hil.model.dynamics import regressor
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.excerpt import Excerpt
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 POINTS = 400
 """Instants at which friction is looked for, as far as there are so many."""

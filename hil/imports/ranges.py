@@ -12,12 +12,10 @@ from hil.imports.suspicion import Suspicion
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.evidence import Evidence
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 _BEYOND = 1.05
 _FAR_BEYOND = 3.0

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
 
 
 def resampled(instants: Array, values: Array, grid: Array) -> Array:

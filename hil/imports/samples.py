@@ -21,14 +21,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import ColumnName, MapFile
     from hil.imports.tables import Table
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
-    Rows = NDArray[np.int64]
     Location = tuple[str | int, ...]
 
 
@@ -55,7 +52,7 @@ class Samples:
 
     time: Array
     values: Array
-    complete: NDArray[np.bool_]
+    complete: Mask
     begins: tuple[int, ...]
     from_date: bool
     wraps: int = 0
@@ -65,7 +62,7 @@ class Samples:
         """Number of joints."""
         return int(self.values.shape[1]) // 3
 
-    def read(self, rows: Rows) -> Array:
+    def read(self, rows: Integers) -> Array:
         """Values at these rows, which follow each other; angles go on beyond a turn."""
         contiguous = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
         chosen = slice(rows[0], rows[-1] + 1) if contiguous else rows

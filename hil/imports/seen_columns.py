@@ -15,11 +15,9 @@ from checked_files.yaml_file import FileError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.tables import Table
 
-    Array = NDArray[np.float64]
 
 ROWS = 100_000
 """Rows that are looked at, about."""

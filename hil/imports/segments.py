@@ -17,13 +17,11 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Integers, Numbers
     from hil.imports.instants import Stretch
     from hil.imports.map_file import MapFile
     from hil.imports.samples import Samples
 
-    Rows = NDArray[np.int64]
 
 LONGEST = 60.0
 """Of a motion [s]."""
@@ -57,14 +55,14 @@ class Piece:
         return (self.n - 1) * self.stretch.period
 
     @property
-    def grid(self) -> NDArray[np.float64]:
+    def grid(self) -> Array:
         """Instants of the samples [s]."""
         stretch = self.stretch
         at = np.arange(self.first, self.first + self.n)
         return np.asarray(stretch.instants[0] + at * stretch.period)
 
 
-def chosen_rows(the_map: MapFile, samples: Samples) -> list[Rows]:
+def chosen_rows(the_map: MapFile, samples: Samples) -> list[Integers]:
     """Rows of each segment, from 0.
 
     Raises
@@ -86,7 +84,7 @@ def chosen_rows(the_map: MapFile, samples: Samples) -> list[Rows]:
     return [part for rows in parts for part in _of_one_file(samples, rows, stamped=stamped)]
 
 
-def _within_times(the_map: MapFile, samples: Samples) -> Iterator[Rows]:
+def _within_times(the_map: MapFile, samples: Samples) -> Iterator[Integers]:
     time = samples.time
     for number, (begin, end) in enumerate(the_map.content.time_range or ()):
         rows = np.flatnonzero((time >= begin) & (time <= end))
@@ -100,7 +98,7 @@ def _within_times(the_map: MapFile, samples: Samples) -> Iterator[Rows]:
         yield rows
 
 
-def _of_one_file(samples: Samples, rows: Rows, *, stamped: bool) -> list[Rows]:
+def _of_one_file(samples: Samples, rows: Integers, *, stamped: bool) -> list[Integers]:
     """Split where a file begins whose stamps do not go on from the file before."""
     cuts = []
     for begin in samples.begins[1:]:
@@ -130,6 +128,6 @@ def block_counts(durations: Sequence[float]) -> list[int]:
     ]
 
 
-def blocks(n: int, count: int) -> NDArray[np.int16]:
+def blocks(n: int, count: int) -> Numbers:
     """Number of the block that each of `n` samples is in."""
     return np.asarray(np.arange(n) * count // n, dtype=np.int16)

@@ -24,13 +24,11 @@ from hil.least_squares.standstill import CARRIED
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Integers
     from hil.imports.instants import Stretch
     from hil.imports.samples import Samples
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 REACH = 3
 """Samples after which a spike is over."""
@@ -102,7 +100,7 @@ def spike_suspicions(
         )
 
 
-def _add(spikes: _Spikes, samples: Samples, rows: NDArray[np.int64], column: int, x: Array) -> None:
+def _add(spikes: _Spikes, samples: Samples, rows: Integers, column: int, x: Array) -> None:
     """Add what a part `x` of a column, whole turns undone, has of spikes."""
     if not np.isfinite(x).all():
         return

@@ -29,12 +29,9 @@ from hil.imports.instants import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Integers
     from hil.imports.samples import Samples
 
-    Array = NDArray[np.float64]
-    Rows = NDArray[np.int64]
 
 GAP = 0.02
 """Longest time between two rows that is bridged [s]; 2.5 periods where these are longer."""
@@ -103,7 +100,7 @@ class Timing:
         return TimingSummary(self.period, self.instants, self.counts)
 
 
-def timing_of(samples: Samples, segments: list[Rows], *, trusted: bool = False) -> Timing:
+def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = False) -> Timing:
     """Find stretches and instants.
 
     Parameters
@@ -146,7 +143,7 @@ def timing_of(samples: Samples, segments: list[Rows], *, trusted: bool = False) 
     return Timing(stretches, longest.period, instants, counts)
 
 
-def _usable(samples: Samples, rows: Rows, counts: Counts) -> Rows:
+def _usable(samples: Samples, rows: Integers, counts: Counts) -> Integers:
     complete = samples.complete[rows]
     counts.missing += int(np.count_nonzero(~complete))
     return rows[complete]
@@ -171,7 +168,7 @@ def _refined(times: list[Array], period: float) -> float:
     return mean if abs(mean - period) < EVEN * period else period
 
 
-def _ordered(samples: Samples, rows: Rows, period: float, counts: Counts) -> Rows:
+def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
     """Rows in the order of time.
 
     Raises
@@ -195,7 +192,7 @@ def _ordered(samples: Samples, rows: Rows, period: float, counts: Counts) -> Row
     return rows[np.argsort(time, kind="stable")]
 
 
-def _without_repeats(samples: Samples, rows: Rows, counts: Counts) -> Rows:
+def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Integers:
     """Rows without those that repeat the row before, stamp and values."""
     second = np.flatnonzero(np.diff(samples.time[rows]) == 0) + 1
     repeats = [np.zeros(0, dtype=np.int64)]
@@ -208,7 +205,7 @@ def _without_repeats(samples: Samples, rows: Rows, counts: Counts) -> Rows:
     return np.delete(rows, found)
 
 
-def _split(time: Array, rows: Rows, period: float, counts: Counts) -> Iterator[Rows]:
+def _split(time: Array, rows: Integers, period: float, counts: Counts) -> Iterator[Integers]:
     """Split rows where samples are missing for longer than is bridged."""
     longest = max(GAP, GAP_PERIODS * period)
     wide = np.flatnonzero(np.diff(time) > longest)

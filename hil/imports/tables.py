@@ -16,11 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.units import TimeUnit
 
-    Array = NDArray[np.float64]
 
 ROWS = 1 << 16
 """Rows of a block, about."""

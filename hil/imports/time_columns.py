@@ -16,12 +16,10 @@ from hil.imports.units import SECONDS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.map_file import MapFile
     from hil.imports.units import TimeUnit
 
-    Array = NDArray[np.float64]
 
 EPOCH = 1e8
 """Stamps beyond count from a date, not from the recording's begin [s]."""

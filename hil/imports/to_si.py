@@ -15,12 +15,9 @@ from hil.imports.time_columns import TimeColumns
 from hil.imports.units import JOINT_TYPES, position_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.imports.map_file import MapFile
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 
 class Conversion:
@@ -90,7 +87,7 @@ class Conversion:
         """Stamp that times count from, once rows were converted [s]; 0 but for those of a date."""
         return self._times.origin
 
-    def complete(self, values: Array) -> NDArray[np.bool_]:
+    def complete(self, values: Array) -> Mask:
         """Rows of converted values in which nothing that was recorded is missing."""
         recorded = np.concatenate([np.ones(2 * self._n, dtype=bool), self._moving])
         return np.asarray(np.isfinite(values[:, recorded]).all(axis=1))

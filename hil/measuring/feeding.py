@@ -26,13 +26,11 @@ from hil.measuring.bus_in_front import BusInFront
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
     from drivers.drive_bus import DriveBus
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
 
-    Array = NDArray[np.float64]
     Predict = Callable[[Array, Array, Array], Array]
 
 DELAY = 1.5

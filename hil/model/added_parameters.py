@@ -23,12 +23,10 @@ from hil.model.polynomial import Polynomial
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.combination import Combination
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 _EXACT = 1e-9
 """Share of a parameter's effect that others may leave of it where they stand for it."""

@@ -33,11 +33,9 @@ from hil.model.transfer import transfers
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 _RANK_TOLERANCE = 1e-9
 _UNITS = {"I": "kg m2", "s": "kg m", "m": "kg"}

@@ -21,11 +21,9 @@ import numpy as np
 from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 DEFAULT_RADIUS = 0.1
 """Radius of links whose capsule the robot file does not state [m]."""

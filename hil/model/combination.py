@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
+
 Combination = dict[int, Polynomial]
 """Weight of each standard parameter, by its index in eq. (5)."""
 
@@ -34,9 +36,7 @@ def scale(row: Combination, factor: Polynomial | float) -> Combination:
     return {parameter: weight * factor for parameter, weight in row.items()}
 
 
-def combine(
-    weights: NDArray[np.object_] | NDArray[np.float64], rows: Sequence[Combination]
-) -> list[Combination]:
+def combine(weights: NDArray[np.object_] | Array, rows: Sequence[Combination]) -> list[Combination]:
     """Return the product of a matrix, shape (n, len(rows)), with rows."""
     result = []
     for line in weights:

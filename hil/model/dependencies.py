@@ -26,11 +26,9 @@ from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_mot
 from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal")
 """Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only beside it.
@@ -58,9 +56,9 @@ class Dependencies:
         Whether it does, yet g(q) with an unknown offset of each torque leaves it open.
     """
 
-    mass: NDArray[np.bool_]
-    gravity: NDArray[np.bool_]
-    hidden: NDArray[np.bool_]
+    mass: Mask
+    gravity: Mask
+    hidden: Mask
 
     def groups(self) -> dict[str, tuple[int, ...]]:
         """Indices of the parameters of each of `GROUPS`, in order."""
@@ -135,17 +133,17 @@ def _pose_at(robot: Robot, link: int, q: float) -> Array:
     return link_pose(robot, link) @ motion
 
 
-def _occurs(coefficients: Array) -> NDArray[np.bool_]:
+def _occurs(coefficients: Array) -> Mask:
     size = np.abs(coefficients)
     scale = size.max(initial=0.0)
-    found: NDArray[np.bool_] = (size > _THRESHOLD * scale).any(axis=0)
+    found: Mask = (size > _THRESHOLD * scale).any(axis=0)
     return found
 
 
-def _hidden(gravity: Array) -> NDArray[np.bool_]:
+def _hidden(gravity: Array) -> Mask:
     """Parameters in directions that change no gravity torque by more than a constant."""
     size = np.sqrt(np.sum(gravity**2, axis=(0, 1)))
-    found: NDArray[np.bool_] = size > _THRESHOLD * size.max(initial=0.0)
+    found: Mask = size > _THRESHOLD * size.max(initial=0.0)
     if not found.any():
         return found
     varying = (gravity - gravity.mean(axis=0))[:, :, found] / size[found]

@@ -28,11 +28,11 @@ from hil.model.frames import cos_sin
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from hil.arrays import Array, Indices, Integers
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 _CHUNK = 2048
 """Samples at a time, so that intermediate values stay in the cache."""
@@ -123,11 +123,11 @@ class _Model:
     theta: Array
     shift: Array
     revolute: Array
-    kinds: NDArray[np.int64]
-    links: NDArray[np.int64]
+    kinds: Integers
+    links: Integers
     placement: Array
     mixing: Array | None
-    added: NDArray[np.intp]
+    added: Indices
     inertias: Array
 
 
@@ -155,7 +155,7 @@ def _model(robot: Robot) -> _Model:
     )
 
 
-def _added(robot: Robot, model: _Model, q: Array, qdd: Array, rows: NDArray[np.int64]) -> Array:
+def _added(robot: Robot, model: _Model, q: Array, qdd: Array, rows: Integers) -> Array:
     """Columns of the added parameters, shape (n_samples, n_rows, n_added)."""
     q, qdd = (x.reshape(-1, robot.n_joints) for x in (q, qdd))
     accelerated = np.moveaxis(qdd @ model.inertias, 0, -1)
@@ -201,7 +201,7 @@ def _columns(rows: int) -> Callable[..., None]:
     return recursion_by_arrays.columns
 
 
-def _rows(robot: Robot, joints: Sequence[int] | None) -> NDArray[np.int64]:
+def _rows(robot: Robot, joints: Sequence[int] | None) -> Integers:
     rows = np.arange(robot.n_joints) if joints is None else np.array(joints, dtype=np.int64)
     outside = rows[(rows < 0) | (rows >= robot.n_joints)]
     if outside.size:

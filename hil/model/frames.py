@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
 
 QUARTER = math.pi / 2
 _RIGHT_ANGLE = 1e-9

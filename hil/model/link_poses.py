@@ -14,9 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 
 def link_pose(robot: Robot, joint: int) -> Array:

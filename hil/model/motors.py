@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 
 def motor_inertia(robot: Robot, q: ArrayLike) -> Array:

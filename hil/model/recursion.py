@@ -31,10 +31,8 @@ from numba import njit
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from hil.arrays import Array, Integers
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.int64]
 
 LANES = 16
 """Samples a block; 16 is faster than 32 or 64: its intermediate values stay in the first cache."""
@@ -58,9 +56,9 @@ def columns(
     state: Array,
     chain: Array,
     gravity: Array,
-    kinds: Indices,
-    links: Indices,
-    rows: Indices,
+    kinds: Integers,
+    links: Integers,
+    rows: Integers,
     out: Array,
 ) -> None:
     """Torque on the joints `rows` per unit of standard parameters.
@@ -107,8 +105,8 @@ def torques(
     state: Array,
     chain: Array,
     gravity: Array,
-    kinds: Indices,
-    links: Indices,
+    kinds: Integers,
+    links: Integers,
     values: Array,
     out: Array,
 ) -> None:
@@ -155,7 +153,7 @@ def _gather(state: Array, first: int, count: int, link: int, now: Array) -> None
 
 @compiled
 def _enter(
-    joint: Array, link: int, now: Array, rows: Indices, moving: int, motion: Array, axes: Array
+    joint: Array, link: int, now: Array, rows: Integers, moving: int, motion: Array, axes: Array
 ) -> int:
     """Go from link to link: turn motion and axes into its frame, add the joint's own."""
     ca, sa, d, revolute = joint

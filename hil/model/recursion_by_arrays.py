@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from hil.arrays import Array, Integers
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.int64]
     Wrench = tuple[list[tuple[int, Array]], list[tuple[int, Array]]]
     """Components that are not zero, with their index: of the moment and of the force."""
 
@@ -25,9 +23,9 @@ def columns(
     state: Array,
     chain: Array,
     gravity: Array,
-    kinds: Indices,
-    links: Indices,
-    rows: Indices,
+    kinds: Integers,
+    links: Integers,
+    rows: Integers,
     out: Array,
 ) -> None:
     """Torque on the joints `rows` per unit of standard parameters.

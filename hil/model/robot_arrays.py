@@ -16,7 +16,7 @@ from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile, split_tie
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from hil.arrays import Array, Mask
 
 
 _SPRINGS = {"linear": "k", "cosine": "kc", "sine": "ks"}
@@ -62,12 +62,12 @@ class RobotArrays:
         return len(self.file.joints)
 
     @cached_property
-    def gravity(self) -> NDArray[np.float64]:
+    def gravity(self) -> Array:
         """Acceleration of free fall in the base frame, shape (3,) [m/s^2]."""
         return _read_only(self.file.gravity)
 
     @cached_property
-    def revolute(self) -> NDArray[np.bool_]:
+    def revolute(self) -> Mask:
         """Which joints turn; the others slide. Shape (n_joints,)."""
         return _read_only_flags([joint.type == "revolute" for joint in self.file.joints])
 
@@ -92,22 +92,22 @@ class RobotArrays:
         return " or ".join(units)
 
     @cached_property
-    def alpha(self) -> NDArray[np.float64]:
+    def alpha(self) -> Array:
         """Angles between successive axes [rad]."""
         return self._array(lambda joint: joint.frame.alpha)
 
     @cached_property
-    def theta(self) -> NDArray[np.float64]:
+    def theta(self) -> Array:
         """Angles about the axes; q adds to those of revolute joints [rad]."""
         return self._array(lambda joint: joint.frame.theta)
 
     @cached_property
-    def d(self) -> NDArray[np.float64]:
+    def d(self) -> Array:
         """Distances between successive axes [m]."""
         return _read_only([length.evaluate(self.file.lengths) for length in self.d_expressions])
 
     @cached_property
-    def r(self) -> NDArray[np.float64]:
+    def r(self) -> Array:
         """Shifts along the axes; q adds to those of prismatic joints [m]."""
         return _read_only([length.evaluate(self.file.lengths) for length in self.r_expressions])
 
@@ -122,27 +122,27 @@ class RobotArrays:
         return tuple(parse(joint.frame.r) for joint in self.file.joints)
 
     @cached_property
-    def q_min(self) -> NDArray[np.float64]:
+    def q_min(self) -> Array:
         """Lower ends of the joints' ranges [rad]."""
         return self._array(lambda joint: joint.q_min)
 
     @cached_property
-    def q_max(self) -> NDArray[np.float64]:
+    def q_max(self) -> Array:
         """Upper ends of the joints' ranges [rad]."""
         return self._array(lambda joint: joint.q_max)
 
     @cached_property
-    def velocity_limit(self) -> NDArray[np.float64]:
+    def velocity_limit(self) -> Array:
         """Greatest speeds [rad/s]; NaN where the file leaves them unknown."""
         return self._array(lambda joint: joint.velocity_limit)
 
     @cached_property
-    def acceleration_limit(self) -> NDArray[np.float64]:
+    def acceleration_limit(self) -> Array:
         """Greatest accelerations [rad/s^2]; NaN where unknown."""
         return self._array(lambda joint: joint.acceleration_limit)
 
     @cached_property
-    def torque_limit(self) -> NDArray[np.float64]:
+    def torque_limit(self) -> Array:
         """Greatest joint torques [N m]; NaN where unknown."""
         return self._array(lambda joint: joint.torque_limit)
 
@@ -153,52 +153,52 @@ class RobotArrays:
         return all(np.isfinite(limit).all() for limit in limits)
 
     @cached_property
-    def gear_ratio(self) -> NDArray[np.float64]:
+    def gear_ratio(self) -> Array:
         """Motor turns per joint turn; NaN where unknown."""
         return self._drives(lambda drive: drive.gear_ratio)
 
     @cached_property
-    def rotor_inertia(self) -> NDArray[np.float64]:
+    def rotor_inertia(self) -> Array:
         """Motor inertias, motor side [kg m^2]; NaN where unknown."""
         return self._drives(lambda drive: drive.rotor_inertia)
 
     @cached_property
-    def rotor_inertia_unknown(self) -> NDArray[np.bool_]:
+    def rotor_inertia_unknown(self) -> Mask:
         """Which motors' inertia is to be identified, shape (n_joints,)."""
         return _read_only_flags(np.isnan(self.rotor_inertia).tolist())
 
     @cached_property
-    def reflected_inertia(self) -> NDArray[np.float64]:
+    def reflected_inertia(self) -> Array:
         """Known motor inertias as the joints feel them [kg m^2]; 0 where unknown."""
         return _read_only(np.nan_to_num(self.gear_ratio**2 * self.rotor_inertia))
 
     @cached_property
-    def torque_constant(self) -> NDArray[np.float64]:
+    def torque_constant(self) -> Array:
         """Motor torque per current [N m/A]; NaN where unknown."""
         return self._drives(lambda drive: drive.torque_constant)
 
     @cached_property
-    def encoder_resolution(self) -> NDArray[np.float64]:
+    def encoder_resolution(self) -> Array:
         """Increments per turn of the motors; NaN where they are not stated."""
         return self._drives(lambda drive: drive.encoder_resolution or UNKNOWN)
 
     @cached_property
-    def rotor_inertia_uncertainty(self) -> NDArray[np.float64]:
+    def rotor_inertia_uncertainty(self) -> Array:
         """Relative standard deviations of `rotor_inertia`."""
         return self._drives(lambda drive: drive.rotor_inertia_uncertainty)
 
     @cached_property
-    def torque_constant_uncertainty(self) -> NDArray[np.float64]:
+    def torque_constant_uncertainty(self) -> Array:
         """Relative standard deviations of `torque_constant`."""
         return self._drives(lambda drive: drive.torque_constant_uncertainty)
 
     @cached_property
-    def stated_uncertainty(self) -> NDArray[np.float64]:
+    def stated_uncertainty(self) -> Array:
         """Relative standard deviations of torque constants, then rotor inertias: (2 n_joints,)."""
         return _read_only([*self.torque_constant_uncertainty, *self.rotor_inertia_uncertainty])
 
     @cached_property
-    def usual_uncertainty(self) -> NDArray[np.float64]:
+    def usual_uncertainty(self) -> Array:
         """Relative standard deviations of values that are stated without one, by usual tolerances.
 
         As `stated_uncertainty`; 0 where the file states an uncertainty or no value.
@@ -214,7 +214,7 @@ class RobotArrays:
         return tuple(MotorCoupling(c.motor - 1, c.joint - 1, c.ratio) for c in stated)
 
     @cached_property
-    def motor_matrix(self) -> NDArray[np.float64]:
+    def motor_matrix(self) -> Array:
         """Motors' angles per joint angle, shape (n_joints, n_joints).
 
         So motors turn by ``R q``, and joints feel ``R.T`` times the motors' torques. NaN in the
@@ -256,10 +256,10 @@ class RobotArrays:
         """From each tied standard parameter to the one whose value it has."""
         return dict(split_tie(tie) for tie in self.file.ties)
 
-    def _array(self, value: Callable[[Joint], float | str]) -> NDArray[np.float64]:
+    def _array(self, value: Callable[[Joint], float | str]) -> Array:
         return _read_only([_number(value(joint)) for joint in self.file.joints])
 
-    def _drives(self, value: Callable[[Drive], float | str]) -> NDArray[np.float64]:
+    def _drives(self, value: Callable[[Drive], float | str]) -> Array:
         return self._array(lambda joint: value(joint.drive or NO_DRIVE))
 
 
@@ -267,13 +267,13 @@ def _number(stated: float | str) -> float:
     return math.nan if stated == UNKNOWN else float(stated)
 
 
-def _read_only(values: object) -> NDArray[np.float64]:
+def _read_only(values: object) -> Array:
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
 
 
-def _read_only_flags(values: list[bool]) -> NDArray[np.bool_]:
+def _read_only_flags(values: list[bool]) -> Mask:
     array = np.array(values, dtype=np.bool_)
     array.setflags(write=False)
     return array

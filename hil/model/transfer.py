@@ -41,11 +41,9 @@ from hil.model.frames import (
 from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-9
 """Singular values below this part of the largest count as zero."""

@@ -22,13 +22,10 @@ from hil.model.capsules import capsules, segments
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices, Mask
     from hil.model.robot import Robot
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
-    Owners = NDArray[np.intp]
 
 RESOLUTION = 0.01
 """Way of a link within a cell below which it is not halved any more [m]."""
@@ -52,7 +49,7 @@ class Sweep(Protocol):
     high: Array
     slack: float
 
-    def at(self, owner: Owners, parameters: Array) -> Array:
+    def at(self, owner: Indices, parameters: Array) -> Array:
         """Configurations (n, n_joints); each joint monotonic in one parameter."""
 
 
@@ -75,7 +72,7 @@ class Hit(NamedTuple):
     q: Array
 
 
-def are_clear(robot: Robot, workspace: Workspace, sweep: Sweep) -> NDArray[np.bool_]:
+def are_clear(robot: Robot, workspace: Workspace, sweep: Sweep) -> Mask:
     """Whether each owner of `sweep` keeps clear of all boxes, shape (n_owners,)."""
     clear = np.ones(len(sweep.low), dtype=bool)
     clear[list(find_hits(robot, workspace, sweep, deepest=False))] = False
@@ -140,10 +137,10 @@ def _judge(
     robot: Robot,
     workspace: Workspace,
     sweep: Sweep,
-    cells: tuple[Owners, Array, Array],
+    cells: tuple[Indices, Array, Array],
     best: Array,
     found: dict[int, Hit],
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Note hits in `best` and `found`; return which cells must be halved."""
     owner, low, high = cells
     middle = sweep.at(owner, (low + high) / 2)
@@ -163,7 +160,7 @@ def _judge(
             best[owner[cell]] = value
             found[int(owner[cell])] = Hit(link, box, value, middle[cell])
     possible = (depth + bound[..., None]).reshape(len(owner), -1).max(axis=1)
-    undecided: NDArray[np.bool_] = (possible > best[owner]) & ~small
+    undecided: Mask = (possible > best[owner]) & ~small
     return undecided
 
 
@@ -193,7 +190,7 @@ def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
     return depths
 
 
-def _halved(robot: Robot, owner: Owners, low: Array, high: Array) -> tuple[Owners, Array, Array]:
+def _halved(robot: Robot, owner: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
     """Cut each cell across the parameter that moves the arm most."""
     span = high - low
     if low.shape[1] == robot.n_joints:

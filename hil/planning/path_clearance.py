@@ -21,16 +21,13 @@ from hil.planning.clearance import find_hits
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.clearance import Hit
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
-    Owners = NDArray[np.intp]
 
 SKEW = 0.02
 """Axes that are sent at once may be this far apart in time [s]."""
@@ -50,7 +47,7 @@ class JointBoxes:
         self.low = np.minimum(start, end)
         self.high = np.maximum(start, end)
 
-    def at(self, owner: Owners, parameters: Array) -> Array:
+    def at(self, owner: Indices, parameters: Array) -> Array:
         """Return the parameters, which are the joints' coordinates."""
         del owner
         return parameters
@@ -81,7 +78,7 @@ class Travels:
         self.high = self._duration.max(axis=1, keepdims=True)
         self.low = np.zeros_like(self.high)
 
-    def at(self, owner: Owners, parameters: Array) -> Array:
+    def at(self, owner: Indices, parameters: Array) -> Array:
         """Configurations at times (n, 1) since the set-points [s]."""
         duration, ramp = self._duration[owner], self._ramp[owner]
         t = np.clip(parameters, 0.0, duration)

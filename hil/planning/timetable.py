@@ -15,13 +15,11 @@ from hil.planning.trapezoid import Trapezoid
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
 
-    Array = NDArray[np.float64]
 
 SETTLING = 0.3
 """Expected time from the end of a travel's profile until all axes stand still [s]."""

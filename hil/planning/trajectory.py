@@ -25,9 +25,10 @@ from hil.planning.strokes import REST
 if TYPE_CHECKING:
     from typing import Self
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
 
 Amplitudes = tuple[tuple[Real, ...], ...]
 

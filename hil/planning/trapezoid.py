@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from hil.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ class Trapezoid:
     def _sign(self) -> float:
         return math.copysign(1.0, self.end - self.start)
 
-    def motion(self, t: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+    def motion(self, t: ArrayLike) -> tuple[Array, ...]:
         """q, qd and qdd at times `t` (any shape) since the start."""
         first, second, third = self._phases(t)
         way = (
@@ -83,15 +85,15 @@ class Trapezoid:
         q = self.start + self._sign * way
         return q, self._sign * self.acceleration * (first - third), self.qdd(t)
 
-    def q(self, t: ArrayLike) -> NDArray[np.float64]:
+    def q(self, t: ArrayLike) -> Array:
         """Position at times `t` (any shape) since the start [rad]; at rest outside the move."""
         return self.motion(t)[0]
 
-    def qd(self, t: ArrayLike) -> NDArray[np.float64]:
+    def qd(self, t: ArrayLike) -> Array:
         """Velocity at times `t` (any shape) since the start [rad/s]."""
         return self.motion(t)[1]
 
-    def qdd(self, t: ArrayLike) -> NDArray[np.float64]:
+    def qdd(self, t: ArrayLike) -> Array:
         """Acceleration at times `t` (any shape) since the start [rad/s^2]."""
         times = np.asarray(t, dtype=float)
         begin, end = self.window
@@ -99,7 +101,7 @@ class Trapezoid:
         falling = (times >= end) & (times < self.duration)
         return self._sign * self.acceleration * (rising.astype(float) - falling)
 
-    def _phases(self, t: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+    def _phases(self, t: ArrayLike) -> tuple[Array, ...]:
         """Time spent so far in the first ramp, the cruise and the last ramp [s]."""
         times = np.asarray(t, dtype=float)
         begin, end = self.window

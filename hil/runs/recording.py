@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.drive_bus import Sample
+    from hil.arrays import Array, Mask, Numbers
 
 IDLE = -1
 """Number of samples that belong to no stroke or group."""
@@ -61,22 +62,22 @@ class Recording:
         samples are one group: measurements of strokes.
     """
 
-    time: NDArray[np.float64]
-    q: NDArray[np.float64]
-    tau: NDArray[np.float64]
+    time: Array
+    q: Array
+    tau: Array
     flags: NDArray[np.uint8]
-    stroke: NDArray[np.int16]
-    partner_stroke: NDArray[np.int16]
-    qd: NDArray[np.float64] | None = None
-    group: NDArray[np.int16] | None = None
+    stroke: Numbers
+    partner_stroke: Numbers
+    qd: Array | None = None
+    group: Numbers | None = None
 
     @property
-    def pair(self) -> NDArray[np.int16]:
+    def pair(self) -> Numbers:
         """Number of the pair of strokes, one forward and the one back after it; -1 at rest."""
         return self.stroke // 2
 
     @property
-    def under_way(self) -> NDArray[np.bool_]:
+    def under_way(self) -> Mask:
         """Samples of a stroke or a group, shape (n,)."""
         return under_way(self.stroke, self.group)
 
@@ -191,19 +192,19 @@ class Recorder:
         return layout.pack(*values)
 
 
-def under_way(stroke: NDArray[np.int16], group: NDArray[np.int16] | None) -> NDArray[np.bool_]:
+def under_way(stroke: Numbers, group: Numbers | None) -> Mask:
     """Samples of a stroke or a group, shape (n,)."""
-    of_stroke: NDArray[np.bool_] = stroke != IDLE
+    of_stroke: Mask = stroke != IDLE
     return of_stroke if group is None else of_stroke | (group != IDLE)
 
 
-def _numbers(marks: list[tuple[int, int]], n: int) -> NDArray[np.int16]:
+def _numbers(marks: list[tuple[int, int]], n: int) -> Numbers:
     numbers = np.full(n, IDLE, dtype=np.int16)
     for begin, number in marks:
         numbers[begin:] = number
     return numbers
 
 
-def _span(numbers: NDArray[np.int16], stroke: int) -> slice:
+def _span(numbers: Numbers, stroke: int) -> slice:
     found = np.flatnonzero(numbers == stroke)
     return slice(int(found[0]), int(found[-1]) + 1) if len(found) else slice(0, 0)

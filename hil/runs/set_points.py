@@ -18,13 +18,10 @@ from hil.runs.recording import IDLE
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Numbers
     from hil.planning.measurement import RecordedMotion
     from hil.planning.trapezoid import Trapezoid
     from hil.runs.recording import Recording
-
-    Array = NDArray[np.float64]
 
 
 def set_points(motion: RecordedMotion, recording: Recording) -> Array | None:
@@ -40,7 +37,7 @@ def set_points(motion: RecordedMotion, recording: Recording) -> Array | None:
 
 def _of_strokes(motion: Strokes, recording: Recording) -> Array:
     found: Array = np.tile(np.array(motion.start), (recording.n_samples, 1))
-    moved: list[tuple[int, NDArray[np.int16], Callable[[int], Trapezoid]]] = [
+    moved: list[tuple[int, Numbers, Callable[[int], Trapezoid]]] = [
         (motion.index, recording.stroke, motion.profile),
         *(
             (partner.index, recording.partner_stroke, partial(partner.profile, motion.q))
@@ -54,7 +51,7 @@ def _of_strokes(motion: Strokes, recording: Recording) -> Array:
     return found
 
 
-def _beginnings(numbers: NDArray[np.int16]) -> Iterator[tuple[int, int]]:
+def _beginnings(numbers: Numbers) -> Iterator[tuple[int, int]]:
     """First sample and number of each stroke."""
     changed = np.flatnonzero(np.diff(numbers, prepend=IDLE))
     yield from ((int(i), int(numbers[i])) for i in changed if numbers[i] != IDLE)

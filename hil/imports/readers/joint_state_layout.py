@@ -19,8 +19,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from hil.arrays import Array, Integers, Mask
+
     Bytes = NDArray[np.uint8]
-    Array = NDArray[np.float64]
 
 LITTLE_ENDIAN = b"\x00\x01"
 PARTS = ("position", "velocity", "effort")
@@ -54,10 +55,10 @@ class MessageLayout:
     size: int
     names: tuple[str, ...]
     values: dict[str, tuple[int, int]]
-    fixed: NDArray[np.int64]
+    fixed: Integers
     content: Bytes
 
-    def fits(self, messages: Bytes) -> NDArray[np.bool_]:
+    def fits(self, messages: Bytes) -> Mask:
         """Which of the messages, shape (n, size), are of this layout."""
         return np.asarray((messages[:, self.fixed] == self.content).all(axis=1))
 

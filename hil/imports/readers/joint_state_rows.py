@@ -11,14 +11,10 @@ from hil.imports.readers.joint_state_layout import PARTS, OtherLayout, layout_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.readers.joint_state_layout import MessageLayout
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.int64]
-    Mask = NDArray[np.bool_]
-    Places = dict[str, tuple[Indices, Indices]]
+    Places = dict[str, tuple[Integers, Integers]]
 
 LAYOUTS = 32
 """Layouts of messages that are looked for in one recording; more are read one by one."""
@@ -68,7 +64,7 @@ class Rows:
             present[number] = self._fill(rows, this, tuple(message.name), values, stamps)
         return rows[present]
 
-    def _fill_alike(self, messages: Sequence[bytes], rows: Array, present: Mask) -> Indices:
+    def _fill_alike(self, messages: Sequence[bytes], rows: Array, present: Mask) -> Integers:
         """Fill the rows of all messages that share a layout; return the numbers of the others."""
         sizes, left = np.array([len(message) for message in messages]), np.arange(len(messages))
         odd: list[int] = []
@@ -100,7 +96,7 @@ class Rows:
     def _fill(
         self,
         rows: Array,
-        these: Indices,
+        these: Integers,
         names: tuple[str, ...],
         values: dict[str, Array],
         stamps: tuple[Array, Array],
@@ -118,7 +114,7 @@ class Rows:
         self._put(rows, these, "time", seconds * 1e9 + nanoseconds)
         return bool(places)
 
-    def _put(self, rows: Array, these: Indices | slice, name: str, times: Array) -> None:
+    def _put(self, rows: Array, these: Integers | slice, name: str, times: Array) -> None:
         if name in self._times:
             rows[these, self._times[name]] = times
 

@@ -25,11 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.map_file import Format
 
-    Array = NDArray[np.float64]
 
 TYPE = "sensor_msgs/msg/JointState"
 _LOOKED_AT = 200

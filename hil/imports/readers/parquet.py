@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.map_file import Format
 
 
@@ -30,7 +29,7 @@ class ParquetTable:
         self._file = file
         self.names: tuple[str, ...] = tuple(file.schema_arrow.names)
 
-    def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""
         names = [self.names[index] for index in columns]
         for name in names:
@@ -67,7 +66,7 @@ def open_parquet(path: Path, _: Format) -> ParquetTable:
         raise FileError(f"{path}: is no file of Parquet, or is damaged: {error}") from error
 
 
-def _numbers(column: Any) -> NDArray[np.float64]:
+def _numbers(column: Any) -> Array:
     import pyarrow as pa  # noqa: PLC0415 - optional
 
     if pa.types.is_timestamp(column.type):

@@ -12,9 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.imports.tables import Table
 
 _SHOWN = 120
@@ -41,7 +39,7 @@ class SoundTable:
         self._table = table
         self.path, self.names, self.time = table.path, table.names, table.time
 
-    def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""
         with sound(self.path):
             yield from self._table.blocks(columns)

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.imports.map_file import Format
 
-    Array = NDArray[np.float64]
 
 BLOCK = 1 << 23
 """Bytes that are read at a time."""

@@ -17,8 +17,7 @@ from hil.runs.finding import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.runs.recording import Recording
@@ -37,7 +36,7 @@ def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iter
         yield from _frozen(recording.tau[moving, index], index + 1, robot.torque_unit(index))
 
 
-def _frozen(tau: NDArray[np.float64], axis: int, unit: str) -> Iterator[Finding]:
+def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
     begin, longest = _longest_run(tau)
     bound = _explained(tau, longest)
     if longest > bound:
@@ -51,7 +50,7 @@ def _frozen(tau: NDArray[np.float64], axis: int, unit: str) -> Iterator[Finding]
         )
 
 
-def _longest_run(values: NDArray[np.float64]) -> tuple[int, int]:
+def _longest_run(values: Array) -> tuple[int, int]:
     """Return where the longest run of equal values begins, and its length."""
     changes = np.flatnonzero(np.diff(values) != 0)
     edges = np.concatenate(([-1], changes, [len(values) - 1]))
@@ -60,7 +59,7 @@ def _longest_run(values: NDArray[np.float64]) -> tuple[int, int]:
     return int(edges[place]) + 1, int(lengths[place])
 
 
-def _explained(values: NDArray[np.float64], longest: int) -> int:
+def _explained(values: Array, longest: int) -> int:
     """Return the longest run that chance explains, by the neighbours outside of the longest."""
     equal = int(np.count_nonzero(np.diff(values) == 0)) - (longest - 1)
     share = min(max(equal / max(1, len(values) - longest), RARE), OFTEN)

@@ -16,8 +16,7 @@ from drivers.drive_bus import Tripped
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.runs.recording import Recording
 
 TIMES = 5.0
@@ -78,9 +77,9 @@ def refuse_jumps(
         )
 
 
-def _usual(bends: NDArray[np.float64]) -> NDArray[np.float64]:
+def _usual(bends: Array) -> Array:
     """Return what bends of each axis are usual, missing samples left out."""
     filled = np.nan_to_num(bends)
     place = min(len(filled) - 1, int(len(filled) * USUAL / 100))
-    usual: NDArray[np.float64] = np.partition(filled, place, axis=0)[place]
+    usual: Array = np.partition(filled, place, axis=0)[place]
     return usual

@@ -17,8 +17,7 @@ from hil.runs.finding import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.strokes import Partner, Strokes
     from hil.planning.trapezoid import Trapezoid
@@ -36,7 +35,7 @@ CREEPING = 0.25
 """Share of the creep velocity below which an axis counts as stuck."""
 
 
-def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> NDArray[np.intp]:
+def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> Indices:
     """Find the samples of `stroke` past the axis's ramps, by position; returns indices."""
     profile = measurement.profile(stroke)
     span = recording.span(stroke)
@@ -160,7 +159,7 @@ def _partner(
 
 
 def _peak(
-    q: NDArray[np.float64], profile: Trapezoid, period: float, check: str, name: str, unit: str
+    q: Array, profile: Trapezoid, period: float, check: str, name: str, unit: str
 ) -> Iterator[Finding]:
     reached = _highest_velocity(q, period)
     wanted = PEAK * _ideal_velocity(profile, round(period, 9))
@@ -179,14 +178,14 @@ def _ideal_velocity(profile: Trapezoid, period: float) -> float:
     return _highest_velocity(profile.q(np.arange(0.0, profile.duration, period)), period)
 
 
-def _highest_velocity(q: NDArray[np.float64], period: float) -> float:
+def _highest_velocity(q: Array, period: float) -> float:
     """Highest mean velocity over `LAG` [rad/s]."""
     lag = max(1, round(LAG / period))
     steps = np.abs(q[lag:] - q[:-lag])
     return float(np.fmax.reduce(steps, initial=0.0)) / (lag * period)
 
 
-def _mean_velocity(recording: Recording, measurement: Strokes, window: NDArray[np.intp]) -> float:
+def _mean_velocity(recording: Recording, measurement: Strokes, window: Indices) -> float:
     """Slope of a line through the positions of `window` [rad/s]."""
     t = recording.time[window]
     q = recording.q[window, measurement.index]

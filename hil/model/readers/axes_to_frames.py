@@ -17,12 +17,10 @@ import numpy as np
 from hil.model.frames import QUARTER, inverse, meant, pose_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot_arrays import RobotArrays
 
-    Array = NDArray[np.float64]
 
 PARALLEL = 1e-9
 """Sine of the angle between axes below which they are parallel, length that is none [m], and
@@ -49,7 +47,7 @@ class Frames:
     r: Array
     base: Array
 
-    def poses(self, q: Array, revolute: NDArray[np.bool_]) -> Array:
+    def poses(self, q: Array, revolute: Mask) -> Array:
         """All frames in the base link, shape (n_joints, 4, 4)."""
         here, found = self.base, []
         theta, r = self.theta + q * revolute, self.r + q * ~revolute

@@ -24,13 +24,11 @@ from hil.model.readers.limited_joint import LimitedJoint
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.readers.axes_to_frames import Frames
     from hil.model.readers.dh_table import DhRobot
     from hil.model.readers.urdf import UrdfChain, UrdfJoint
 
-    Array = NDArray[np.float64]
     _Rest = Callable[[LimitedJoint], Iterator[str]]
 
 _UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}

@@ -23,9 +23,8 @@ from hil.model.frames import cos_sin, cross_matrix, meant
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-    from numpy.typing import NDArray
+    from hil.arrays import Array, Mask
 
-    Array = NDArray[np.float64]
 
 ROUNDED = 1e-3
 """How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
@@ -95,7 +94,7 @@ class UrdfChain:
     rounded: float
 
     @property
-    def revolute(self) -> NDArray[np.bool_]:
+    def revolute(self) -> Mask:
         """Which joints turn; the others slide. Shape (n_joints,)."""
         return np.array([joint.type == "revolute" for joint in self.joints])
 

@@ -31,14 +31,12 @@ from hil.planning.workspace import narrowed
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.design.measurable_elements import Element
     from hil.planning.measurement import Measurement
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
     Chosen = tuple[Element, list[float], int]
     """What to measure, where, and the measurement's number."""
 

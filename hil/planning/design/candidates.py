@@ -35,8 +35,7 @@ from hil.planning.prediction.precision import scatter_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.prediction.information import Share
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
     from hil.planning.trajectory import Trajectory
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
 
 EACH = 64
 """Configurations of every element."""
@@ -76,7 +74,7 @@ class Option:
     group: str
     measurement: ParameterMeasurement
     row: Array
-    worth: tuple[tuple[NDArray[np.intp], Array], ...]
+    worth: tuple[tuple[Indices, Array], ...]
 
 
 def pool(
@@ -105,7 +103,7 @@ def pool(
 
 def judged(
     robot: Robot, measurement: ParameterMeasurement, period: float, noise: Noise
-) -> tuple[tuple[NDArray[np.intp], Array], ...]:
+) -> tuple[tuple[Indices, Array], ...]:
     """What a measurement is worth, sampled every `period` [s]; see `Option`."""
     noise = noise.sampled(robot, period)
     found = shares(robot, measurement, THINNED * period, noise.differences)
@@ -147,9 +145,7 @@ def _keeps_clear(robot: Robot, workspace: Workspace, wave: Trajectory) -> bool:
     return bool(are_clear(robot, workspace, JointBoxes(q[:-1], q[1:])).all())
 
 
-def worth(
-    robot: Robot, judged: Sequence[Share], noise: Noise
-) -> tuple[tuple[NDArray[np.intp], Array], ...]:
+def worth(robot: Robot, judged: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
     """What shares are worth under `noise`: which unknowns, and I S^-1 I."""
     return tuple(
         (

@@ -36,12 +36,9 @@ from hil.planning.workspace import narrowed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from hil.model.robot import Robot
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
 
 SLOWEST = 0.003
 """Lowest speed of a sweep, as share of the limit: slow enough to show a Stribeck peak."""

@@ -34,8 +34,7 @@ from hil.planning.timetable import SETTLING, travel_times
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
     from hil.planning.measurement import ParameterMeasurement
@@ -43,8 +42,7 @@ if TYPE_CHECKING:
     from hil.planning.prediction.noise import Noise
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
-    Worth = Sequence[tuple[NDArray[np.intp], Array]]
+    Worth = Sequence[tuple[Indices, Array]]
 
 OFFSETS = 2
 """Of the common terms of an axis those that each run has by itself: a constant, one with |qd|."""

@@ -36,13 +36,11 @@ from hil.planning.path_clearance import JointBoxes
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementMeasurement
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
     Row = Callable[[Array], Array]
     """Rows (n, n_parameters) at configurations (n, n_joints)."""
 

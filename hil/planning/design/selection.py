@@ -30,12 +30,10 @@ from hil.planning.timetable import SETTLING, travel_times
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
 
-    Array = NDArray[np.float64]
 
 SelectionCriterion = Literal["det", "torque"]
 _PRIOR = 1e-6
@@ -119,7 +117,7 @@ class Selection:
                 found[numbers] = self._relief(at, worth, inverse)
         return found
 
-    def _growth(self, at: NDArray[np.intp], worth: Array, inverse: Array, common: Array) -> Array:
+    def _growth(self, at: Indices, worth: Array, inverse: Array, common: Array) -> Array:
         """Of log det, for options that touch the unknowns `at`."""
         unit = np.eye(len(at))
         inner = at >= self._n_base
@@ -130,7 +128,7 @@ class Selection:
         growth: Array = whole - part
         return growth
 
-    def _relief(self, at: NDArray[np.intp], worth: Array, inverse: Array) -> Array:
+    def _relief(self, at: Indices, worth: Array, inverse: Array) -> Array:
         """By which the variance of torques falls, as share of it."""
         rows = self._scale[:, np.newaxis] * inverse[: self._n_base, at]
         inside = np.linalg.solve(np.eye(len(at)) + worth @ inverse[np.ix_(at, at)], worth)
@@ -145,7 +143,7 @@ class Selection:
         return costs
 
 
-def _blocks(options: Sequence[Option]) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]:
+def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:
     """Options by the unknowns that they touch: these, their numbers, their worth over these."""
     touched: dict[tuple[int, ...], list[int]] = {}
     for number, option in enumerate(options):
@@ -153,7 +151,7 @@ def _blocks(options: Sequence[Option]) -> list[tuple[NDArray[np.intp], NDArray[n
         touched.setdefault(tuple(unknowns), []).append(number)
     found = []
     for key, numbers in touched.items():
-        at: NDArray[np.intp] = np.array(key, dtype=np.intp)
+        at: Indices = np.array(key, dtype=np.intp)
         worth: Array = np.zeros((len(numbers), len(at), len(at)))
         for row, number in enumerate(numbers):
             for its, matrix in options[number].worth:

@@ -16,14 +16,12 @@ from hil.planning.path_clearance import travels
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.path_clearance import Travels
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
 
 M = TypeVar("M", bound="Measurement")
 
@@ -99,7 +97,7 @@ class _Ways:
                 return some[int(clear.argmax())]
         return None
 
-    def _clear(self, begins: list[int], ends: list[int]) -> NDArray[np.bool_]:
+    def _clear(self, begins: list[int], ends: list[int]) -> Mask:
         return are_clear(self._robot, self._workspace, self._travels(begins, ends))
 
     def _travels(self, begins: list[int], ends: list[int]) -> Travels:

@@ -38,11 +38,9 @@ from hil.planning.trajectory_check import ACCELERATION_SHARE
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 ExcitationCriterion = Literal["condition", "singular", "det"]
 PERIOD = 10.0023

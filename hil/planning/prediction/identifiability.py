@@ -34,8 +34,7 @@ from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementMeasurement
     from hil.planning.plan import Plan
@@ -93,7 +92,7 @@ def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
 
 def group_observations(
     plan: Plan, robot: Robot, group: str, columns: Sequence[int] | None = None
-) -> NDArray[np.float64]:
+) -> Array:
     """Weighted observation matrix of one group's kind of measurement, in plan order.
 
     Parameters
@@ -116,9 +115,7 @@ def group_observations(
     return np.asarray(rows / limits[:, None], dtype=np.float64)
 
 
-def of_all_kinds(
-    rows: NDArray[np.float64], of_gravity: NDArray[np.intp], columns: Sequence[int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def of_all_kinds(rows: Array, of_gravity: Indices, columns: Sequence[int]) -> tuple[Array, Array]:
     """Normal equations of some parameters, offsets and all other parameters eliminated.
 
     Parameters
@@ -155,9 +152,7 @@ def _judged(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identif
     return replace(found, hidden=hidden)
 
 
-def _together(
-    plan: Plan, robot: Robot, columns: list[int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _together(plan: Plan, robot: Robot, columns: list[int]) -> tuple[Array, Array]:
     everything = range(len(base_parameters(robot)))
     rows, axes = [], []
     for kind in ELEMENT_KINDS.values():
@@ -167,17 +162,17 @@ def _together(
     return of_all_kinds(np.vstack(rows), np.array(axes), columns)
 
 
-def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> NDArray[np.float64]:
+def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
     """Regressor rows of the axes read: at rest for gravity, per unit of acceleration else."""
     q = np.array([m.q for m in chosen], dtype=float)
     still = np.zeros_like(q)
     sample = np.arange(len(chosen))
     axis = np.array([m.index for m in chosen])
-    at_rest: NDArray[np.float64] = regressor(robot, q, still, still)[sample, axis]
+    at_rest: Array = regressor(robot, q, still, still)[sample, axis]
     qdd = np.array([m.unit_acceleration for m in chosen])
     if not qdd.any():
         return at_rest
-    moving: NDArray[np.float64] = regressor(robot, q, still, qdd)[sample, axis]
+    moving: Array = regressor(robot, q, still, qdd)[sample, axis]
     return moving - at_rest
 
 
@@ -185,8 +180,8 @@ def _judge(
     group: str,
     names: tuple[str, ...],
     n_rows: int,
-    N: NDArray[np.float64],
-    size: NDArray[np.float64] | None = None,
+    N: Array,
+    size: Array | None = None,
 ) -> Identifiability:
     n = len(names)
     if not n_rows:

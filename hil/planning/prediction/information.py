@@ -32,14 +32,11 @@ from hil.least_squares.window import APART, weights
 from hil.planning.prediction.predicted_samples import forecast
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.prediction.noise import Differences
     from hil.planning.prediction.predicted_samples import Forecast
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -39,11 +39,9 @@ from hil.model.motors import motor_inertia
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 TORQUE_NOISE = 0.0025
 """Expected standard deviation of a sample, as share of the torque limit."""
@@ -184,7 +182,7 @@ def stated_noise(
     return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
 
 
-def _of_coarse(axes: NDArray[np.intp], lost: Array) -> str:
+def _of_coarse(axes: Indices, lost: Array) -> str:
     """Say which encoders make more noise than torques have, and what that does to inertias."""
     if not axes.size:
         return ""

@@ -35,14 +35,12 @@ from hil.planning.prediction.information import shares
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.noise import Noise
 
-    Array = NDArray[np.float64]
 
 IMPRECISE = 0.001
 """Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
@@ -91,9 +89,9 @@ class Precision:
     source: str
 
     @property
-    def imprecise(self) -> NDArray[np.bool_]:
+    def imprecise(self) -> Mask:
         """Which parameters are imprecise, shape (n_base,)."""
-        found: NDArray[np.bool_] = self.effect > IMPRECISE
+        found: Mask = self.effect > IMPRECISE
         return found
 
 

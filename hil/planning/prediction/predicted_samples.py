@@ -20,14 +20,11 @@ from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.strokes import Partner, Strokes
     from hil.planning.trapezoid import Trapezoid
 
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
 REACH = 1.0 / 30.0
 """How far samples near a reversal spoil others [s]."""
