@@ -1,19 +1,115 @@
-"""What all excerpts of a recording show together: the samples that a map is judged by."""
+"""What a recording shows of itself, and what in it contradicts its map.
+
+Plausibility is judged on excerpts, some seconds here and there; all of them together are the
+evidence.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.least_squares.standstill import moving
+from hil.imports.instants import resampled
+from hil.imports.segments import Piece
+from hil.regression.standstill import extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array, Mask
-    from hil.imports.excerpt import Excerpt
+    from hil.imports.map_file import Check
+    from hil.imports.samples import Samples
+    from hil.regression.standstill import Extent
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """A contradiction.
+
+    Attributes
+    ----------
+    check : Check
+        What found it.
+    location : tuple
+        The part of the map that it is about.
+    message : str
+        Value, bound and remedy in a sentence that follows the place.
+    certain : bool
+        Whether it refuses the import; the others are stated.
+    """
+
+    check: Check
+    location: tuple[str | int, ...]
+    message: str
+    certain: bool = True
+
+
+EXCERPTS = 24
+"""At most."""
+LENGTH = 10.0
+"""Of each at most [s]."""
+POINTS = 3000
+"""At which motion is fitted, of all excerpts together."""
+HALF_WIDTH = 0.02
+"""Of the samples that a fit takes, on either side [s]."""
+_MARGIN = 3
+_SAME = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Excerpt:
+    """Even samples of a part of a recording: arrays (n, n_joints), SI, joint side."""
+
+    period: float
+    q: Array
+    tau: Array
+    qd: Array
+    points: int
+
+    @cached_property
+    def extent(self) -> Extent:
+        """Range and noise of the positions."""
+        return extent(self.q, self.period)
+
+
+def even_samples(samples: Samples, piece: Piece) -> tuple[Array, Array, Array]:
+    """Positions, torques and velocities of a piece on its even grid, each (n, n_joints)."""
+    instants, grid, rows = piece.stretch.instants, piece.grid, piece.stretch.rows
+    begin = max(0, int(np.searchsorted(instants, grid[0])) - _MARGIN)
+    end = int(np.searchsorted(instants, grid[-1])) + _MARGIN
+    instants, rows = instants[begin:end], rows[begin:end]
+    values = _on_grid(instants, samples.read(rows), grid, piece.stretch.period)
+    n = samples.n_joints
+    return values[:, :n], values[:, n : 2 * n], values[:, 2 * n :]
+
+
+def _on_grid(instants: Array, values: Array, grid: Array, period: float) -> Array:
+    """Values on a grid; as they are where all of it was sampled."""
+    nearest = np.searchsorted(instants, grid - period / 2).clip(max=len(instants) - 1)
+    if np.all(np.abs(instants[nearest] - grid) < _SAME * period):
+        return np.asarray(values[nearest])
+    return resampled(instants, values, grid)
+
+
+def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
+    """Excerpts from the middle of some of the pieces, evenly chosen."""
+    chosen = sorted({round(k) for k in np.linspace(0, len(pieces) - 1, min(EXCERPTS, len(pieces)))})
+    parts = [_middle(pieces[k]) for k in chosen]
+    whole = sum(part.duration for part in parts)
+    found = []
+    for part in parts:
+        q, tau, qd = even_samples(samples, part)
+        points = max(20, round(POINTS * part.duration / whole))
+        found.append(Excerpt(part.stretch.period, q, tau, qd, points))
+    return found
+
+
+def _middle(piece: Piece) -> Piece:
+    n = min(piece.n, round(LENGTH / piece.stretch.period) + 1)
+    return Piece(piece.stretch, piece.first + (piece.n - n) // 2, n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +132,24 @@ class Evidence:
     @classmethod
     def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:
         """Join what the excerpts show."""
-        parts = [excerpt.local() for excerpt in excerpts]
-        return cls(
-            q=np.concatenate([part.q for part in parts]),
-            qd=np.concatenate([part.qd for part in parts]),
-            qdd=np.concatenate([part.qdd for part in parts]),
-            tau=np.concatenate([part.tau for part in parts]),
-            recorded_qd=np.concatenate([part.recorded_qd for part in parts]),
-            noise_qd=np.max([part.noise_qd for part in parts], axis=0),
-            noise_qdd=np.max([part.noise_qdd for part in parts], axis=0),
-            moves=moving([excerpt.extent for excerpt in excerpts]),
-        )
+        samples, noises = zip(*map(_fitted, excerpts), strict=True)
+        noise_qd, noise_qdd = np.max(noises, axis=0)
+        moves = moving([excerpt.extent for excerpt in excerpts])
+        joined = map(np.concatenate, zip(*samples, strict=True))
+        return cls(*joined, noise_qd=noise_qd, noise_qdd=noise_qdd, moves=moves)
+
+
+def _fitted(excerpt: Excerpt) -> tuple[tuple[Array, ...], Array]:
+    """Parabolas through the positions about some instants, and means of all else.
+
+    Besides the standard deviations that noise of positions gives velocities and accelerations.
+    """
+    half = max(2, round(HALF_WIDTH / excerpt.period))
+    at = np.linspace(half, len(excerpt.q) - 1 - half, excerpt.points).round().astype(int)
+    about = at[:, None] + np.arange(-half, half + 1)
+    t = np.arange(-half, half + 1) * excerpt.period
+    fit = np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
+    motion = (np.einsum("w,pwj->pj", row, excerpt.q[about]) for row in fit)
+    means = (values[about].mean(axis=1) for values in (excerpt.tau, excerpt.qd))
+    noise = np.linalg.norm(fit, axis=1)[1:, None] * excerpt.extent.noise
+    return (*motion, *means), noise

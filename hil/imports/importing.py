@@ -9,10 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import yaml
+
 from checked_files.yaml_file import FileError
+from hil.errors import UnknownName
 from hil.imports.map_file import load_map
 from hil.imports.one_map import OneMap, import_one
-from hil.imports.robot_of_map import robot_of
+from hil.model.drive_train_file import UNKNOWN
+from hil.model.robot import Robot, available_robots, load_robot, parse_robot, robot_from_urdf
 from hil.planning.plan import PlannedRobot
 from hil.planning.recorded_motions import RecordedMotions
 from hil.runs.atomic_file import own_folder, whole_folder, write_file
@@ -29,6 +33,7 @@ if TYPE_CHECKING:
 
 MAPS = "maps"
 """Folder of a run folder, with the maps verbatim."""
+_UNKNOWN_DRIVE = dict.fromkeys(("gear_ratio", "rotor_inertia", "torque_constant"), UNKNOWN)
 
 
 def import_recordings(
@@ -185,3 +190,45 @@ def _stems(maps: Sequence[MapFile]) -> list[str]:
             stem = f"{stem}-{number}"
         stems.append(stem)
     return stems
+
+
+def robot_of(the_map: MapFile) -> Robot:
+    """Load the robot of a map, with the uncertainties of the map's gains.
+
+    Raises
+    ------
+    FileError
+        There is none, or it cannot be used.
+    """
+    try:
+        robot = _stated(the_map)
+    except (FileError, UnknownName) as error:
+        raise the_map.wrong(("robot",), str(error)) from error
+    return _with_uncertainties(the_map, robot)
+
+
+def _stated(the_map: MapFile) -> Robot:
+    stated = the_map.content.robot
+    if stated.urdf is not None:
+        urdf = the_map.beside(stated.urdf)
+        return robot_from_urdf(urdf, stated.base, stated.tip, stated.gravity)
+    name = str(stated.name)
+    known = name in available_robots() or not Path(name).suffix
+    return load_robot(name if known else the_map.beside(name))
+
+
+def _with_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
+    """Carry each stated uncertainty of a gain as that of the joint's torque constant.
+
+    Both scale all torques of the joint, and estimates know the latter.
+    """
+    relative = [j.torque.gain_uncertainty / j.torque.worth for j in the_map.content.joints]
+    if not any(relative) or len(relative) != robot.n_joints:
+        return robot
+    content = robot.file.model_dump(mode="json", exclude_none=True)
+    for joint, uncertainty in zip(content["joints"], relative, strict=True):
+        if uncertainty:
+            drive = joint.setdefault("drive", dict(_UNKNOWN_DRIVE))
+            drive["torque_constant_uncertainty"] = uncertainty
+    text = yaml.safe_dump(content, sort_keys=False, width=200)
+    return parse_robot(f"# {robot.source}, with the gains' uncertainties\n{text}", robot.source)

@@ -162,3 +162,37 @@ def _slots(time: Array, period: float) -> Integers:
     slots = np.zeros(len(time), dtype=np.int64)
     np.cumsum(steps, out=slots[1:])
     return slots
+
+
+def resampled(instants: Array, values: Array, grid: Array) -> Array:
+    """Values at the instants of a grid.
+
+    Between two samples a cubic takes the values and slopes at both; the slope at a sample is that
+    of the parabola through it and its neighbours. So parabolas come through unchanged, samples on
+    the grid stay as they are, and nothing depends on samples further away than two.
+
+    Parameters
+    ----------
+    instants : array (n,)
+        Rising, n of 2 or more [s].
+    values : array (n, k)
+    grid : array (m,)
+        Within the instants [s]; beyond them the last values hold.
+
+    Returns
+    -------
+    array (m, k)
+    """
+    interval = np.clip(np.searchsorted(instants, grid, side="right") - 1, 0, len(instants) - 2)
+    h = np.diff(instants)[interval]
+    u = np.clip((grid - instants[interval]) / h, 0.0, 1.0)
+    slopes = np.gradient(values, instants, axis=0, edge_order=min(2, len(instants) - 1))
+    before, after = ((values[at], slopes[at] * h[:, None]) for at in (interval, interval + 1))
+    u = u[:, None]
+    result: Array = (
+        (1 + 2 * u) * (1 - u) ** 2 * before[0]
+        + u * (1 - u) ** 2 * before[1]
+        + u**2 * (3 - 2 * u) * after[0]
+        - u**2 * (1 - u) * after[1]
+    )
+    return result

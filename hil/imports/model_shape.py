@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.imports.suspicion import Suspicion
+from hil.imports.evidence import Suspicion
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:

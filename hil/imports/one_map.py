@@ -5,28 +5,43 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from checked_files.yaml_file import FileError
-from hil.imports.excerpt import excerpts_of
-from hil.imports.motions import measured_motions, numbered_pieces
+from hil.imports.evidence import even_samples, excerpts_of
 from hil.imports.plausibility import suspicions
 from hil.imports.samples import read_samples
-from hil.imports.segments import chosen_rows
+from hil.imports.segments import (
+    SHORTEST,
+    block_counts,
+    blocks,
+    chosen_rows,
+    pieces_by_pairs,
+    pieces_of,
+)
 from hil.imports.spikes import spike_suspicions
 from hil.imports.stamps import WrongStamps, timing_of
 from hil.imports.statement import Statement
 from hil.planning.free_motion import FreeMotion
-from hil.runs.recording_file import write_measured
+from hil.runs.recording import IDLE, Recording
+from hil.runs.recording_file import Measured, write_measured
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
+    from hil.arrays import Numbers
+    from hil.imports.evidence import Suspicion
     from hil.imports.map_file import MapFile
     from hil.imports.samples import Samples
+    from hil.imports.segments import Piece
     from hil.imports.stamps import Timing
-    from hil.imports.suspicion import Suspicion
     from hil.model.robot import Robot
-    from hil.runs.recording_file import Measured
+
+    Numbered = tuple[Piece, Numbers]
+
+SLOWEST = 0.1
+"""Longest time between samples in which a robot's motion shows [s]."""
 
 
 @dataclass(frozen=True)
@@ -109,3 +124,113 @@ def _written(measured: Measured, folder: Path, robot: Robot) -> FreeMotion:
     assert isinstance(motion, FreeMotion)  # noqa: S101 - made as such
     write_measured(folder / "recordings" / f"{motion.id}.h5", measured, robot)
     return motion
+
+
+def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[Numbered]:
+    """Motions of a recording, each with the numbers of its samples' blocks or strokes.
+
+    Raises
+    ------
+    FileError
+        There are none: no stretch is long enough, or no stroke is found.
+    """
+    if timing.period > SLOWEST:
+        raise the_map.wrong(
+            ("time",) if the_map.content.time else (),
+            f"a sample each {timing.period:.3g} s shows no motion of a robot, which takes one each"
+            f" {SLOWEST:g} s or more; correct the unit of time or the rate",
+        )
+    alone = the_map.content.kind
+    found: list[Numbered] = []
+    for stretch in timing.stretches:
+        if alone is None:
+            of_stretch = [(piece, np.zeros(0, dtype=np.int16)) for piece in pieces_of(stretch)]
+        else:
+            of_stretch = pieces_by_pairs(samples, stretch, alone - 1)
+        if not of_stretch:
+            timing.counts.short += 1
+            timing.counts.short_time += stretch.duration
+        found += of_stretch
+    if not found:
+        raise _nothing_left(the_map, timing)
+    if alone is not None:
+        return found
+    counts = block_counts([piece.duration for piece, _ in found])
+    return [
+        (piece, blocks(piece.n, count)) for (piece, _), count in zip(found, counts, strict=True)
+    ]
+
+
+def _nothing_left(the_map: MapFile, timing: Timing) -> Exception:
+    longest = max((stretch.duration for stretch in timing.stretches), default=0.0)
+    if the_map.content.kind is not None and longest >= SHORTEST:
+        return the_map.wrong(
+            ("kind",),
+            f"joint {the_map.content.kind} makes no stroke forward with one back after it; write"
+            " kind: free, or choose other rows",
+        )
+    at = ("rows",) if the_map.content.rows else ("time",) if the_map.content.time else ()
+    return the_map.wrong(
+        at,
+        f"no stretch without a gap is as long as {SHORTEST:g} s: the longest of"
+        f" {len(timing.stretches)} has {longest:.3g} s at a period of {timing.period:.4g} s;"
+        " correct the unit of time or the rate, or choose other rows",
+    )
+
+
+def measured_motions(
+    the_map: MapFile,
+    samples: Samples,
+    numbered: Sequence[Numbered],
+    stem: str,
+) -> Iterator[Measured]:
+    """Motions with their recordings, one at a time; ids are `stem` and a number."""
+    begin = numbered[0][0].grid[0]
+    digits = max(2, len(str(len(numbered))))
+    for number, (piece, numbers) in enumerate(numbered, start=1):
+        recording = _recording(the_map, samples, piece, numbers, begin)
+        motion = FreeMotion(
+            id=f"{stem}-{number:0{digits}}",
+            q=tuple(recording.q.mean(axis=0).tolist()),
+            duration=piece.duration,
+            cycles=_cycles(numbers, the_map.content.kind),
+            alone=the_map.content.kind,
+            cut_off=the_map.content.cut_off,
+            unknown_gains=tuple(joint + 1 for joint in the_map.unknown_gains) or None,
+            source=_source(the_map, samples, piece),
+        )
+        yield Measured(motion, recording)
+
+
+def _recording(
+    the_map: MapFile, samples: Samples, piece: Piece, numbers: Numbers, begin: float
+) -> Recording:
+    strokes = the_map.content.kind is not None
+    idle = np.full_like(numbers, IDLE)
+    q, tau, qd = even_samples(samples, piece)
+    return Recording(
+        time=piece.grid - begin,
+        q=np.ascontiguousarray(q),
+        tau=np.ascontiguousarray(tau),
+        flags=np.zeros(q.shape, dtype=np.uint8),
+        stroke=numbers if strokes else idle,
+        partner_stroke=idle,
+        qd=np.ascontiguousarray(qd) if np.isfinite(qd).any() else None,
+        group=numbers // 2 if strokes else numbers,
+    )
+
+
+def _cycles(numbers: Numbers, alone: int | None) -> int:
+    n = int(numbers.max()) + 1
+    return n if alone is None else n // 2
+
+
+def _source(the_map: MapFile, samples: Samples, piece: Piece) -> str:
+    """File and rows, from 1, that a motion comes from."""
+    instants, rows, grid = piece.stretch.instants, piece.stretch.rows, piece.grid
+    first, last = (
+        int(rows[min(int(np.searchsorted(instants, t)), len(rows) - 1)]) for t in grid[[0, -1]]
+    )
+    file = int(np.searchsorted(samples.begins, first, side="right")) - 1
+    begin = samples.begins[file]
+    return f"{the_map.content.files[file]}, rows {first - begin + 1} to {last - begin + 1}"

@@ -13,18 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.imports.evidence import Evidence
-from hil.imports.misread_torques import misread_torques
+from hil.imports.evidence import Evidence, Suspicion
+from hil.imports.misread import misread_torques, range_suspicions, small_motion
 from hil.imports.model_shape import shape_suspicions
-from hil.imports.ranges import range_suspicions, small_motion
-from hil.imports.suspicion import Suspicion
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array
-    from hil.imports.excerpt import Excerpt
+    from hil.imports.evidence import Excerpt
     from hil.model.robot import Robot
 
 

@@ -14,8 +14,7 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.readers import open_table
 from hil.imports.tables import NoColumn, column_of
-from hil.imports.time_columns import EPOCH
-from hil.imports.to_si import Conversion
+from hil.imports.to_si import EPOCH, Conversion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

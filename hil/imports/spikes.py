@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.imports.suspicion import Suspicion
-from hil.least_squares.standstill import CARRIED
+from hil.imports.evidence import Suspicion
+from hil.regression.standstill import CARRIED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -10,9 +10,9 @@ from checked_files.yaml_file import place
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from hil.imports.evidence import Suspicion
     from hil.imports.map_file import MapFile
     from hil.imports.stamps import TimingSummary
-    from hil.imports.suspicion import Suspicion
     from hil.planning.free_motion import FreeMotion
 
 _INSTANTS = {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from free_run import PERIOD
 
-from hil.imports.back_and_forth import pairs_of
+from hil.imports.segments import pairs_of
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion

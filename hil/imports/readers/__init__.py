@@ -1,18 +1,24 @@
-"""One reader for each format of files; what a file is, its name's ending says."""
+"""One reader for each format of files; what a file is, its name's ending says.
+
+Whatever goes wrong inside a file, in whichever library, means that the file is damaged.
+"""
 
 from __future__ import annotations
 
 import stat
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+from checked_files.errors import HilError
 from checked_files.yaml_file import FileError
-from hil.imports.readers.sound import SoundTable, sound
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
 
+    from hil.arrays import Array
     from hil.imports.map_file import Format
     from hil.imports.tables import Table
 
@@ -22,6 +28,17 @@ ARRAYS = (".npy", ".npz")
 HDF5 = (".h5", ".hdf5", ".hdf")
 PARQUET = (".parquet", ".pq")
 KNOWN = (*TEXT, ".csv.gz", *ARRAYS, ".mat", *HDF5, *PARQUET, *BAGS)
+_READERS = (
+    (BAGS, "joint_states", "open_bag"),
+    (ARRAYS, "arrays", "open_arrays"),
+    ((".mat",), "arrays", "open_matlab"),
+    (HDF5, "arrays", "open_hdf5"),
+    (PARQUET, "parquet", "open_parquet"),
+    (TEXT, "text", "open_text"),
+)
+"""Endings, and the module and function that read such files."""
+_SHOWN = 120
+"""Characters that are shown of what a library says."""
 
 
 def open_table(path: Path, layout: Format) -> Table:
@@ -55,31 +72,38 @@ def _refuse_unreadable(path: Path) -> None:
 def _reader(path: Path) -> Callable[[Path, Format], Table]:
     """Import a format's reader, and with it what that needs."""
     ending = Path(path.stem).suffix.lower() if path.suffix == ".gz" else path.suffix.lower()
-    if path.is_dir() or ending in BAGS:
-        from hil.imports.readers.joint_states import open_bag  # noqa: PLC0415
-
-        return open_bag
-    if ending in ARRAYS:
-        from hil.imports.readers.arrays import open_arrays  # noqa: PLC0415
-
-        return open_arrays
-    if ending == ".mat":
-        from hil.imports.readers.matlab import open_matlab  # noqa: PLC0415
-
-        return open_matlab
-    if ending in HDF5:
-        from hil.imports.readers.hdf5 import open_hdf5  # noqa: PLC0415
-
-        return open_hdf5
-    if ending in PARQUET:
-        from hil.imports.readers.parquet import open_parquet  # noqa: PLC0415
-
-        return open_parquet
-    if ending in TEXT:
-        from hil.imports.readers.text import open_text  # noqa: PLC0415
-
-        return open_text
+    for endings, module, function in _READERS:
+        if ending in endings or (path.is_dir() and endings is BAGS):
+            reader = getattr(import_module(f"hil.imports.readers.{module}"), function)
+            return cast("Callable[[Path, Format], Table]", reader)
     raise FileError(
         f"{path}: {path.suffix or 'no ending'} is no known format; known are {', '.join(KNOWN)},"
         " and folders of rosbag2"
     )
+
+
+@contextmanager
+def sound(path: Path) -> Iterator[None]:
+    """Raise any error of a reader, or of what it uses, as a `FileError` that names the file."""
+    try:
+        yield
+    except HilError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())[:_SHOWN] or type(error).__name__
+        raise FileError(
+            f"{path}: cannot be read: {reason}; it seems damaged: copy or download it again"
+        ) from error
+
+
+class SoundTable:
+    """A table whose errors are `FileError`s; see `hil.imports.tables.Table`."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+        self.path, self.names, self.time = table.path, table.names, table.time
+
+    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
+        """Read columns block by block."""
+        with sound(self.path):
+            yield from self._table.blocks(columns)

@@ -1,4 +1,7 @@
-"""Arrays of NumPy: .npy is mapped into memory, .npz unpacked array by array.
+"""Files of arrays: NumPy's .npy and .npz, HDF5, MATLAB before and since 7.3.
+
+A .npy is mapped into memory, a .npz unpacked array by array; HDF5 is read from the disk in slices,
+a dataset by its path, in MATLAB's files ``data.q``, a field of a structure.
 
 The longer side of an array of two dimensions is time; its columns are ``name/1``, ``name/2`` and so
 on, ``1``, ``2`` in a .npy. Fields of a structured array are columns by their names.
@@ -9,6 +12,7 @@ from __future__ import annotations
 import zipfile
 from typing import TYPE_CHECKING, Any
 
+import h5py
 import numpy as np
 
 from checked_files.yaml_file import FileError
@@ -103,3 +107,64 @@ class _Field:
             rows, *rest = part
             return self._array[rows][self._name][(slice(None), *rest)]
         return self._array[part][self._name]
+
+
+def open_hdf5(path: Path, _: Format) -> ArrayTable:
+    """Open a file of HDF5.
+
+    Raises
+    ------
+    FileError
+        It is no such file, is damaged, or holds no columns of numbers.
+    """
+    return table_of(path, datasets_of(path, "/"))
+
+
+def datasets_of(path: Path, separator: str) -> dict[str, Any]:
+    """All datasets, by the names of their groups and their own, joined by `separator`."""
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileError(f"{path}: is no file of HDF5, or is damaged: {reason}") from error
+    found: dict[str, Any] = {}
+
+    def take(name: str, item: object) -> None:
+        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            found[name.replace("/", separator)] = item
+
+    file.visititems(take)
+    return found
+
+
+def open_matlab(path: Path, _: Format) -> ArrayTable:
+    """Open a file of MATLAB.
+
+    Raises
+    ------
+    FileError
+        It is no such file, or holds no columns of numbers.
+    """
+    with file_errors(path, "read"):
+        since_7_3 = h5py.is_hdf5(path)
+    return table_of(path, datasets_of(path, ".") if since_7_3 else _variables(path))
+
+
+def _variables(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat  # noqa: PLC0415 - needed for nothing else
+    from scipy.io.matlab import MatReadError  # noqa: PLC0415
+
+    try:
+        with file_errors(path, "read"):
+            loaded = loadmat(path, simplify_cells=True)
+    except (ValueError, TypeError, NotImplementedError, KeyError, MatReadError) as error:
+        raise FileError(f"{path}: is no file of MATLAB, or is damaged: {error}") from error
+    return dict(_flat({k: v for k, v in loaded.items() if not k.startswith("__")}, ""))
+
+
+def _flat(values: dict[str, Any], within: str) -> Iterator[tuple[str, np.ndarray]]:
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{within}{name}.")
+        elif isinstance(value, np.ndarray):
+            yield f"{within}{name}", value

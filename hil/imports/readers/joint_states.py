@@ -4,32 +4,36 @@ A message names its joints, in any order and not always all of them; so columns 
 ``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The columns ``sec`` and ``nanosec`` are
 the stamp of the message's header, ``time`` is the same in ns, and ``received`` the bag's own in ns.
 
-Messages of one layout are read at once (`joint_state_rows`), others one by one by rosbags.
+Messages of one layout are read at once (`joint_state_layout`), others one by one by rosbags.
 """
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.readers.joint_state_layout import PARTS
-from hil.imports.readers.joint_state_rows import Rows
+from hil.imports.readers.joint_state_layout import PARTS, OtherLayout, layout_of
 from hil.imports.tables import ROWS
 from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import Format
+    from hil.imports.readers.joint_state_layout import MessageLayout
 
+    Places = dict[str, tuple[Integers, Integers]]
 
 TYPE = "sensor_msgs/msg/JointState"
+LAYOUTS = 32
+"""Layouts of messages that are looked for in one recording; more are read one by one."""
 _LOOKED_AT = 200
 _TIMES = ("time", "received", "sec", "nanosec")
 
@@ -47,7 +51,7 @@ class JointStates:
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block; messages with none of the joints asked for are no rows."""
         wanted = [self.names[index].partition("/")[::2] for index in columns]
-        with _opened(self.path) as reader, _Sound(self.path):
+        with _opened(self.path) as reader:
             rows = Rows(wanted, lambda data: reader.deserialize(data, TYPE), cdr=reader.is2)
             messages = self._raw(reader)
             while block := list(islice(messages, ROWS)):
@@ -66,7 +70,7 @@ class JointStates:
         return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 
     def _messages(self) -> Iterator[Any]:
-        with _opened(self.path) as reader, _Sound(self.path):
+        with _opened(self.path) as reader:
             for _, data in self._raw(reader):
                 yield reader.deserialize(data, TYPE)
 
@@ -92,8 +96,7 @@ def _topic_of(path: Path, stated: str | None) -> str:
         topics = sorted({c.topic for c in reader.connections if c.msgtype == TYPE})
         others = sorted({c.topic for c in reader.connections})
         if stated is None and len(topics) > 1:
-            with _Sound(path):
-                topics = [t for t in topics if _has_efforts(reader, t)] or topics
+            topics = [t for t in topics if _has_efforts(reader, t)] or topics
     if not topics:
         has = f"its topics are {', '.join(others)}" if others else "it has no topics"
         raise FileError(f"{path}: has no topic of {TYPE}; {has}")
@@ -114,37 +117,134 @@ def _has_efforts(reader: Any, topic: str) -> bool:
     return False
 
 
-class _opened:  # noqa: N801 - a context manager, read like a function
-    """A bag that is open; what it refuses is a `FileError`."""
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A bag that is open; what goes wrong inside, of whatever kind, means that it is damaged."""
+    with needed_for(path):
+        from rosbags.highlevel import AnyReader  # noqa: PLC0415 - optional
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    try:
+        with file_errors(path, "read"):
+            reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+            reader.open()
+        try:
+            yield reader
+        finally:
+            reader.close()
+    except (OSError, FileError):
+        raise
+    except Exception as error:
+        raise FileError(
+            f"{path}: cannot be read as a bag: {error or type(error).__name__}; a recorder that"
+            " was killed may leave one without its end: reindex it"
+        ) from error
 
-    def __init__(self, path: Path) -> None:
-        with needed_for(path):
-            from rosbags.highlevel import AnyReader  # noqa: PLC0415 - optional
-            from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
-        self._path = path
-        with file_errors(path, "read"), _Sound(path):
-            self._reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
 
-    def __enter__(self) -> Any:
-        with file_errors(self._path, "read"), _Sound(self._path):
-            self._reader.open()
-        return self._reader
+class Rows:
+    """Rows of the columns asked for; where joints stand in a message is looked up once a list.
 
-    def __exit__(self, *_: object) -> None:
-        self._reader.close()
+    Parameters
+    ----------
+    wanted : sequence of (str, str)
+        Of each column the part of a message, and the joint; no joint for times.
+    general : callable
+        Reads any message.
+    cdr : bool
+        Whether messages are in CDR, whose layouts are known.
+    """
 
+    def __init__(
+        self, wanted: Sequence[tuple[str, str]], general: Callable[[bytes], Any], *, cdr: bool
+    ) -> None:
+        self._wanted = wanted
+        self._times = {part: column for column, (part, joint) in enumerate(wanted) if not joint}
+        self._general, self._cdr = general, cdr
+        self._places: dict[tuple[str, ...], Places] = {}
+        self._layouts: list[MessageLayout] = []
 
-class _Sound:
-    """What goes wrong inside a bag, of whatever kind, means that the bag is damaged."""
+    def of(self, messages: Sequence[bytes], received: Array) -> Array:
+        """Rows of messages, without those that have none of the joints.
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+        Parameters
+        ----------
+        messages : sequence of bytes
+        received : array (n_messages,)
+            Stamps of the bag [ns].
+        """
+        rows = np.full((len(messages), len(self._wanted)), np.nan)
+        self._put(rows, slice(None), "received", received)
+        present = np.zeros(len(messages), dtype=bool)
+        every = np.arange(len(messages))
+        for number in self._fill_alike(messages, rows, present) if self._cdr else every:
+            message = self._general(messages[number])
+            values = {part: np.asarray(getattr(message, part))[np.newaxis] for part in PARTS}
+            stamp = message.header.stamp
+            stamps = np.array([float(stamp.sec)]), np.array([float(stamp.nanosec)])
+            this = np.array([number])
+            present[number] = self._fill(rows, this, tuple(message.name), values, stamps)
+        return rows[present]
 
-    def __enter__(self) -> None: ...
+    def _fill_alike(self, messages: Sequence[bytes], rows: Array, present: Mask) -> Integers:
+        """Fill the rows of all messages that share a layout; return the numbers of the others."""
+        sizes, left = np.array([len(message) for message in messages]), np.arange(len(messages))
+        odd: list[int] = []
+        tried = 0
+        while len(left) and (tried < len(self._layouts) or len(self._layouts) < LAYOUTS):
+            if tried == len(self._layouts) and not self._learn(messages[left[0]]):
+                odd.append(int(left[0]))
+                left = left[1:]
+                continue
+            layout, tried = self._layouts[tried], tried + 1
+            these = left[sizes[left] == layout.size]
+            joined = b"".join([messages[number] for number in these])
+            alike = np.frombuffer(joined, np.uint8).reshape(-1, layout.size)
+            fits = layout.fits(alike)
+            these, alike = these[fits], alike[fits]
+            values = {part: layout.part(alike, part) for part in PARTS}
+            present[these] = self._fill(rows, these, layout.names, values, layout.stamps(alike))
+            left = np.setdiff1d(left, these, assume_unique=True)
+        return np.concatenate([np.array(odd, dtype=np.int64), left])
 
-    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        if isinstance(error, Exception) and not isinstance(error, OSError | FileError):
-            raise FileError(
-                f"{self._path}: cannot be read as a bag: {error or type(error).__name__}; a"
-                " recorder that was killed may leave one without its end: reindex it"
-            ) from error
+    def _learn(self, message: bytes) -> bool:
+        """Note the layout of a message, if it has one."""
+        try:
+            self._layouts.append(layout_of(message))
+        except OtherLayout:
+            return False
+        return True
+
+    def _fill(
+        self,
+        rows: Array,
+        these: Integers,
+        names: tuple[str, ...],
+        values: dict[str, Array],
+        stamps: tuple[Array, Array],
+    ) -> bool:
+        """Fill the rows of messages with the same names; return whether any joint is wanted."""
+        if names not in self._places:
+            self._places[names] = self._find(names)
+        places = self._places[names]
+        for part, (columns, joints) in places.items():
+            if values[part].shape[1] == len(names):
+                rows[these[:, np.newaxis], columns] = values[part][:, joints]
+        seconds, nanoseconds = stamps
+        self._put(rows, these, "sec", seconds)
+        self._put(rows, these, "nanosec", nanoseconds)
+        self._put(rows, these, "time", seconds * 1e9 + nanoseconds)
+        return bool(places)
+
+    def _put(self, rows: Array, these: Integers | slice, name: str, times: Array) -> None:
+        if name in self._times:
+            rows[these, self._times[name]] = times
+
+    def _find(self, names: tuple[str, ...]) -> Places:
+        """Of each part the columns that a message with these joints fills, and from where."""
+        found: dict[str, list[tuple[int, int]]] = {}
+        for column, (part, joint) in enumerate(self._wanted):
+            if joint and joint in names:
+                found.setdefault(part, []).append((column, names.index(joint)))
+        return {
+            part: (np.array([c for c, _ in pairs]), np.array([j for _, j in pairs]))
+            for part, pairs in found.items()
+        }

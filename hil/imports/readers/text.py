@@ -12,7 +12,7 @@ import gzip
 import io
 import warnings
 import zlib
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -184,7 +184,7 @@ def open_text(path: Path, stated: Format) -> TextTable:
     FileError
         It cannot be read, or is no text with rows of numbers.
     """
-    with _readable(path), _opened(path) as file:
+    with _opened(path) as file:
         head = file.read(_HEAD)
     _refuse_binary(path, head)
     if b"\r" in head and b"\n" not in head:
@@ -210,7 +210,7 @@ def _decoded(head: bytes) -> str:
 
 def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
     """Blocks of whole lines after the first `skipped` ones."""
-    with _readable(path), _opened(path) as file:
+    with _opened(path) as file:
         for _ in range(skipped):
             file.readline()
         rest = b"" if skipped else file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
@@ -234,25 +234,14 @@ def _refuse_binary(path: Path, block: bytes) -> None:
         )
 
 
-def _opened(path: Path) -> IO[bytes]:
-    if path.suffix == ".gz":
-        return cast("IO[bytes]", gzip.open(path, "rb"))
-    return path.open("rb")
-
-
-class _readable:  # noqa: N801 - a context manager, read like a function
-    """Errors of the file system and of decompression as `FileError`."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None: ...
-
-    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        if isinstance(error, EOFError | zlib.error | gzip.BadGzipFile):
+@contextmanager
+def _opened(path: Path) -> Iterator[IO[bytes]]:
+    """A file, unpacked; errors of the file system and of decompression as `FileError`."""
+    with file_errors(path, "read"):
+        try:
+            with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+                yield cast("IO[bytes]", file)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise FileError(
-                f"{self._path}: cannot be unpacked: {error}; copy or download it again"
+                f"{path}: cannot be unpacked: {error}; copy or download it again"
             ) from error
-        if isinstance(error, OSError):
-            with file_errors(self._path, "read"):
-                raise error

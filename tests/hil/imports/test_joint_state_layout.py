@@ -10,7 +10,7 @@ pytest.importorskip("rosbags.typesys")
 from rosbags.typesys import Stores, get_typestore
 
 from hil.imports.readers.joint_state_layout import PARTS, OtherLayout, layout_of
-from hil.imports.readers.joint_state_rows import LAYOUTS, Rows
+from hil.imports.readers.joint_states import LAYOUTS, Rows
 
 ROS = get_typestore(Stores.ROS2_HUMBLE)
 TYPE = "sensor_msgs/msg/JointState"

@@ -5,10 +5,9 @@ import pytest
 from small_recording import ROBOT, a_map, motion, table, write_csv, write_map
 
 from checked_files.yaml_file import FileError
-from hil.imports.evidence import Evidence
-from hil.imports.excerpt import Excerpt
+from hil.imports.evidence import Evidence, Excerpt
 from hil.imports.importing import import_recordings
-from hil.imports.misread_torques import misread_torques
+from hil.imports.misread import misread_torques
 from hil.model.robot import parse_robot
 
 PAIR = parse_robot(ROBOT, "pair.yaml")

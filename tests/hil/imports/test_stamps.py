@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_recording import motion
 
-from hil.imports.resampling import resampled
+from hil.imports.instants import resampled
 from hil.imports.samples import Samples
 from hil.imports.segments import block_counts, blocks, pieces_of
 from hil.imports.stamps import WrongStamps, timing_of

@@ -9,7 +9,7 @@ from checked_files.yaml_file import FileError
 from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import load_map
-from hil.imports.time_columns import TimeColumns
+from hil.imports.to_si import TimeColumns
 
 BEGIN = 1_700_000_000
 PAIR = {"column": "sec", "unit": "s", "plus": {"column": "nanosec", "unit": "ns"}}
