@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, read_text
 from drivers.found_settings.settings_file import load_found_settings
-from hil.runs.atomic_file import file_errors, write_file
-from hil.runs.lock import locked_bus
+from hil.runs.atomic_file import file_errors, locked_bus, write_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -38,7 +38,7 @@ def restore(
     """Put back what drives held before a session that was killed; they must be off."""
     from drivers.found_settings.settings_file import load_found_settings
     from hil.cli import bus_access, bus_state
-    from hil.runs.lock import locked
+    from hil.runs.atomic_file import locked
 
     settings = load_found_settings(file)
     if not settings.unrestored:

@@ -14,7 +14,7 @@ from hil.measuring.campaign import rehearse_campaign, run_campaign
 from hil.measuring.events import Finished
 from hil.results.rounding import clock
 from hil.runs import SIMULATED
-from hil.runs.lock import locked
+from hil.runs.atomic_file import locked
 from hil.runs.run_folder import RunFolder
 from hil.terminal.interruption import interruptible, say
 from hil.terminal.keyboard_stop import HINT, KeyboardStop

@@ -61,7 +61,7 @@ def validate(
 def _measure(model: Model, folder: Path, how: OnBus) -> None:
     """Measure a motion for validation into a folder."""
     from hil.model.robot import refuse_unknown
-    from hil.planning.design.validation import design_validation
+    from hil.planning.design.trajectories import design_validation
 
     refuse_unknown(model.robot)
     with working("choosing a motion"):

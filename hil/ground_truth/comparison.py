@@ -15,8 +15,7 @@ import numpy as np
 
 from hil.errors import Mismatch
 from hil.estimation.identify import estimate
-from hil.ground_truth.measured_plant import refuse_other_plant
-from hil.ground_truth.true_parameters import true_parameters
+from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.model_file import NAME, read_model_file
 from hil.results.naming import named

@@ -1,9 +1,11 @@
 """The truth about the virtual plant, for whoever sets an estimate against it afterwards.
 
-Only `hil compare` and benchmarks come here; nothing that measures or estimates does. Of the plant
-file just the machine is read (`hil.ground_truth.plant_file`): whether it is the robot's
-(`hil.ground_truth.other_machine`), and its standard parameters of eq. (5), and from these the base
-parameters that an identification should find.
+Only `hil compare` and benchmarks come here; nothing that measures or estimates does. A run must
+have been measured on the plant, as its journal names it. Of the plant file just the machine is read
+(`hil.ground_truth.plant_file`). It must be the robot's: joint types, frames, gravity and gear
+ratios are compared, all of them, before a single parameter is, since where one differs base
+parameters are other combinations of other bodies. Then its standard parameters of eq. (5) give the
+base parameters that an identification should find.
 """
 
 from __future__ import annotations
@@ -13,21 +15,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.near import did_you_mean
-from checked_files.yaml_file import FileError, load_yaml
-from hil.errors import UnknownName
-from hil.ground_truth.other_machine import refuse_other_machine
+from checked_files.yaml_file import FileError, line_of, load_yaml, place, read_text
+from hil.errors import Mismatch, UnknownName
 from hil.ground_truth.plant_file import Plant, find_plant, packaged_plants
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import influences
+from hil.runs.journal import BusName
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from hil.arrays import Array
+    from hil.ground_truth.plant_file import PlantAxis
     from hil.model.robot import Robot
+    from hil.runs.run import Run
 
+    Place = tuple[str | int, ...]
 
 _TOLERANCE = 1e-9
+"""Difference that rounding leaves: relative of torques, absolute of gravity [m/s^2] and frames."""
+_SAME_GEAR = 1e-6
+"""Relative difference that digits of a file leave."""
+_REMEDY = "parameters of another machine cannot be compared"
 
 
 def true_parameters(robot: Robot, plant: Path | str) -> Array:
@@ -82,3 +92,97 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
             f" {', '.join(absent) or 'a tied parameter differs from the one it is tied to'};"
             " add what the plant has to the robot file and plan anew"
         )
+
+
+def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:
+    """Refuse a plant that is another machine than the robot.
+
+    Raises
+    ------
+    FileError
+        One line for each difference.
+    """
+    differences = list(_differences(robot, plant))
+    if differences:
+        text = read_text(path)
+        raise FileError(
+            "\n".join(
+                f"{path}:{line_of(text, at)}: {place(at)}: {message}" for at, message in differences
+            )
+        )
+
+
+def _differences(robot: Robot, plant: Plant) -> Iterator[tuple[Place, str]]:
+    if len(plant.axes) != robot.n_joints:
+        yield (
+            ("axes",),
+            f"{len(plant.axes)} axes must be {robot.n_joints}, as {robot.name} has; give the file"
+            " of the plant that was measured",
+        )
+        return
+    if not np.allclose(plant.gravity, robot.gravity, atol=_TOLERANCE, rtol=0):
+        yield (
+            ("gravity",),
+            f"{_listed(plant.gravity)} m/s2 must be {_listed(robot.gravity)} m/s2, as the robot"
+            f" file says; {_REMEDY}",
+        )
+    for k, axis in enumerate(plant.axes):
+        yield from _of_axis(robot, k, axis)
+
+
+def _of_axis(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[Place, str]]:
+    joint = "revolute" if robot.revolute[k] else "prismatic"
+    if axis.joint != joint:
+        yield (
+            ("axes", k, "joint"),
+            f"{axis.joint} must be {joint}, as the robot file says; {_REMEDY}",
+        )
+    frame = axis.frame
+    there = (np.radians(frame.alpha_deg), frame.d, np.radians(frame.theta_deg), frame.r)
+    stated = (robot.alpha[k], robot.d[k], robot.theta[k], robot.r[k])
+    if not np.allclose(there, stated, atol=_TOLERANCE, rtol=0):
+        yield (
+            ("axes", k, "frame"),
+            f"alpha, d, theta, r = {_listed(there)} must be {_listed(stated)}, as the robot file"
+            " says; parameters of other frames cannot be compared",
+        )
+    gear, known = axis.drive.gear_ratio, float(robot.gear_ratio[k])
+    if abs(gear - known) > _SAME_GEAR * known:  # never where the robot file leaves it unknown
+        yield (
+            ("axes", k, "drive", "gear_ratio"),
+            f"{gear:g} must be {known:g}, as the robot file says: with another gear every position"
+            " and torque is scaled",
+        )
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)
+
+
+def refuse_other_plant(run: Run, truth: Path | str) -> None:
+    """Refuse a run that was not measured on the plant of `truth`.
+
+    A plant whose file is no longer where the journal names it is taken at the user's word.
+
+    Raises
+    ------
+    FileError
+        A plant file that cannot be used.
+    Mismatch
+        The run was measured on a real machine, or on a plant with other bodies or drives.
+    """
+    sessions = run.journal.sessions
+    if not run.journal.simulated:
+        bus = sessions[-1].bus if sessions else "nothing"
+        raise Mismatch(
+            f"{run.path}: was measured on {bus}; only on the virtual plant is the truth known."
+            " Judge this run by its report's intervals and residuals"
+        )
+    given = load_yaml(find_plant(truth), Plant)
+    for channel in sorted({BusName.read(session.bus).channel for session in sessions}):
+        measured = find_plant(channel)
+        if measured.is_file() and load_yaml(measured, Plant) != given:
+            raise Mismatch(
+                f"{run.path}: was measured on the plant {channel}, which has other bodies or drives"
+                f" than {truth}; compare with --truth {channel}"
+            )

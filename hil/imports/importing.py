@@ -17,8 +17,7 @@ from hil.imports.map_file import load_map
 from hil.imports.one_map import OneMap, import_one
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.robot import Robot, available_robots, load_robot, parse_robot, robot_from_urdf
-from hil.planning.plan import PlannedRobot
-from hil.planning.recorded_motions import RecordedMotions
+from hil.planning.plan import PlannedRobot, RecordedMotions
 from hil.runs.atomic_file import own_folder, whole_folder, write_file
 from hil.runs.journal import Journal, Session, now, write_journal
 from hil.runs.run import MOTIONS, Run

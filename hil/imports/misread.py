@@ -32,6 +32,9 @@ coefficient of just 1 N m s/rad, is no robot's."""
 _SMALL = 0.03
 """Share of a limit or a range that no joint exceeds where all are in another unit, or on another
 side: between 1/57 of degrees or 1/50 of gears and what robots are moved for."""
+BEYOND, FAR_BEYOND = 0.05, 2.0
+"""Shares of a range beyond it that are stated, since stops yield and zeros are set by eye, and that
+are refused: degrees for radians exceed it 57 times."""
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 _BELIEVED = 1e6
 """Greatest speed, torque and force that any robot may have, if its limits are not known."""
@@ -120,9 +123,8 @@ def range_suspicions(
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
-        # stops yield a little, zeros are set by eye; degrees for radians exceed ranges 57 times
-        if excess > 0.05 * (high - low):
-            far = excess > 2 * (high - low)
+        if excess > BEYOND * (high - low):
+            far = excess > FAR_BEYOND * (high - low)
             yield Suspicion(
                 "range",
                 ("joints", joint, "position"),

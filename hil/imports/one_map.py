@@ -98,7 +98,8 @@ def import_one(
     recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
     measured = measured_motions(the_map, samples, numbered, job.stem)
     motions = tuple(_written(each, job.folder, job.robot) for each in measured)
-    return Statement(the_map, timing.summary(), samples.wraps, recorded, motions, (*spikes, *found))
+    timing.stretches = []  # which are as long as the recording
+    return Statement(the_map, timing, samples.wraps, recorded, motions, (*spikes, *found))
 
 
 def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:

@@ -78,15 +78,6 @@ class Counts:
 
 
 @dataclass
-class TimingSummary:
-    """The longest stretch's period [s], whence instants are, and counts."""
-
-    period: float
-    instants: Instants
-    counts: Counts
-
-
-@dataclass
 class Timing:
     """Stretches of a recording, the longest one's period [s], whence instants are, and counts."""
 
@@ -94,10 +85,6 @@ class Timing:
     period: float
     instants: Instants
     counts: Counts = field(default_factory=Counts)
-
-    def summary(self) -> TimingSummary:
-        """All but the stretches, which are as long as the recording."""
-        return TimingSummary(self.period, self.instants, self.counts)
 
 
 def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = False) -> Timing:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from hil.imports.evidence import Suspicion
     from hil.imports.map_file import MapFile
-    from hil.imports.stamps import TimingSummary
+    from hil.imports.stamps import Timing
     from hil.planning.free_motion import FreeMotion
 
 _INSTANTS = {
@@ -29,7 +29,8 @@ class Statement:
     Attributes
     ----------
     the_map : MapFile
-    timing : TimingSummary
+    timing : Timing
+        Without its stretches, which are as long as the recording.
     wraps : int
         Steps of positions by more than half a turn.
     recorded : tuple of bool
@@ -40,7 +41,7 @@ class Statement:
     """
 
     the_map: MapFile
-    timing: TimingSummary
+    timing: Timing
     wraps: int
     recorded: tuple[bool, ...]
     motions: tuple[FreeMotion, ...]

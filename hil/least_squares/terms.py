@@ -25,7 +25,7 @@ samples of the torque do not show the same instant.
 
 None of this needs a torque. So it is the same for a motion that was measured
 (`hil.estimation.signals`) and for one that is planned
-(`hil.planning.prediction.predicted_samples`).
+(`hil.planning.prediction.information`).
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from drivers.drive_bus import DriveError
 from hil.live import lines
 from hil.live.friction_so_far import FrictionSoFar
-from hil.measuring.bus_in_front import BusInFront
 from hil.measuring.events import Recorded
+from hil.measuring.feeding import BusInFront
 from hil.terminal.interruption import interrupt_main
 from hil.terminal.printable import printable
 from hil.terminal.progress import Pace

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
-    from hil.runs.finding import Finding
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Finding, Recording
 
 
 @dataclass(frozen=True, slots=True)

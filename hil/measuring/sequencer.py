@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan, WarmUp
     from hil.planning.timetable import Entry
-    from hil.runs.finding import Finding
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Finding, Recording
 
 
 def never() -> bool:

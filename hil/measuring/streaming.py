@@ -9,8 +9,7 @@ import numpy as np
 from drivers.drive_bus import DriveRefused, MoveFailed, StreamingBus
 from hil.measuring.checks.encoder_jumps import refuse_jumps
 from hil.planning.strokes import REST
-from hil.runs.finding import Finding
-from hil.runs.recording import Recorder
+from hil.runs.recording import Finding, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from hil.arrays import Array
-    from hil.model.combination import Combination
+    from hil.model.polynomial import Combination
     from hil.model.robot import Robot
 
 

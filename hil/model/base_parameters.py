@@ -23,11 +23,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_unit, merge_added
-from hil.model.combination import Combination, add, combine, scale, text
 from hil.model.dependencies import Dependencies, find_dependencies, influences
 from hil.model.frames import parameter_map
 from hil.model.link_poses import symbolic_link_pose
-from hil.model.polynomial import Polynomial
+from hil.model.polynomial import Combination, Polynomial, add, combine, scale, text
 from hil.model.transfer import transfers
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from hil.planning.measurement import element_measurements, shows_parameters, wit
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
-from hil.planning.trajectory_check import check_trajectory
+from hil.planning.trajectory import check_trajectory
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, load_yaml, place, read_text
 from hil.planning import LONGEST
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KEYS, Measurement
 from hil.planning.plan_values import LONGEST_NAME, Fraction, to_millionths
 from hil.planning.workspace import Workspace
@@ -206,3 +207,29 @@ class _Dumper(yaml.CSafeDumper if yaml.__with_libyaml__ else yaml.SafeDumper):  
             tag, sequence, flow_style=numbers or flow_style
         )
         return node
+
+
+class RecordedMotions(FileModel):
+    """Motions that somebody else recorded of a robot; nothing of it can be measured again.
+
+    Attributes
+    ----------
+    map_digest : str
+        SHA-256 of the map that the recordings were read with.
+    """
+
+    format: Literal[1] = 1
+    robot: PlannedRobot
+    map_digest: str
+    measurements: tuple[FreeMotion, ...] = Field(min_length=1)
+
+    @property
+    def digest(self) -> str:
+        """Fingerprint of the content."""
+        return hashlib.sha256(self.text().encode()).hexdigest()
+
+    def text(self) -> str:
+        """As YAML."""
+        return yaml.safe_dump(
+            self.model_dump(mode="json", exclude_none=True), sort_keys=False, width=200
+        )

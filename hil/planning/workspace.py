@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileModel
-from hil.model.link_file import Point
+from hil.model.robot_file import Point
 
 if TYPE_CHECKING:
     from typing import Self

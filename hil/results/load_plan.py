@@ -27,7 +27,7 @@ from hil.planning.design.load import (
 )
 from hil.planning.measurement import shows_parameters
 from hil.planning.path_clearance import JointBoxes
-from hil.planning.prediction.predicted_samples import forecast
+from hil.planning.prediction.information import forecast
 from hil.planning.strokes import Strokes
 from hil.planning.timetable import timetable
 from hil.planning.workspace import narrowed

@@ -2,6 +2,10 @@
 
 A run may take several sessions: each `hil run` with ``--resume`` adds one. Digests of plan, robot
 file and drives file say whether a later session still measures the same thing.
+
+How well SYNC kept its period while it was recorded, and what got lost, is stated with every run.
+In lock-step nothing can be off; on the wall clock it says whether computer and bus were up to the
+rate. Travel between measurements does not count.
 """
 
 from __future__ import annotations
@@ -10,23 +14,30 @@ import platform
 import sys
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
+from math import hypot, sqrt
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
+from drivers.drive_bus import SampleFlag
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import write_file
-from hil.runs.sync_timing import SyncTiming
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from drivers.drive_bus import AxisInfo
+    from hil.runs.recording import Recording
 
 NO_REAL_MACHINE = "SIMULATED: measured on the virtual plant, no real machine"
 PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h5py")
+EXACT = 1e-6
+"""Jitter below this is that of adding floats [s]."""
+
+_GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
 
 
 def versions() -> dict[str, str]:
@@ -81,6 +92,49 @@ class RepeatedAttempt(FileModel):
     measurement: str
     attempt: int
     findings: tuple[str, ...]
+
+
+class SyncTiming(FileModel):
+    """SYNC in the recordings of a session.
+
+    Attributes
+    ----------
+    samples, flagged, left_out : int
+        SYNCs recorded; those of them with a telegram missing, doubled or late; SYNCs left out.
+    jitter, worst : float
+        Root mean square and maximum of how far the time between SYNCs was off the period [s].
+    """
+
+    samples: int = 0
+    flagged: int = 0
+    left_out: int = 0
+    jitter: float = 0.0
+    worst: float = 0.0
+
+    def with_recording(self, recording: Recording) -> SyncTiming:
+        """Return the timing with one more recording."""
+        times = np.diff(recording.time)
+        period = float(np.median(times))
+        passed = np.maximum(1, np.rint(times / period))
+        off = times - passed * period
+        samples = self.samples + recording.n_samples
+        return SyncTiming(
+            samples=samples,
+            flagged=self.flagged + int(np.any(recording.flags & _GAPS, axis=1).sum()),
+            left_out=self.left_out + int(passed.sum()) - len(passed),
+            jitter=hypot(self.jitter * sqrt(self.samples), float(np.linalg.norm(off)))
+            / sqrt(samples),
+            worst=max(self.worst, float(np.abs(off).max())),
+        )
+
+    def __str__(self) -> str:
+        lost = f"{self.flagged} flagged, {self.left_out} left out"
+        if self.worst < EXACT:
+            return f"{self.samples} samples, {lost}; SYNC in lock-step"
+        return (
+            f"{self.samples} samples, {lost}; SYNC off its period by {self.jitter * 1e3:.2g} ms"
+            f" (rms), {self.worst * 1e3:.2g} ms at most"
+        )
 
 
 class Session(FileModel):

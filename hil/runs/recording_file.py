@@ -21,8 +21,7 @@ from checked_files.yaml_file import FileError, refuse_endless
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import RecordedMotion
 from hil.runs.atomic_file import write_file
-from hil.runs.finding import Finding
-from hil.runs.recording import IDLE, UNITS, Recording
+from hil.runs.recording import IDLE, UNITS, Finding, Recording
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,8 +15,7 @@ from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import NotEnoughData, UnknownName
 from hil.model.robot import Robot, load_robot
-from hil.planning.plan import Plan, load_plan
-from hil.planning.recorded_motions import RecordedMotions
+from hil.planning.plan import Plan, RecordedMotions, load_plan
 from hil.runs.atomic_file import file_errors
 from hil.runs.journal import Journal, read_journal
 from hil.runs.recording_file import Measured, read_measured, replace_or_leave_out

@@ -49,9 +49,8 @@ if TYPE_CHECKING:
     from drivers.drive_bus import AxisInfo
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
-    from hil.runs.journal import BusName
+    from hil.runs.journal import BusName, SyncTiming
     from hil.runs.recording_file import Measured
-    from hil.runs.sync_timing import SyncTiming
 
 DAMAGED = ".damaged"
 _SETTINGS = "found-settings.yaml"

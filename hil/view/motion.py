@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.prediction.predicted_samples import partner_strokes
+from hil.planning.prediction.information import partner_strokes
 from hil.planning.strokes import REST
 from hil.planning.trapezoid import Trapezoid
 from hil.view.track import Track

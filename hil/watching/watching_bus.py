@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import Tripped
-from hil.measuring.bus_in_front import BusInFront
+from hil.measuring.feeding import BusInFront
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -51,7 +51,6 @@ OWN = {
     ),
     "trajectory": (
         "planning/trajectory.py",
-        "planning/trajectory_check.py",
         "planning/design/trajectories.py",
         "measuring/streaming.py",
         "measuring/feeding.py",
@@ -81,7 +80,7 @@ OTHERWISE = {
     ("friction", "cli/friction.py"): "the same",
     ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
     ("friction", "imports/plausibility.py"): "the same",
-    ("gravity", "ground_truth/other_machine.py"): "a key of a plant's file",
+    ("gravity", "ground_truth/true_parameters.py"): "a key of a plant's file",
     ("gravity", "export/ros2_file.py"): "a parameter of a node",
     ("friction", "export/ros2_file.py"): "the same",
     ("friction", "export/urdf_file.py"): "an attribute of a URDF",

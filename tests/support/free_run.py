@@ -10,8 +10,7 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
-from hil.planning.plan import PlannedRobot
-from hil.planning.recorded_motions import RecordedMotions
+from hil.planning.plan import PlannedRobot, RecordedMotions
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import Journal, write_journal
 from hil.runs.recording import Recording

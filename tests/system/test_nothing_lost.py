@@ -19,8 +19,7 @@ from checked_files.yaml_file import FileError
 from hil.cli import main
 from hil.cli.run_session import prepare_folder
 from hil.estimation.identify import estimate
-from hil.measuring.background import Background
-from hil.measuring.campaign import run_campaign
+from hil.measuring.campaign import Background, run_campaign
 from hil.measuring.events import Finished, Recorded
 from hil.model.robot import Robot
 from hil.planning.plan import Plan

@@ -13,6 +13,7 @@ in recorded torque under every reading: none gains by making torques small.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import is_
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -138,8 +139,11 @@ class Reading:
 
     def moves_as(self, other: Reading) -> bool:
         """Whether both read the same motion of the same robot: one regressor serves both."""
-        shared = ("robot", "order", "sign_q", "scale", "zero", "gravity", "slip")
-        return all(getattr(self, name) is getattr(other, name) for name in shared)
+        mine, theirs = (
+            (each.robot, each.order, each.sign_q, each.scale, each.zero, each.gravity, each.slip)
+            for each in (self, other)
+        )
+        return all(map(is_, mine, theirs))
 
     def columns(self, channel: Channel, known: Array | None = None) -> tuple[Array, Array]:
         """Torque that is read per unit of each base parameter, and of motor and what is added.

@@ -1,26 +1,30 @@
 """Is a recording fit to be used? Asked at once, while the measurement can still be repeated.
 
 Each check compares one figure of the recording with its bound. What it finds wrong becomes a
-`Finding` that states value, bound and remedy. What concerns telegrams is here, what concerns the
-motion itself in `hil.measuring.checks.stroke_checks`, the current in
-`hil.measuring.checks.current_checks`.
+`Finding` that states value, bound and remedy. What concerns telegrams and currents is here, what
+concerns the motion itself in `hil.measuring.checks.stroke_checks`.
+
+A current sensor is alive if its readings differ: noise makes successive ones do so. If a share r of
+them equals the one before, a run of k equal readings somewhere among n has a chance of about
+n r^(k-1); a longer run than chance explains is no measurement of a current.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drivers.drive_bus import SampleFlag
-from hil.measuring.checks.current_checks import frozen
 from hil.measuring.checks.stroke_checks import half_sums, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
-from hil.runs.finding import Finding
+from hil.runs.recording import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.runs.recording import Recording
@@ -33,6 +37,11 @@ LOST = 0.01
 """Share of SYNCs that may lack a telegram or be left out: the estimator leaves gaps out."""
 DISTURBED = 0.01
 """Share of samples with doubled or late telegrams that is tolerated."""
+CHANCE = 1e-6
+"""Of a sound sensor to show so long a run."""
+
+RARE, OFTEN = 0.05, 0.9
+"""Bounds of the share of equal neighbours that counts as the sensor's own."""
 
 
 def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[Finding]:
@@ -104,6 +113,43 @@ def _saturation(recording: Recording, measurement: Measurement, robot: Robot) ->
 def _axes(recording: Recording, flag: int) -> str:
     hit = np.any(recording.flags & flag, axis=0)
     return ", ".join(str(index + 1) for index in np.flatnonzero(hit))
+
+
+def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
+    """Find where the torque of a measured axis repeats one value for too long in motion."""
+    moving = recording.under_way
+    for index in measurement.read:
+        yield from _frozen(recording.tau[moving, index], index + 1, robot.torque_unit(index))
+
+
+def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
+    begin, longest = _longest_run(tau)
+    bound = _explained(tau, longest)
+    if longest > bound:
+        yield Finding(
+            "current",
+            f"the current of axis {axis} reads {tau[begin]:.4g} {unit} in {longest}"
+            f" samples on end, at most {bound} may; its sensor is stuck, clipped or too coarse:"
+            " check the drive's current measurement and its range",
+            longest,
+            bound,
+        )
+
+
+def _longest_run(values: Array) -> tuple[int, int]:
+    """Return where the longest run of equal values begins, and its length."""
+    changes = np.flatnonzero(np.diff(values) != 0)
+    edges = np.concatenate(([-1], changes, [len(values) - 1]))
+    lengths = np.diff(edges)
+    place = int(np.argmax(lengths))
+    return int(edges[place]) + 1, int(lengths[place])
+
+
+def _explained(values: Array, longest: int) -> int:
+    """Return the longest run that chance explains, by the neighbours outside of the longest."""
+    equal = int(np.count_nonzero(np.diff(values) == 0)) - (longest - 1)
+    share = min(max(equal / max(1, len(values) - longest), RARE), OFTEN)
+    return math.ceil(1 + math.log(CHANCE / len(values)) / math.log(share))
 
 
 ALWAYS: tuple[Check, ...] = (_gaps, _saturation, frozen)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
-from hil.runs.finding import Finding
+from hil.runs.recording import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

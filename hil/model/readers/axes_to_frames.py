@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot_arrays import RobotArrays
-
 
 PARALLEL = 1e-9
 """Sine of the angle between axes below which they are parallel, length that is none [m], and
@@ -172,3 +171,26 @@ def _any_normal(z: Array) -> Array:
     unit = np.eye(3)[int(np.argmin(np.abs(z)))]
     normal = unit - z * (unit @ z)
     return np.asarray(normal / np.linalg.norm(normal))
+
+
+@dataclass(frozen=True, slots=True)
+class LimitedJoint:
+    """A joint; NaN is what is not known.
+
+    Attributes
+    ----------
+    name : str
+    type : {"revolute", "prismatic"}
+    lower, upper : float
+        Range [rad or m].
+    velocity, acceleration, effort : float
+        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
+    """
+
+    name: str
+    type: Literal["revolute", "prismatic"]
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    effort: float

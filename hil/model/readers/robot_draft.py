@@ -18,8 +18,7 @@ import numpy as np
 from checked_files.yaml_file import UNSTATED
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER
-from hil.model.readers.axes_to_frames import PARALLEL, frames_of
-from hil.model.readers.limited_joint import LimitedJoint
+from hil.model.readers.axes_to_frames import PARALLEL, LimitedJoint, frames_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -28,7 +28,7 @@ from hil.planning.design.by_counts import TRAVEL, as_plan
 from hil.planning.design.by_minutes import lasting, nearest_first, numbered
 from hil.planning.design.candidates import judged
 from hil.planning.design.tour import guarded_tour
-from hil.planning.prediction.predicted_samples import forecast
+from hil.planning.prediction.information import forecast
 from hil.planning.timetable import SETTLING, travel_times
 
 if TYPE_CHECKING:

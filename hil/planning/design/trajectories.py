@@ -31,16 +31,15 @@ import numpy as np
 from scipy import optimize
 
 from hil.model.dynamics import regressor
+from hil.planning.plan import Plan, PlannedRobot
 from hil.planning.prediction.precision import torque_scale
-from hil.planning.trajectory import Trajectory
-from hil.planning.trajectory_check import ACCELERATION_SHARE
+from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hil.arrays import Array
     from hil.model.robot import Robot
-
 
 ExcitationCriterion = Literal["condition", "singular", "det"]
 PERIOD = 10.0023
@@ -331,3 +330,15 @@ def _null(rows: Array) -> Array:
     """Orthonormal vectors that `rows` map to zero, as columns."""
     _, _, vt = np.linalg.svd(rows)
     return np.asarray(vt[len(rows) :].T)
+
+
+def design_validation(robot: Robot) -> Plan:
+    """Plan half a minute of a motion to judge a model by: all axes at once.
+
+    No best motion is needed, only another one than that of `hil trajectory plan`, whose motion
+    models are made from: so the search is short and has a seed of its own.
+    """
+    effort = Search(random=100, refined=1, steps=10)
+    found = design_trajectory(robot, cycles=3, seed=22, search=effort, name="validation")
+    own = PlannedRobot(name=robot.name, digest=robot.digest)
+    return Plan(robot=own, measurements=(found,))

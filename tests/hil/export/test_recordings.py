@@ -21,7 +21,7 @@ from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
-from hil.runs.finding import Finding
+from hil.runs.recording import Finding
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
 from hil.runs.set_points import set_points

@@ -16,8 +16,7 @@ from checked_files.yaml_file import FileError
 from hil.errors import Mismatch, NotIdentifiable, UnknownName
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import compare, comparison
-from hil.ground_truth.measured_plant import refuse_other_plant
-from hil.ground_truth.true_parameters import true_parameters
+from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.identification import identify
 from hil.results.validation_motion import SHARE, free_motion

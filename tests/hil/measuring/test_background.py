@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from checked_files.yaml_file import FileError
-from hil.measuring.background import Background
+from hil.measuring.campaign import Background
 
 if TYPE_CHECKING:
     from types import FrameType

@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.drive_bus import SampleFlag, Tripped
-from hil.measuring.checks.current_checks import frozen
 from hil.measuring.checks.encoder_jumps import refuse_jumps
-from hil.measuring.checks.recording_checks import ALWAYS, check
+from hil.measuring.checks.recording_checks import ALWAYS, check, frozen
 from hil.measuring.checks.stroke_checks import constant_velocity, half_sums, windows
 from hil.model.robot import load_robot
 from hil.planning.measurement import Gravity

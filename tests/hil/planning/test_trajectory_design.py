@@ -25,8 +25,7 @@ from hil.planning.dry_run import dry_run
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.planning.prediction import precision
 from hil.planning.strokes import REST
-from hil.planning.trajectory import Trajectory
-from hil.planning.trajectory_check import ACCELERATION_SHARE
+from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

@@ -29,8 +29,8 @@ from hil.results.kept_findings import kept
 from hil.results.prediction import predict
 from hil.results.rounding import decimals, percent, rounded, significant
 from hil.results.tables.html import symbols
-from hil.runs.finding import Finding
 from hil.runs.pooling import recorded
+from hil.runs.recording import Finding
 from hil.runs.run import Run
 
 PLOTS = {

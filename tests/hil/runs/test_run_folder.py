@@ -19,10 +19,9 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity, RecordedMotion
 from hil.planning.plan import Plan
 from hil.planning.trajectory import Trajectory
-from hil.runs.finding import Finding
+from hil.runs.atomic_file import locked
 from hil.runs.journal import BusName, Session
-from hil.runs.lock import locked
-from hil.runs.recording import Recording
+from hil.runs.recording import Finding, Recording
 from hil.runs.recording_file import Measured, read_measured, write_measured
 from hil.runs.run_folder import RunFolder
 

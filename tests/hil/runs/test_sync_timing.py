@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.drive_bus import SampleFlag
+from hil.runs.journal import SyncTiming
 from hil.runs.recording import Recording
-from hil.runs.sync_timing import SyncTiming
 
 PERIOD = 0.01
 
