@@ -33,7 +33,6 @@ import numpy as np
 from scipy import signal
 
 from hil.model.dynamics import regressor
-from hil.model.link_poses import link_pose
 from hil.results.identification import identified
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
@@ -155,7 +154,7 @@ def _show_figaroh(
     model = pin.Model()
     model.gravity.linear = np.array(robot.gravity)
     for joint in range(robot.n_joints):
-        pose = pin.SE3(link_pose(robot, joint))
+        pose = pin.SE3(robot.link_pose(joint))
         number = model.addJoint(joint, pin.JointModelRZ(), pose, f"joint {joint + 1}")
         model.appendBodyToJoint(number, pin.Inertia.Random(), pin.SE3.Identity())
     options = dict.fromkeys(("has_friction", "has_actuator_inertia", "has_joint_offset"), True)

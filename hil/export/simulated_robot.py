@@ -14,7 +14,6 @@ import numpy as np
 from hil.export.friction_of_joints import friction_of_joints
 from hil.model.added_parameters import added_inertias
 from hil.model.frames import inverse, parameter_map, pseudo_inertia
-from hil.model.link_poses import zero_pose
 from hil.model.readers.axes_to_frames import frames_of
 
 if TYPE_CHECKING:
@@ -182,7 +181,7 @@ def _of_robot_file(robot: Robot) -> list[_Placed]:
         _Placed(
             name=f"joint{j + 1}",
             link=f"link{j + 1}",
-            before=zero_pose(robot, j),
+            before=robot.zero_pose(j),
             axis=np.array([0.0, 0.0, 1.0]),
             mdh=np.eye(4),
         )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
@@ -44,33 +44,42 @@ def _column(value: object) -> object:
 Column = Annotated[ColumnName, BeforeValidator(_column)]
 
 
-class Position(FileModel):
+class _Moved(FileModel):
+    """A column of what a joint does; a count is worth `per_unit` [rad or m]."""
+
+    column: Column
+    unit: str
+    sign: Literal[1, -1] = 1
+    per_unit: float | None = None
+
+    @model_validator(mode="after")
+    def _counts_are_worth_something(self) -> Self:
+        counts = self.unit.startswith("counts")
+        if counts and self.per_unit is None:
+            raise ValueError("counts need per_unit: rad (or m) for one count; add it")
+        if self.per_unit is None:
+            return self
+        if not counts:
+            raise ValueError(f"per_unit is for counts, not for {self.unit}; remove it")
+        if not 0 < self.per_unit <= _MOST_PER_COUNT:
+            raise ValueError(
+                f"per_unit {self.per_unit:g} must be in (0, {_MOST_PER_COUNT:g}] rad (or m) for one"
+                " count; if it is counts for one rad (or m), write its inverse"
+            )
+        return self
+
+
+class Position(_Moved):
     """Positions of a joint: ``sign`` times the column, in SI, plus `offset` [rad or m]."""
 
-    column: Column
     unit: PositionUnit
-    sign: Literal[1, -1] = 1
     offset: float = 0.0
-    per_unit: float | None = None
-
-    @model_validator(mode="after")
-    def _counts_are_worth_something(self) -> Position:
-        _check_per_unit(self.unit, self.per_unit)
-        return self
 
 
-class Velocity(FileModel):
+class Velocity(_Moved):
     """Velocities of a joint: ``sign`` times the column, in SI."""
 
-    column: Column
     unit: VelocityUnit
-    sign: Literal[1, -1] = 1
-    per_unit: float | None = None
-
-    @model_validator(mode="after")
-    def _counts_are_worth_something(self) -> Velocity:
-        _check_per_unit(self.unit, self.per_unit)
-        return self
 
 
 def _gain(value: object) -> object:
@@ -307,18 +316,3 @@ def load_map(path: Path | str) -> MapFile:
     """
     text = read_text(path)
     return MapFile(Path(path), text, parse_yaml(text, RecordingMap, str(path)))
-
-
-def _check_per_unit(unit: str, per_unit: float | None) -> None:
-    counts = unit.startswith("counts")
-    if counts and per_unit is None:
-        raise ValueError("counts need per_unit: rad (or m) for one count; add it")
-    if per_unit is None:
-        return
-    if not counts:
-        raise ValueError(f"per_unit is for counts, not for {unit}; remove it")
-    if not 0 < per_unit <= _MOST_PER_COUNT:
-        raise ValueError(
-            f"per_unit {per_unit:g} must be in (0, {_MOST_PER_COUNT:g}] rad (or m) for one count;"
-            " if it is counts for one rad (or m), write its inverse"
-        )

@@ -16,28 +16,11 @@ TorqueUnit = Literal["N m", "N", "A", "V", "per mille"]
 
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 """Of each unit of time [s]."""
-POSITIONS: dict[str, float] = {"rad": 1.0, "deg": math.pi / 180, "m": 1.0, "mm": 1e-3}
-"""Of each unit of position [rad or m]; counts have none of their own."""
-VELOCITIES: dict[str, float] = {
-    "rad/s": 1.0,
-    "deg/s": math.pi / 180,
-    "rpm": math.pi / 30,
-    "m/s": 1.0,
-    "mm/s": 1e-3,
-}
-"""Of each unit of velocity [rad/s or m/s]; counts/s have none of their own."""
+LENGTHS: dict[str, float] = {"rad": 1.0, "deg": math.pi / 180, "m": 1.0, "mm": 1e-3}
+"""Of each unit of position, and with /s of velocity [rad or m]; counts have none of their own."""
 JOINT_TYPES: dict[str, str] = {
-    "rad": "revolute",
-    "deg": "revolute",
-    "rad/s": "revolute",
-    "deg/s": "revolute",
-    "rpm": "revolute",
-    "N m": "revolute",
-    "m": "prismatic",
-    "mm": "prismatic",
-    "m/s": "prismatic",
-    "mm/s": "prismatic",
-    "N": "prismatic",
+    **dict.fromkeys(("rad", "deg", "rad/s", "deg/s", "rpm", "N m"), "revolute"),
+    **dict.fromkeys(("m", "mm", "m/s", "mm/s", "N"), "prismatic"),
 }
 """Type of the joints that a unit suits, on the joint side; units that are not here suit both."""
 NEEDS_GAIN = ("A", "V", "per mille")
@@ -57,4 +40,4 @@ def position_factor(unit: str, per_unit: float | None) -> float:
     if unit.startswith("counts"):
         assert per_unit is not None  # noqa: S101 - the map is refused without it
         return per_unit
-    return POSITIONS[unit] if unit in POSITIONS else VELOCITIES[unit]
+    return math.pi / 30 if unit == "rpm" else LENGTHS[unit.removesuffix("/s")]

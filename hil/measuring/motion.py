@@ -10,9 +10,9 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from drivers.drive_bus import Move
-from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.measuring.checks.encoder_jumps import finished
 from hil.measuring.streaming import stream
-from hil.measuring.travel import locate, pass_along, resolution, stand, units, until_reached
+from hil.measuring.travel import locate, pass_along, stand, until_reached
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 from hil.runs.recording import IDLE, Recorder
 
@@ -67,9 +67,7 @@ def _record(
     recorder.stroke(IDLE)
     recorder.partner_stroke(IDLE)
     _rest(bus, recorder)
-    recording = recorder.finish()
-    refuse_jumps(recording, measurement.highest_acceleration, resolution(bus), units(bus))
-    return recording
+    return finished(bus, recorder, measurement.highest_acceleration)
 
 
 def rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[float, float]]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import DriveRefused, MoveFailed, StreamingBus
-from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.measuring.checks.encoder_jumps import finished
+from hil.measuring.travel import GRACE
 from hil.planning.strokes import REST
 from hil.runs.recording import Finding, Recorder
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from hil.planning.trajectory import Trajectory
     from hil.runs.recording import Recording
 
-GRACE = 5.0
-"""Time for settling before a trajectory counts as failed [s]."""
 ASTRAY = 0.05
 """How far an axis may be from its set-point at the same SYNC [rad or m]."""
 
@@ -48,15 +47,8 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
         if number in marks:
             recorder.group(marks[number])
         recorder.add(sample)
-    recording = recorder.finish()
     _, _, acceleration = trajectory.motion(np.linspace(0.0, trajectory.period, 1000))
-    refuse_jumps(
-        recording,
-        float(np.abs(acceleration).max()),
-        [axis.position_resolution for axis in bus.axes],
-        [axis.unit for axis in bus.axes],
-    )
-    return recording
+    return finished(bus, recorder, float(np.abs(acceleration).max()))
 
 
 def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:

@@ -12,7 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import LimitExceeded, Move, MoveFailed
-from hil.measuring.checks.encoder_jumps import refuse_jumps
+from hil.measuring.checks.encoder_jumps import finished
 from hil.planning.path_clearance import refuse_travel
 from hil.planning.timetable import travel_time
 from hil.planning.workspace import narrowed
@@ -102,7 +102,7 @@ def travel(
     recorder = Recorder()
     last = until_reached(bus, recorder.add, here.time, expected, "travel")
     highest = max(move.acceleration for move in moves.values())
-    refuse_jumps(recorder.finish(), highest, resolution(bus), units(bus))
+    finished(bus, recorder, highest)
     return last
 
 
@@ -120,7 +120,7 @@ def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Samp
     begin = locate(bus).time
     bus.move({index: Move(profile.end, profile.velocity, profile.acceleration)})
     last = until_reached(bus, recorder.add, begin, profile.duration, what)
-    refuse_jumps(recorder.finish(), profile.acceleration, resolution(bus), units(bus))
+    finished(bus, recorder, profile.acceleration)
     return last
 
 
@@ -160,16 +160,6 @@ def until_reached(
                 f" {expected:.3g} s; see whether an axis is blocked or its position window and"
                 " velocity limit are too small"
             )
-
-
-def resolution(bus: DriveBus) -> list[float]:
-    """Steps of the encoders [rad or m]."""
-    return [axis.position_resolution for axis in bus.axes]
-
-
-def units(bus: DriveBus) -> list[str]:
-    """Units of the axes' positions."""
-    return [axis.unit for axis in bus.axes]
 
 
 def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> None:

@@ -25,7 +25,6 @@ import numpy as np
 from hil.model.added_parameters import added_unit, merge_added
 from hil.model.dependencies import Dependencies, find_dependencies, influences
 from hil.model.frames import parameter_map
-from hil.model.link_poses import symbolic_link_pose
 from hil.model.polynomial import Combination, Polynomial, add, combine, scale, text
 from hil.model.transfer import transfers
 
@@ -152,7 +151,7 @@ def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
             for k in range(10)
             if k not in given
         ]
-        received = combine(parameter_map(symbolic_link_pose(robot, link)), removed)
+        received = combine(parameter_map(robot.symbolic_link_pose(link)), removed)
     rows.sort(key=lambda row: row[0])
     return [head for head, _ in rows], [row for _, row in rows]
 

@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.link_poses import link_pose
-
 if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.robot import Robot
@@ -86,7 +84,7 @@ def segments(robot: Robot, q: Array) -> Array:
     rotation, origin = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
     placed = np.empty((len(q), robot.n_joints, 2, 3))
     for link in range(robot.n_joints):
-        pose = link_pose(robot, link)
+        pose = robot.link_pose(link)
         turn, shift = _motion(robot, link, q[:, link])
         shift = pose[:3, 3] + shift @ pose[:3, :3].T
         origin = origin + np.einsum("nij,nj->ni", rotation, shift)
@@ -112,7 +110,7 @@ def _motion(robot: Robot, joint: int, q: Array) -> tuple[Array, Array]:
 def _default(robot: Robot, link: int) -> Array:
     if link + 1 == robot.n_joints:
         return np.zeros((2, 3))
-    return np.array([[0.0, 0.0, 0.0], link_pose(robot, link + 1)[:3, 3]])
+    return np.array([[0.0, 0.0, 0.0], robot.link_pose(link + 1)[:3, 3]])
 
 
 def _reach(robot: Robot, ends: Array, link: int, joint: int) -> float:

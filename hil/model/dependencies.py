@@ -23,7 +23,6 @@ import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
 from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion
-from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -130,7 +129,7 @@ def _pose_at(robot: Robot, link: int, q: float) -> Array:
         motion[:2, :2] = [[c, -s], [s, c]]
     else:
         motion[2, 3] = q
-    return link_pose(robot, link) @ motion
+    return robot.link_pose(link) @ motion
 
 
 def _occurs(coefficients: Array) -> Mask:

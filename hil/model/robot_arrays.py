@@ -10,16 +10,36 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, USUAL_UNCERTAINTY, Drive
+from hil.model.frames import pose_of
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile, split_tie
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Any
+
+    from numpy.typing import NDArray
 
     from hil.arrays import Array, Mask
 
 
 _SPRINGS = {"linear": "k", "cosine": "kc", "sine": "ks"}
+
+
+def _per_joint(value: Callable[[Joint], float | str]) -> cached_property[Array]:
+    """A read-only array of what a joint states, NaN where it is unknown; shape (n_joints,)."""
+    return cached_property(
+        lambda robot: _read_only([_number(value(joint)) for joint in robot.file.joints])
+    )
+
+
+def _per_drive(value: Callable[[Drive], float | str]) -> cached_property[Array]:
+    """The same of its drive train."""
+    return _per_joint(lambda joint: value(joint.drive or NO_DRIVE))
+
+
+def _number(stated: float | str) -> float:
+    return math.nan if stated == UNKNOWN else float(stated)
 
 
 class MotorCoupling(NamedTuple):
@@ -91,15 +111,10 @@ class RobotArrays:
         units = dict.fromkeys(self.position_unit(axis) for axis in range(self.n_joints))
         return " or ".join(units)
 
-    @cached_property
-    def alpha(self) -> Array:
-        """Angles between successive axes [rad]."""
-        return self._array(lambda joint: joint.frame.alpha)
-
-    @cached_property
-    def theta(self) -> Array:
-        """Angles about the axes; q adds to those of revolute joints [rad]."""
-        return self._array(lambda joint: joint.frame.theta)
+    alpha = _per_joint(lambda joint: joint.frame.alpha)
+    """Angles between successive axes [rad]."""
+    theta = _per_joint(lambda joint: joint.frame.theta)
+    """Angles about the axes; q adds to those of revolute joints [rad]."""
 
     @cached_property
     def d(self) -> Array:
@@ -121,30 +136,16 @@ class RobotArrays:
         """`r` in the names of lengths."""
         return tuple(parse(joint.frame.r) for joint in self.file.joints)
 
-    @cached_property
-    def q_min(self) -> Array:
-        """Lower ends of the joints' ranges [rad]."""
-        return self._array(lambda joint: joint.q_min)
-
-    @cached_property
-    def q_max(self) -> Array:
-        """Upper ends of the joints' ranges [rad]."""
-        return self._array(lambda joint: joint.q_max)
-
-    @cached_property
-    def velocity_limit(self) -> Array:
-        """Greatest speeds [rad/s]; NaN where the file leaves them unknown."""
-        return self._array(lambda joint: joint.velocity_limit)
-
-    @cached_property
-    def acceleration_limit(self) -> Array:
-        """Greatest accelerations [rad/s^2]; NaN where unknown."""
-        return self._array(lambda joint: joint.acceleration_limit)
-
-    @cached_property
-    def torque_limit(self) -> Array:
-        """Greatest joint torques [N m]; NaN where unknown."""
-        return self._array(lambda joint: joint.torque_limit)
+    q_min = _per_joint(lambda joint: joint.q_min)
+    """Lower ends of the joints' ranges [rad]."""
+    q_max = _per_joint(lambda joint: joint.q_max)
+    """Upper ends of the joints' ranges [rad]."""
+    velocity_limit = _per_joint(lambda joint: joint.velocity_limit)
+    """Greatest speeds [rad/s]; NaN where the file leaves them unknown."""
+    acceleration_limit = _per_joint(lambda joint: joint.acceleration_limit)
+    """Greatest accelerations [rad/s^2]; NaN where unknown."""
+    torque_limit = _per_joint(lambda joint: joint.torque_limit)
+    """Greatest joint torques [N m]; NaN where unknown."""
 
     @property
     def limits_known(self) -> bool:
@@ -152,15 +153,10 @@ class RobotArrays:
         limits = self.velocity_limit, self.acceleration_limit, self.torque_limit
         return all(np.isfinite(limit).all() for limit in limits)
 
-    @cached_property
-    def gear_ratio(self) -> Array:
-        """Motor turns per joint turn; NaN where unknown."""
-        return self._drives(lambda drive: drive.gear_ratio)
-
-    @cached_property
-    def rotor_inertia(self) -> Array:
-        """Motor inertias, motor side [kg m^2]; NaN where unknown."""
-        return self._drives(lambda drive: drive.rotor_inertia)
+    gear_ratio = _per_drive(lambda drive: drive.gear_ratio)
+    """Motor turns per joint turn; NaN where unknown."""
+    rotor_inertia = _per_drive(lambda drive: drive.rotor_inertia)
+    """Motor inertias, motor side [kg m^2]; NaN where unknown."""
 
     @cached_property
     def rotor_inertia_unknown(self) -> Mask:
@@ -172,25 +168,14 @@ class RobotArrays:
         """Known motor inertias as the joints feel them [kg m^2]; 0 where unknown."""
         return _read_only(np.nan_to_num(self.gear_ratio**2 * self.rotor_inertia))
 
-    @cached_property
-    def torque_constant(self) -> Array:
-        """Motor torque per current [N m/A]; NaN where unknown."""
-        return self._drives(lambda drive: drive.torque_constant)
-
-    @cached_property
-    def encoder_resolution(self) -> Array:
-        """Increments per turn of the motors; NaN where they are not stated."""
-        return self._drives(lambda drive: drive.encoder_resolution or UNKNOWN)
-
-    @cached_property
-    def rotor_inertia_uncertainty(self) -> Array:
-        """Relative standard deviations of `rotor_inertia`."""
-        return self._drives(lambda drive: drive.rotor_inertia_uncertainty)
-
-    @cached_property
-    def torque_constant_uncertainty(self) -> Array:
-        """Relative standard deviations of `torque_constant`."""
-        return self._drives(lambda drive: drive.torque_constant_uncertainty)
+    torque_constant = _per_drive(lambda drive: drive.torque_constant)
+    """Motor torque per current [N m/A]; NaN where unknown."""
+    encoder_resolution = _per_drive(lambda drive: drive.encoder_resolution or UNKNOWN)
+    """Increments per turn of the motors; NaN where they are not stated."""
+    rotor_inertia_uncertainty = _per_drive(lambda drive: drive.rotor_inertia_uncertainty)
+    """Relative standard deviations of `rotor_inertia`."""
+    torque_constant_uncertainty = _per_drive(lambda drive: drive.torque_constant_uncertainty)
+    """Relative standard deviations of `torque_constant`."""
 
     @cached_property
     def stated_uncertainty(self) -> Array:
@@ -225,6 +210,24 @@ class RobotArrays:
             turns[motor, joint] += ratio
         return _read_only(self.gear_ratio[:, np.newaxis] * turns)
 
+    def link_pose(self, joint: int) -> Array:
+        """Pose of frame j in frame j-1 at q_j + theta_j = 0 (revolute) or q_j = 0 (prismatic)."""
+        return self._pose(joint, self.d[joint], self.r[joint])
+
+    def symbolic_link_pose(self, joint: int) -> NDArray[np.object_]:
+        """`link_pose` with entries that are polynomials in the lengths' names."""
+        pose = self._pose(joint, self.d_expressions[joint], self.r_expressions[joint])
+        lifted = [x if isinstance(x, Polynomial) else Polynomial.constant(x) for x in pose.flat]
+        return np.array(lifted, dtype=object).reshape(4, 4)
+
+    def zero_pose(self, joint: int) -> Array:
+        """Pose of frame j in frame j-1 at q_j = 0, shape (4, 4)."""
+        return pose_of(self.alpha[joint], self.d[joint], self.theta[joint], self.r[joint])
+
+    def _pose(self, joint: int, d: Any, r: Any) -> NDArray[Any]:
+        theta = 0.0 if self.revolute[joint] else self.theta[joint]
+        return pose_of(self.alpha[joint], d, theta, r)
+
     @cached_property
     def link_parameters(self) -> tuple[str, ...]:
         """Names of all ten parameters of every link, eq. (5): ``Ixx1`` to ``m<n>``."""
@@ -255,16 +258,6 @@ class RobotArrays:
     def ties(self) -> dict[str, str]:
         """From each tied standard parameter to the one whose value it has."""
         return dict(split_tie(tie) for tie in self.file.ties)
-
-    def _array(self, value: Callable[[Joint], float | str]) -> Array:
-        return _read_only([_number(value(joint)) for joint in self.file.joints])
-
-    def _drives(self, value: Callable[[Drive], float | str]) -> Array:
-        return self._array(lambda joint: value(joint.drive or NO_DRIVE))
-
-
-def _number(stated: float | str) -> float:
-    return math.nan if stated == UNKNOWN else float(stated)
 
 
 def _read_only(values: object) -> Array:

@@ -38,7 +38,6 @@ from hil.model.frames import (
     parameter_map,
     parameter_rate,
 )
-from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
     from hil.arrays import Array
@@ -75,7 +74,7 @@ def transfers(robot: Robot) -> list[Transfer]:
     felt[0, 6:9] = robot.gravity
     found = []
     for joint in range(robot.n_joints):
-        pose = link_pose(robot, joint)
+        pose = robot.link_pose(joint)
         generator, axis = joint_motion(bool(robot.revolute[joint]))
         velocities = _krylov(velocities @ adjoint(inverse(pose)).T, adjoint_rate(generator).T)
         velocities = _span(np.vstack([velocities, axis]))

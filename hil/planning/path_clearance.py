@@ -17,6 +17,7 @@ import numpy as np
 from drivers.drive_bus import LimitExceeded
 from hil.model.capsules import capsules
 from hil.planning.clearance import find_hits
+from hil.planning.timetable import travels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
 
-
-SKEW = 0.02
-"""Axes that are sent at once may be this far apart in time [s]."""
 
 _IN_A_PLAN = (
     "plan again with --workspace, choose another configuration or order, or correct box or capsule"
@@ -51,40 +49,6 @@ class JointBoxes:
         """Return the parameters, which are the joints' coordinates."""
         del owner
         return parameters
-
-
-class Travels:
-    """Trapezoids of all axes at once, passed by time.
-
-    Parameters
-    ----------
-    start, end : array (n, n_joints)
-        Where each travel begins and ends [rad or m].
-    velocity, acceleration : array (n_joints,)
-        Of its axes [rad/s, rad/s^2].
-    """
-
-    slack = SKEW
-
-    def __init__(self, start: Array, end: Array, velocity: Array, acceleration: Array) -> None:
-        self._start = start
-        self._way = end - start
-        self._acceleration = acceleration
-        distance = np.abs(self._way)
-        self._peak = np.minimum(velocity, np.sqrt(distance * acceleration))
-        self._ramp = self._peak / acceleration
-        cruise = np.divide(distance, self._peak, out=np.zeros_like(distance), where=self._peak > 0)
-        self._duration = cruise + self._ramp
-        self.high = self._duration.max(axis=1, keepdims=True)
-        self.low = np.zeros_like(self.high)
-
-    def at(self, owner: Indices, parameters: Array) -> Array:
-        """Configurations at times (n, 1) since the set-points [s]."""
-        duration, ramp = self._duration[owner], self._ramp[owner]
-        t = np.clip(parameters, 0.0, duration)
-        rising, falling = np.minimum(t, ramp), np.maximum(t - duration + ramp, 0.0)
-        way = self._acceleration * (rising**2 - falling**2) / 2 + self._peak[owner] * (t - rising)
-        return np.asarray(self._start[owner] + np.sign(self._way[owner]) * way)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,11 +130,6 @@ def _on_path(number: int, path: Array, plan: Plan, robot: Robot) -> dict[int, Hi
 
 def _ends(measurements: Sequence[Measurement]) -> tuple[Array, Array]:
     return np.array([m.start for m in measurements]), np.array([m.end for m in measurements])
-
-
-def travels(start: Array, end: Array, fraction: float, robot: Robot) -> Travels:
-    """Travels between configurations (n, n_joints) at a share of the robot's limits."""
-    return Travels(start, end, fraction * robot.velocity_limit, fraction * robot.acceleration_limit)
 
 
 def _on_travels(

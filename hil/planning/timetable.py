@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.trapezoid import Trapezoid
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
 
 
+SKEW = 0.02
+"""Axes that are sent at once may be this far apart in time [s]."""
 SETTLING = 0.3
 """Expected time from the end of a travel's profile until all axes stand still [s]."""
 
@@ -32,6 +32,45 @@ class Entry:
     measurement: Measurement
     travel: float
     duration: float
+
+
+class Travels:
+    """Trapezoids of all axes at once, passed by time.
+
+    Parameters
+    ----------
+    start, end : array (n, n_joints)
+        Where each travel begins and ends [rad or m].
+    velocity, acceleration : array (n_joints,)
+        Of its axes [rad/s, rad/s^2].
+    """
+
+    slack = SKEW
+
+    def __init__(self, start: Array, end: Array, velocity: Array, acceleration: Array) -> None:
+        self._start = start
+        self._way = end - start
+        self._acceleration = acceleration
+        distance = np.abs(self._way)
+        self._peak = np.minimum(velocity, np.sqrt(distance * acceleration))
+        self._ramp = self._peak / acceleration
+        cruise = np.divide(distance, self._peak, out=np.zeros_like(distance), where=self._peak > 0)
+        self._duration = cruise + self._ramp
+        self.high = self._duration.max(axis=1, keepdims=True)
+        self.low = np.zeros_like(self.high)
+
+    def at(self, owner: Indices, parameters: Array) -> Array:
+        """Configurations at times (n, 1) since the set-points [s]."""
+        duration, ramp = self._duration[owner], self._ramp[owner]
+        t = np.clip(parameters, 0.0, duration)
+        rising, falling = np.minimum(t, ramp), np.maximum(t - duration + ramp, 0.0)
+        way = self._acceleration * (rising**2 - falling**2) / 2 + self._peak[owner] * (t - rising)
+        return np.asarray(self._start[owner] + np.sign(self._way[owner]) * way)
+
+
+def travels(start: Array, end: Array, fraction: float, robot: Robot) -> Travels:
+    """Travels between configurations (n, n_joints) at a share of the robot's limits."""
+    return Travels(start, end, fraction * robot.velocity_limit, fraction * robot.acceleration_limit)
 
 
 def travel_time(
@@ -46,26 +85,12 @@ def travel_time(
     fraction : float
         Share of each axis's velocity and acceleration limits.
     """
-    return max(
-        Trapezoid(a, b, fraction * float(v), fraction * float(acc)).duration
-        for a, b, v, acc in zip(
-            start, end, robot.velocity_limit, robot.acceleration_limit, strict=True
-        )
-    )
+    return float(travel_times(robot, np.array(start), np.array([end]), fraction)[0])
 
 
 def travel_times(robot: Robot, start: Array, ends: Array, fraction: float) -> Array:
-    """Duration of moving all axes at once from `start` to each of `ends` [s].
-
-    As `travel_time`, for many at a time; shape (n,).
-    """
-    velocity, acceleration = fraction * robot.velocity_limit, fraction * robot.acceleration_limit
-    way = np.abs(ends - start)
-    peak = np.minimum(velocity, np.sqrt(way * acceleration))
-    moving = way > 0
-    durations = np.divide(way, peak, out=np.zeros_like(way), where=moving) + peak / acceleration
-    longest: Array = durations.max(axis=1)
-    return longest
+    """The same from `start` to each of `ends`, shape (n,)."""
+    return travels(start, ends, fraction, robot).high[:, 0]
 
 
 def timetable(

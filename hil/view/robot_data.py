@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.capsules import capsules, reaches
-from hil.model.link_poses import zero_pose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +51,7 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
     shapes = capsules(robot)
     return {
         "revolute": bool(robot.revolute[joint]),
-        "before": (zero_pose(robot, joint).ravel() + 0.0).tolist(),  # no -0.0
+        "before": (robot.zero_pose(joint).ravel() + 0.0).tolist(),  # no -0.0
         "lower": float(robot.q_min[joint]),
         "upper": float(robot.q_max[joint]),
         "velocity": _known(robot.velocity_limit[joint]),

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.frames import body_parameters
-from hil.model.link_poses import link_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,7 +44,7 @@ def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
     reach = reach_of(robot)
     end = np.array([0.0, 0.0, 0.1 * reach])
     if link + 1 < robot.n_joints:
-        pose = link_pose(robot, link + 1)
+        pose = robot.link_pose(link + 1)
         middle = 0.0 if robot.revolute[link + 1] else (robot.q_min + robot.q_max)[link + 1] / 2
         end = pose[:3, 3] + middle * pose[:3, 2]
     length = float(np.linalg.norm(end))

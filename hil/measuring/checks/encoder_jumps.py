@@ -16,8 +16,9 @@ from drivers.drive_bus import Tripped
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from drivers.drive_bus import DriveBus
     from hil.arrays import Array
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Recorder, Recording
 
 TIMES = 5.0
 """A jump is that many times what acceleration, and what is usual in this motion, account for."""
@@ -27,6 +28,14 @@ USUAL = 99.0
 
 EVEN = 1e-6
 """SYNCs are even when no two intervals differ by more [s]; then speed cannot look like a bend."""
+
+
+def finished(bus: DriveBus, recorder: Recorder, acceleration: float) -> Recording:
+    """Turn what was recorded of a motion into arrays; see `refuse_jumps`."""
+    recording = recorder.finish()
+    resolution, units = [a.position_resolution for a in bus.axes], [a.unit for a in bus.axes]
+    refuse_jumps(recording, acceleration, resolution, units)
+    return recording
 
 
 def refuse_jumps(

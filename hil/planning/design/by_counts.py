@@ -22,10 +22,9 @@ import numpy as np
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
-from hil.planning.design.tour import guarded_tour
+from hil.planning.design.tour import guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import Plan, PlannedRobot, WarmUp
-from hil.planning.timetable import travel_times
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
@@ -87,9 +86,11 @@ def design(
             elements = ELEMENTS[name](guarded, list(columns))
             usual = max(COUNTS[name], OF_A_PARAMETER * len(columns))
             chosen = _choose(guarded, elements, (counts or {}).get(name), usual, workspace)
+            middle = (guarded.q_min + guarded.q_max) / 2
+            order = nearest_first(guarded, middle, np.array([q for _, q, _ in chosen]), TRAVEL)
             measurements += [
                 element.measure(f"{kind.letter}{k:02d}", q, number)
-                for k, (element, q, number) in enumerate(_tour(guarded, chosen), start=1)
+                for k, (element, q, number) in enumerate((chosen[i] for i in order), start=1)
             ]
     if workspace:
         measurements = guarded_tour(guarded, workspace, measurements, TRAVEL)
@@ -212,15 +213,3 @@ def _divided(held: Sequence[int], count: int) -> list[int]:
     for i in by_rest[: count - sum(shares)]:
         shares[i] += 1
     return shares
-
-
-def _tour(robot: Robot, chosen: Sequence[Chosen]) -> list[Chosen]:
-    """Order by nearest neighbour in travel time, beginning nearest to the middle of the ranges."""
-    places = np.array([q for _, q, _ in chosen])
-    here, left, tour = (robot.q_min + robot.q_max) / 2, list(range(len(chosen))), []
-    while left:
-        times = travel_times(robot, here, places[left], TRAVEL)
-        nearest = left.pop(int(np.argmin(times)))
-        tour.append(chosen[nearest])
-        here = places[nearest]
-    return tour

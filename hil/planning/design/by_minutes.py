@@ -26,9 +26,9 @@ import numpy as np
 from hil.planning.design.by_counts import TRAVEL, as_plan, greedy, places
 from hil.planning.design.candidates import pool, trajectories, weighed
 from hil.planning.design.selection import Selection
-from hil.planning.design.tour import guarded_tour
+from hil.planning.design.tour import guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, without_law
-from hil.planning.timetable import timetable, travel_times
+from hil.planning.timetable import timetable
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def _filled(
     fitting = chosen[: _how_many(robot, chosen, least, budget)]
     if workspace:
         return _guarded(robot, workspace, fitting, least, budget)
-    return nearest_first(robot, _merged(fitting))
+    return ordered(robot, _merged(fitting))
 
 
 def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
@@ -225,7 +225,7 @@ def _how_many(
     ValueError
         Not even `least` of them.
     """
-    needed = lasting(robot, nearest_first(robot, _merged(chosen[:least])))
+    needed = lasting(robot, ordered(robot, _merged(chosen[:least])))
     if needed > budget:
         raise ValueError(
             f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
@@ -234,7 +234,7 @@ def _how_many(
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:
         middle = (fits + exceeds) // 2
-        if lasting(robot, nearest_first(robot, _merged(chosen[:middle]))) > budget:
+        if lasting(robot, ordered(robot, _merged(chosen[:middle]))) > budget:
             exceeds = middle
         else:
             fits = middle
@@ -258,20 +258,13 @@ def _guarded(
         fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
-def nearest_first(
+def ordered(
     robot: Robot, measurements: Sequence[ParameterMeasurement]
 ) -> list[ParameterMeasurement]:
     """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
     starts = np.array([measurement.start for measurement in measurements])
-    left = np.ones(len(starts), dtype=bool)
-    here, tour = np.zeros(robot.n_joints), []
-    for _ in measurements:
-        times = travel_times(robot, here, starts, TRAVEL)
-        nearest = int(np.argmin(np.where(left, times, np.inf)))
-        left[nearest] = False
-        here = starts[nearest]
-        tour.append(measurements[nearest])
-    return tour
+    order = nearest_first(robot, np.zeros(robot.n_joints), starts, TRAVEL)
+    return [measurements[number] for number in order]
 
 
 def lasting(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> float:

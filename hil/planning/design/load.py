@@ -25,7 +25,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.planning.design.by_counts import TRAVEL, as_plan
-from hil.planning.design.by_minutes import lasting, nearest_first, numbered
+from hil.planning.design.by_minutes import lasting, numbered, ordered
 from hil.planning.design.candidates import judged
 from hil.planning.design.tour import guarded_tour
 from hil.planning.prediction.information import forecast
@@ -199,7 +199,7 @@ def _order(
 ) -> list[ParameterMeasurement]:
     if workspace:
         return guarded_tour(robot, workspace, chosen, TRAVEL)
-    return nearest_first(robot, chosen)
+    return ordered(robot, chosen)
 
 
 def embedded(worth: Worth, E: Array) -> Array:

@@ -1,7 +1,8 @@
-"""An order of measurements in which every travel keeps clear of the forbidden boxes.
+"""An order of measurements: from each the nearest one is next.
 
-From each configuration the nearest one is next that a clear travel leads to. Those that nothing led
-to are put in afterwards, between two measurements where both ways are clear.
+In a guarded workspace every travel keeps clear of the forbidden boxes: from each configuration the
+nearest one is next that a clear travel leads to. Those that nothing led to are put in afterwards,
+between two measurements where both ways are clear.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from hil.planning.clearance import are_clear
-from hil.planning.path_clearance import travels
+from hil.planning.timetable import travel_times, travels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
-    from hil.planning.path_clearance import Travels
+    from hil.planning.timetable import Travels
     from hil.planning.workspace import Workspace
 
 
@@ -30,6 +31,19 @@ _AT_ONCE = 4
 
 _BEGINNINGS = 8
 """Measurements that are tried as the first one."""
+
+
+def nearest_first(robot: Robot, here: Array, places: Array, fraction: float) -> list[int]:
+    """Numbers of `places` (n, n_joints), each the nearest in travel time to the one before.
+
+    The first is the one that is nearest to `here`.
+    """
+    left, tour = list(range(len(places))), list[int]()
+    while left:
+        times = travel_times(robot, here, places[left], fraction)
+        tour.append(left.pop(int(np.argmin(times))))
+        here = places[tour[-1]]
+    return tour
 
 
 def guarded_tour(
