@@ -69,14 +69,12 @@ class Comparison:
     @property
     def z(self) -> Array:
         """Errors over standard errors, shape (n_base,)."""
-        ratio: Array = self.error / self.standard_error
-        return ratio
+        return self.error / self.standard_error
 
     @property
     def inside(self) -> Mask:
         """Which intervals of 95 % hold the truth, shape (n_base,)."""
-        held: Mask = np.abs(self.error) <= self.half_width
-        return held
+        return np.abs(self.error) <= self.half_width
 
     @property
     def mean_torque_error(self) -> float:
@@ -209,8 +207,7 @@ def _torque_error(robot: Robot, error: Array, truth: Array) -> Array:
     """Relative errors of the torques that p predicts; they are linear in p."""
     torques = FreeTorques(robot)
     true = torques.rms(truth)
-    relative: Array = torques.rms(error) / np.where(true > 0, true, np.nan)
-    return relative
+    return torques.rms(error) / np.where(true > 0, true, np.nan)
 
 
 def _percent(share: float) -> str:

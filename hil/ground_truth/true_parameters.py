@@ -20,6 +20,7 @@ from hil.errors import Mismatch, UnknownName
 from hil.ground_truth.plant_file import Plant, find_plant, packaged_plants
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import influences
+from hil.model.frames import ROUNDED_OFF
 from hil.runs.journal import BusName
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
     Place = tuple[str | int, ...]
 
-_TOLERANCE = 1e-9
-"""Difference that rounding leaves: relative of torques, absolute of gravity [m/s^2] and frames."""
 _SAME_GEAR = 1e-6
 """Relative difference that digits of a file leave."""
 _REMEDY = "parameters of another machine cannot be compared"
@@ -84,7 +83,7 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
     rows = np.vstack([mass.reshape(-1, standard.size), gravity.reshape(-1, standard.size)])
     true = rows @ standard
     missed = np.abs(true - rows @ base_parameters(robot).placement @ p).max()
-    if missed > _TOLERANCE * np.abs(true).max():
+    if missed > ROUNDED_OFF * np.abs(true).max():
         names = robot.standard_parameters
         absent = [n for n, v in zip(names, standard, strict=True) if v and n not in robot.present]
         raise FileError(
@@ -120,7 +119,7 @@ def _differences(robot: Robot, plant: Plant) -> Iterator[tuple[Place, str]]:
             " of the plant that was measured",
         )
         return
-    if not np.allclose(plant.gravity, robot.gravity, atol=_TOLERANCE, rtol=0):
+    if not np.allclose(plant.gravity, robot.gravity, atol=ROUNDED_OFF, rtol=0):
         yield (
             ("gravity",),
             f"{_listed(plant.gravity)} m/s2 must be {_listed(robot.gravity)} m/s2, as the robot"
@@ -140,7 +139,7 @@ def _of_axis(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[Place, str
     frame = axis.frame
     there = (np.radians(frame.alpha_deg), frame.d, np.radians(frame.theta_deg), frame.r)
     stated = (robot.alpha[k], robot.d[k], robot.theta[k], robot.r[k])
-    if not np.allclose(there, stated, atol=_TOLERANCE, rtol=0):
+    if not np.allclose(there, stated, atol=ROUNDED_OFF, rtol=0):
         yield (
             ("axes", k, "frame"),
             f"alpha, d, theta, r = {_listed(there)} must be {_listed(stated)}, as the robot file"

@@ -123,8 +123,7 @@ def _roughness(q: Array, h: Array, period: float) -> Array:
 def distinct(time: Array, rows: Integers, period: float) -> Integers:
     """Rows without those that bear the stamp of the row before."""
     apart = np.diff(time[rows]) > SAME_STAMP * period
-    kept: Integers = rows[np.concatenate([[True], apart])]
-    return kept
+    return rows[np.concatenate([[True], apart])]
 
 
 def stretch_of(time: Array, rows: Integers, period: float, instants: Instants) -> Stretch:
@@ -189,10 +188,9 @@ def resampled(instants: Array, values: Array, grid: Array) -> Array:
     slopes = np.gradient(values, instants, axis=0, edge_order=min(2, len(instants) - 1))
     before, after = ((values[at], slopes[at] * h[:, None]) for at in (interval, interval + 1))
     u = u[:, None]
-    result: Array = (
+    return (
         (1 + 2 * u) * (1 - u) ** 2 * before[0]
         + u * (1 - u) ** 2 * before[1]
         + u**2 * (3 - 2 * u) * after[0]
         - u**2 * (1 - u) * after[1]
     )
-    return result

@@ -17,6 +17,7 @@ from hil.imports.evidence import Evidence, Suspicion
 from hil.imports.misread import misread_torques, range_suspicions, small_motion
 from hil.imports.model_shape import shape_suspicions
 from hil.model.dynamics import regressor
+from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,8 +36,6 @@ _NOISE = 1.0 - FITS
 _AGREES = 0.1
 _FRICTION_T = 6.0
 _NOTABLE = 0.02
-_ROUNDING = 1e-9
-"""Relative difference of values that interpolation has left alike."""
 _RANK = 1e-8
 
 
@@ -75,7 +74,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
     ways = np.ptp(evidence.q, axis=0)
     for joint, (way, moves) in enumerate(zip(ways, evidence.moves, strict=True)):
         at = ("joints", joint)
-        if np.ptp(evidence.tau[:, joint]) <= _ROUNDING * np.abs(evidence.tau[0, joint]) and moves:
+        if np.ptp(evidence.tau[:, joint]) <= ROUNDED_OFF * np.abs(evidence.tau[0, joint]) and moves:
             torque = evidence.tau[0, joint]
             yield Suspicion(
                 "still", (*at, "torque"), f"is {torque:g} throughout; name the column of its torque"

@@ -177,8 +177,7 @@ def added_torque(predict: Predict | None, q: Array, qd: Array, qdd: Array) -> Ar
     if predict is None:
         return np.zeros_like(q)
     tau = predict(q, qd, qdd)
-    added: Array = tau - tau[0]
-    return added
+    return tau - tau[0]
 
 
 def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict) -> None:

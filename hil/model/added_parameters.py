@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.model.frames import ROUNDED_OFF
 from hil.model.polynomial import Polynomial
 
 if TYPE_CHECKING:
@@ -26,10 +27,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.polynomial import Combination
     from hil.model.robot import Robot
-
-
-_EXACT = 1e-9
-"""Share of a parameter's effect that others may leave of it where they stand for it."""
 
 
 _SHAPES: dict[str, Callable[[Array], Array]] = {
@@ -140,12 +137,12 @@ def merge_added(robot: Robot, observed: Array, placement: Array) -> Merged:
     columns = []
     for k, effect in enumerate(observed[:, first:].T):
         w = np.linalg.lstsq(known, effect, rcond=None)[0] if known.shape[1] else np.zeros(0)
-        if np.linalg.norm(effect - known @ w) > _EXACT * np.linalg.norm(effect):
+        if np.linalg.norm(effect - known @ w) > ROUNDED_OFF * np.linalg.norm(effect):
             own.append(k)
             known = np.column_stack([known, effect])
             w = np.eye(known.shape[1])[-1]
         columns.append(w)
     weights = np.zeros((known.shape[1], len(columns)))
     for k, w in enumerate(columns):
-        weights[: len(w), k] = np.where(np.abs(w) > _EXACT, np.round(w, 9), 0.0)
+        weights[: len(w), k] = np.where(np.abs(w) > ROUNDED_OFF, np.round(w, 9), 0.0)
     return Merged(weights, tuple(own), first)

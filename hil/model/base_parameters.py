@@ -24,7 +24,7 @@ import numpy as np
 
 from hil.model.added_parameters import added_unit, merge_added
 from hil.model.dependencies import Dependencies, find_dependencies, influences
-from hil.model.frames import parameter_map
+from hil.model.frames import ROUNDED_OFF, parameter_map
 from hil.model.polynomial import Combination, Polynomial, add, combine, scale, text
 from hil.model.transfer import transfers
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-_RANK_TOLERANCE = 1e-9
 _UNITS = {"I": "kg m2", "s": "kg m", "m": "kg"}
 
 
@@ -201,7 +200,7 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     if not kept:
         return [], np.zeros((len(matrix), 0))
     dependence: Array = np.linalg.lstsq(matrix[kept].T, matrix.T, rcond=None)[0].T.astype(float)
-    dependence[np.abs(dependence) < _RANK_TOLERANCE] = 0.0
+    dependence[np.abs(dependence) < ROUNDED_OFF] = 0.0
     dependence[kept] = np.eye(len(kept))
     return kept, dependence
 
@@ -230,7 +229,7 @@ def _cross_check(
             " are two axes of the robot file almost, but not quite, parallel or square?"
         )
     error = np.abs(stated - observed @ placement @ matrix).max(initial=0.0)
-    if error > _RANK_TOLERANCE * np.abs(stated).max(initial=0.0):
+    if error > ROUNDED_OFF * np.abs(stated).max(initial=0.0):
         raise RegroupingFailed(f"{robot.name}: regrouped parameters miss the torque by {error:g}")
 
 
@@ -247,9 +246,9 @@ def _sparsity(robot: Robot) -> Array:
 def _rank(rows: Array) -> int:
     """Rank of `rows` scaled to unit length, zero rows apart."""
     norms = np.linalg.norm(rows, axis=1)
-    seen = norms > _RANK_TOLERANCE * norms.max(initial=0.0)
+    seen = norms > ROUNDED_OFF * norms.max(initial=0.0)
     values = np.linalg.svd(rows[seen] / norms[seen, None], compute_uv=False)
-    return int(np.sum(values > _RANK_TOLERANCE * values.max(initial=0.0)))
+    return int(np.sum(values > ROUNDED_OFF * values.max(initial=0.0)))
 
 
 def _read_only(array: Array) -> Array:

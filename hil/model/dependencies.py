@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
-from hil.model.frames import UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion
+from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -35,7 +35,6 @@ GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal
 In this order: the elements that show a group hold no parameters of the groups behind it.
 """
 
-_THRESHOLD = 1e-9
 _CONFIGURATIONS = 12
 _PART = 1e-6
 """Of a parameter in a direction, from which on it counts."""
@@ -135,18 +134,17 @@ def _pose_at(robot: Robot, link: int, q: float) -> Array:
 def _occurs(coefficients: Array) -> Mask:
     size = np.abs(coefficients)
     scale = size.max(initial=0.0)
-    found: Mask = (size > _THRESHOLD * scale).any(axis=0)
-    return found
+    return (size > ROUNDED_OFF * scale).any(axis=0)
 
 
 def _hidden(gravity: Array) -> Mask:
     """Parameters in directions that change no gravity torque by more than a constant."""
     size = np.sqrt(np.sum(gravity**2, axis=(0, 1)))
-    found: Mask = size > _THRESHOLD * size.max(initial=0.0)
+    found: Mask = size > ROUNDED_OFF * size.max(initial=0.0)
     if not found.any():
         return found
     varying = (gravity - gravity.mean(axis=0))[:, :, found] / size[found]
     _, values, directions = np.linalg.svd(varying.reshape(-1, int(found.sum())))
-    rank = int(np.sum(values > _THRESHOLD))
+    rank = int(np.sum(values > ROUNDED_OFF))
     found[found] = np.linalg.norm(directions[rank:], axis=0) > _PART
     return found

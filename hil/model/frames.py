@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 
 QUARTER = math.pi / 2
-_RIGHT_ANGLE = 1e-9
-"""An angle this near to a multiple of pi/2 is meant to be one [rad]."""
+ROUNDED_OFF = 1e-9
+"""Part of the largest, or angle [rad] and length [m], that counts as none: rounding leaves some
+1e-15 of what is added up, times the condition of a chain of some ten frames and six orders to
+spare; what a robot file means is farther apart, as its numbers have some six digits."""
 
 
 def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
@@ -47,7 +49,7 @@ def meant(angle: float, within: float) -> float:
 def cos_sin(angle: float) -> tuple[float, float]:
     """Cosine and sine, exactly 0 and +-1 at right angles."""
     quarters = round(angle / QUARTER)
-    if abs(angle - quarters * QUARTER) < _RIGHT_ANGLE:
+    if abs(angle - quarters * QUARTER) < ROUNDED_OFF:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
     return math.cos(angle), math.sin(angle)
 

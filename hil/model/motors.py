@@ -33,5 +33,4 @@ def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
 def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
     """H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m]."""
     del q, qd  # H is constant and diagonal and c_m vanishes, see the module
-    torque: Array = robot.reflected_inertia * np.asarray(qdd, dtype=np.float64)
-    return torque
+    return robot.reflected_inertia * np.asarray(qdd, dtype=np.float64)

@@ -128,5 +128,4 @@ def _power(wrench: Wrench, axes: Array) -> Array:
         sum(component * axes[k, part] for k, component in components)
         for part, components in enumerate(wrench)
     )
-    product: Array = np.asarray(moment + force, dtype=np.float64)
-    return product
+    return np.asarray(moment + force, dtype=np.float64)

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.frames import (
+    ROUNDED_OFF,
     UNIT_INERTIAS,
     adjoint,
     adjoint_rate,
@@ -43,9 +44,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.robot import Robot
 
-
-_TOLERANCE = 1e-9
-"""Singular values below this part of the largest count as zero."""
 
 _ELIMINATION_ORDER = (9, 8, 3, 4, 2, 1, 0, 5, 7, 6)
 """Parameters to give away first: m, sz, Iyy as Gautier and Khalil do, then whatever is left."""
@@ -99,12 +97,11 @@ def _krylov(rows: Array, step: Array) -> Array:
 def _span(rows: Array) -> Array:
     """Orthonormal basis of the rows' span."""
     norms = np.linalg.norm(rows, axis=1)
-    rows = rows[norms > _TOLERANCE] / norms[norms > _TOLERANCE, None]
+    rows = rows[norms > ROUNDED_OFF] / norms[norms > ROUNDED_OFF, None]
     if not len(rows):
         return rows
     _, values, basis = np.linalg.svd(rows, full_matrices=False)
-    spanning: Array = basis[values > _TOLERANCE * values[0]]
-    return spanning
+    return basis[values > ROUNDED_OFF * values[0]]
 
 
 def _null_space(rows: Array) -> Array:
@@ -121,7 +118,7 @@ def _echelon(basis: Array) -> Transfer:
         if rank == len(basis):
             break
         pivot = rank + int(np.argmax(np.abs(basis[rank:, column])))
-        if abs(basis[pivot, column]) < _TOLERANCE:
+        if abs(basis[pivot, column]) < ROUNDED_OFF:
             continue
         basis[[rank, pivot]] = basis[[pivot, rank]]
         basis[rank] /= basis[rank, column]
@@ -129,5 +126,5 @@ def _echelon(basis: Array) -> Transfer:
         basis[others] -= np.outer(basis[others, column], basis[rank])
         given.append(column)
     nearest = np.round(basis)
-    snapped = np.where(np.abs(basis - nearest) < _TOLERANCE, nearest, basis)
+    snapped = np.where(np.abs(basis - nearest) < ROUNDED_OFF, nearest, basis)
     return Transfer(snapped + 0.0, tuple(given))

@@ -28,7 +28,7 @@ TURN = 0.03
 """Expected time between the end of one stroke's profile and the start of the next [s]."""
 SETTLED = 0.2
 """Time after the creeping axis's ramp before its partner may start [s]."""
-PARTNER_TURN = 0.06
+PARTNER_TURN = 2 * TURN
 """Time for handshake and settling between a partner's profile and its next one [s]."""
 MARGIN = 0.1
 """Time after a ramp that does not count as constant velocity yet [s]."""

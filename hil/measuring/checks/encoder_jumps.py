@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import Tripped
+from hil.runs.journal import EXACT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,9 +26,6 @@ TIMES = 5.0
 
 USUAL = 99.0
 """Percentile of bends that counts as usual."""
-
-EVEN = 1e-6
-"""SYNCs are even when no two intervals differ by more [s]; then speed cannot look like a bend."""
 
 
 def finished(bus: DriveBus, recorder: Recorder, acceleration: float) -> Recording:
@@ -72,7 +70,7 @@ def refuse_jumps(
     least = np.maximum(resolution, acceleration * period**2)
     bounds = TIMES * np.maximum(_usual(bends), least)
     allowed = bounds + np.zeros_like(bends)
-    if np.ptp(intervals) > EVEN:
+    if np.ptp(intervals) > EXACT:  # else speed cannot look like a bend
         allowed += period * np.maximum(np.abs(speeds[1:]), np.abs(speeds[:-1]))
     jumps = np.argwhere(bends > allowed)
     if len(jumps):
@@ -90,5 +88,4 @@ def _usual(bends: Array) -> Array:
     """Return what bends of each axis are usual, missing samples left out."""
     filled = np.nan_to_num(bends)
     place = min(len(filled) - 1, int(len(filled) * USUAL / 100))
-    usual: Array = np.partition(filled, place, axis=0)[place]
-    return usual
+    return np.partition(filled, place, axis=0)[place]

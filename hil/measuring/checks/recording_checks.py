@@ -33,10 +33,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Finding", "check"]
 
-LOST = 0.01
-"""Share of SYNCs that may lack a telegram or be left out: the estimator leaves gaps out."""
-DISTURBED = 0.01
-"""Share of samples with doubled or late telegrams that is tolerated."""
+TOLERATED = 0.01
+"""Share of SYNCs that may lack a telegram or be left out, since the estimator leaves gaps out, and
+of samples with doubled or late telegrams."""
 CHANCE = 1e-6
 """Of a sound sensor to show so long a run."""
 
@@ -69,7 +68,7 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
     missing = int(np.any(recording.flags & SampleFlag.MISSING, axis=1).sum())
     periods = np.diff(recording.time) / np.median(np.diff(recording.time))
     left_out = int(np.sum(np.maximum(0, np.rint(periods) - 1)))
-    bound = max(1, int(LOST * (recording.n_samples + left_out)))
+    bound = max(1, int(TOLERATED * (recording.n_samples + left_out)))
     if missing + left_out > bound:
         axes = _axes(recording, SampleFlag.MISSING)
         lacking = f"{missing} of {recording.n_samples} samples lack a telegram of axis {axes}"
@@ -83,14 +82,14 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
         )
     bad = SampleFlag.DOUBLED | SampleFlag.LATE
     disturbed = float(np.any(recording.flags & bad, axis=1).mean())
-    if disturbed > DISTURBED:
+    if disturbed > TOLERATED:
         yield Finding(
             "telegrams",
             f"{disturbed:.1%} of the samples have doubled or late telegrams of axis"
-            f" {_axes(recording, bad)}, at most {DISTURBED:.0%} may; lower the bus load or sample"
+            f" {_axes(recording, bad)}, at most {TOLERATED:.0%} may; lower the bus load or sample"
             " more slowly",
             disturbed,
-            DISTURBED,
+            TOLERATED,
         )
 
 

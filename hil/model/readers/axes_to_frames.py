@@ -14,16 +14,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.model.frames import QUARTER, inverse, meant, pose_of
+from hil.model.frames import QUARTER, ROUNDED_OFF, inverse, meant, pose_of
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot_arrays import RobotArrays
 
-PARALLEL = 1e-9
-"""Sine of the angle between axes below which they are parallel, length that is none [m], and
-difference from a quarter turn that rounding leaves [rad]."""
 SAME = 1e-6
 """Difference up to which frames of a URDF are those of a robot file [rad, m]."""
 
@@ -70,7 +67,7 @@ def frames_of(chain: UrdfChain) -> Frames:
             normal, meets = _common_normal(points[j], z[j], points[j + 1], z[j + 1], origin)
             if normal is not None:
                 # the way round that turns least; the length between the axes may be negative
-                x, origin = (-normal if normal @ x < -PARALLEL else normal), meets
+                x, origin = (-normal if normal @ x < -ROUNDED_OFF else normal), meets
         else:
             x = placed[-1][:3, 0] if placed else x
         placed.append(_placed(origin, x, z[j]))
@@ -111,11 +108,11 @@ def _common_normal(
     """
     between = np.cross(z, other_z)
     sine = float(np.linalg.norm(between))
-    if sine < PARALLEL:
+    if sine < ROUNDED_OFF:
         apart = other - origin
         apart = apart - z * (apart @ z)
         length = float(np.linalg.norm(apart))
-        return (apart / length if length > PARALLEL else None), origin
+        return (apart / length if length > ROUNDED_OFF else None), origin
     normal = between / sine
     apart = other - p
     along = float(np.cross(apart, other_z) @ between) / sine**2
@@ -127,7 +124,7 @@ def _foot(frame: Array, p: Array, z: Array) -> Array:
     direction = frame[:3, 0]
     across = np.cross(direction, z)
     square = float(across @ across)
-    if square < PARALLEL**2:
+    if square < ROUNDED_OFF**2:
         return p
     along = float(np.cross(frame[:3, 3] - p, direction) @ -across) / square
     return p + along * z
@@ -158,7 +155,7 @@ def _parameters(step: Array) -> tuple[float, float, float, float]:
 
 
 def _clean_angle(angle: float) -> float:
-    exact = meant(angle, PARALLEL)
+    exact = meant(angle, ROUNDED_OFF)
     return QUARTER * 2 if exact == -QUARTER * 2 else exact + 0.0
 
 

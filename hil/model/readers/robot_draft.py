@@ -17,8 +17,8 @@ import numpy as np
 
 from checked_files.yaml_file import UNSTATED
 from hil.model.drive_train_file import UNKNOWN
-from hil.model.frames import QUARTER
-from hil.model.readers.axes_to_frames import PARALLEL, LimitedJoint, frames_of
+from hil.model.frames import QUARTER, ROUNDED_OFF
+from hil.model.readers.axes_to_frames import LimitedJoint, frames_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -36,8 +36,8 @@ _ABOUT_MARKS = (
     "# value. Leave out link parameters that symmetry makes zero: parameters: [Izz, m].",
     "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
 )
-FARTHEST = 12.566
-"""Either side of zero, where a URDF states no range [rad or m]."""
+FARTHEST = round(2 * math.tau, 3)
+"""Either side of zero, where a URDF states no range: two turns, in three digits [rad or m]."""
 
 
 def draft_robot(chain: UrdfChain, gravity: Sequence[float]) -> str:
@@ -144,7 +144,7 @@ class _Lengths:
         if not value:
             return "0"
         size = abs(value)
-        known = next((n for n, x in self._known.items() if abs(x - size) < PARALLEL), None)
+        known = next((n for n, x in self._known.items() if abs(x - size) < ROUNDED_OFF), None)
         if known is None:
             self._known[name] = size
         return ("-" if value < 0 else "") + (known or name)

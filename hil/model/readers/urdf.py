@@ -304,5 +304,4 @@ class UrdfReader:
 def _turned_about(axis: Array, angle: float) -> Array:
     """Rotation matrix by Rodrigues' formula; quarter turns about a coordinate axis are exact."""
     c, s = cos_sin(angle)
-    turned: Array = np.eye(3) * c + s * cross_matrix(axis) + (1.0 - c) * np.outer(axis, axis)
-    return turned
+    return np.eye(3) * c + s * cross_matrix(axis) + (1.0 - c) * np.outer(axis, axis)

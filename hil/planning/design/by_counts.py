@@ -43,7 +43,7 @@ COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
 """Measurements of each kind unless asked for: as long as the 64, 92 and 9 of section 8."""
 OF_A_PARAMETER = 3
 """Measurements at least for each parameter that a kind is to show, unless asked for otherwise."""
-TRAVEL = 0.3
+TRAVEL: float = Plan.model_fields["travel"].default
 """Share of the limits used between configurations."""
 SPACING = 0.06
 """Least distance between configurations in one joint at least, as part of its range."""
@@ -137,8 +137,7 @@ def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[in
 def places(robot: Robot, q: Array) -> Array:
     """Configurations in parts of the joints' ranges, without the joints that all share."""
     varied = np.ptp(q, axis=0) > 0
-    found: Array = (q / (robot.q_max - robot.q_min))[:, varied]
-    return found
+    return (q / (robot.q_max - robot.q_min))[:, varied]
 
 
 def _refuse_few(robot: Robot, counts: Mapping[str, int]) -> None:

@@ -28,6 +28,7 @@ from hil.planning.design.candidates import pool, trajectories, weighed
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, without_law
+from hil.planning.plan import Plan
 from hil.planning.timetable import timetable
 from hil.planning.workspace import narrowed
 
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
     from hil.planning.measurement import Measurement, ParameterMeasurement
-    from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
     from hil.planning.prediction.precision import Information
     from hil.planning.workspace import Workspace
@@ -50,9 +50,9 @@ CORE = 2
 """Measurements of its own kind for each parameter of a group."""
 OF_TRAJECTORIES = "t"
 """First letter of their ids."""
-SAMPLE_PERIOD = 0.004
-"""[s]"""
-CORE_BESIDE_TRAJECTORIES = 1
+SAMPLE_PERIOD: float = Plan.model_fields["sample_period"].default
+"""That of plans [s]."""
+CORE_BESIDE_TRAJECTORIES = CORE // 2
 """The same where trajectories are measured too."""
 _AHEAD = 1.15
 """Share of the budget up to which measurements are chosen before they are put in order."""

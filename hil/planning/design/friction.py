@@ -24,6 +24,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hil.planning.clearance import are_clear
+from hil.planning.design.measurable_elements import RANGE
+from hil.planning.design.standard_motions import RAMP_OF_CREEP
 from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Friction
 from hil.planning.path_clearance import JointBoxes
@@ -61,10 +63,6 @@ OPERATING_SPEEDS, OPERATING_SLOWEST = 10, 0.02
 CONTINUOUS = 0.5
 """Share of the speed limit in continuous motion."""
 
-RANGE = 0.95
-"""Share of the joint's range that a stroke may use."""
-RAMP = 0.2
-"""Duration of a ramp, where the limits allow [s]."""
 EASY, HARDEST = 0.4, 0.8
 """Shares of the acceleration limit: usually, and where the range is short."""
 WINDOW, SHORT_WINDOW = 1.0, 0.5
@@ -218,7 +216,9 @@ class _Bench:
     def _motion(self, axis: int, velocity: float) -> dict[str, Any]:
         """Stroke and acceleration at a speed."""
         room = self.room(axis)
-        acceleration = min(EASY * float(self._robot.acceleration_limit[axis]), velocity / RAMP)
+        acceleration = min(
+            EASY * float(self._robot.acceleration_limit[axis]), velocity / RAMP_OF_CREEP
+        )
         left = room - velocity * SHORT_WINDOW
         acceleration = max(acceleration, velocity**2 / left)
         turn = math.tau / float(self._robot.gear_ratio[axis]) + velocity * (WINDOW - SHORT_WINDOW)

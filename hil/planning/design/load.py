@@ -78,8 +78,7 @@ def of_load(information: Array, load: slice) -> Array:
     inside[load] = True
     across = information[np.ix_(inside, ~inside)]
     others = information[np.ix_(~inside, ~inside)]
-    left: Array = information[np.ix_(inside, inside)] - across @ np.linalg.solve(others, across.T)
-    return left
+    return information[np.ix_(inside, inside)] - across @ np.linalg.solve(others, across.T)
 
 
 def within_torque(

@@ -85,8 +85,7 @@ class Element:
         moved = q.copy()
         for i in set(self.axes):
             moved[i] += (number * GOLDEN % 1.0 - 0.5) * _turn(robot, i)
-        found: list[float] = moved.tolist()
-        return found
+        return moved.tolist()
 
 
 def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:
@@ -259,5 +258,4 @@ def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
         moved[joint, :, joint] -= 0.7 * half[joint]
     rows = row(moved.reshape(-1, n)).reshape(n + 1, len(base), -1)
     change = np.abs(rows[:n] - rows[n]).max(axis=(1, 2))
-    found: list[int] = np.flatnonzero(change > 1e-9 * np.abs(rows[n]).max()).tolist()
-    return found
+    return np.flatnonzero(change > 1e-9 * np.abs(rows[n]).max()).tolist()

@@ -125,8 +125,7 @@ class Selection:
         _, whole = np.linalg.slogdet(unit + worth @ inverse[np.ix_(at, at)])
         nuisance = worth[:, inner][:, :, inner] @ common[np.ix_(own, own)]
         _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
-        growth: Array = whole - part
-        return growth
+        return whole - part
 
     def _relief(self, at: Indices, worth: Array, inverse: Array) -> Array:
         """By which the variance of torques falls, as share of it."""
@@ -139,8 +138,7 @@ class Selection:
     def _costs(self) -> Array:
         """Duration of each option with the way to it [s]."""
         way = np.where(np.isfinite(self._way), self._way, 0.0)
-        costs: Array = self._durations + way + SETTLING
-        return costs
+        return self._durations + way + SETTLING
 
 
 def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:

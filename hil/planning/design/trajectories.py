@@ -317,8 +317,7 @@ def _slope(sizes: Array, criterion: ExcitationCriterion) -> Array:
     """Derivative of the criterion by each singular value."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "det":
-        found: Array = -2 / safe
-        return found
+        return -2 / safe
     slope = np.zeros(len(sizes))
     slope[-1] = -1 / safe[-1]
     if criterion == "condition":

@@ -48,7 +48,6 @@ TORQUE_NOISE = 0.0025
 FRICTION_WANDER = 0.001
 """Expected change of friction in a minute, as share of the torque limit: friction of a tenth of the
 limit that changes by a hundredth."""
-MINUTE = 60.0
 INERTIA = 0.5
 """Share of the torque limit that inertia takes at the acceleration limit; the rest is for gravity,
 friction and the other axes."""
@@ -117,21 +116,18 @@ class Noise:
             return np.zeros_like(self.torque)
         error = self.rounding**2 * float(np.sum(rounding_window(period) ** 2))
         square = (ACCELERATION * robot.acceleration_limit) ** 2 / 2
-        found: Array = error / (error + square)
-        return found
+        return error / (error + square)
 
     @property
     def variance(self) -> Array:
         """By whose reciprocal the estimator weights an axis, shape (n_joints,) [(N m)^2]."""
-        variance: Array = self.white * (1.0 + self.excess)
-        return variance
+        return self.white * (1.0 + self.excess)
 
     @property
     def of_accelerations(self) -> Array:
         """Variance of a position times the inertia, shape (n_joints,) [(rad kg m^2)^2]."""
         std = np.zeros_like(self.torque) if self.rounding is None else self.rounding * self.inertia
-        found: Array = std**2
-        return found
+        return std**2
 
     def sampled(self, robot: Robot, period: float) -> Noise:
         """The same where `robot` is sampled every `period` [s]."""
@@ -152,7 +148,7 @@ class Noise:
     @property
     def walk(self) -> Array:
         """Growth of the variance of the friction level, shape (n_joints,) [(N m)^2/s]."""
-        return self.wander**2 / MINUTE
+        return self.wander**2 / 60
 
 
 def stated_noise(

@@ -91,8 +91,7 @@ class Precision:
     @property
     def imprecise(self) -> Mask:
         """Which parameters are imprecise, shape (n_base,)."""
-        found: Mask = self.effect > IMPRECISE
-        return found
+        return self.effect > IMPRECISE
 
 
 def predict(
@@ -163,8 +162,7 @@ def scatter_of(share: Share, noise: Noise) -> Array:
     scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
     if noise.rounding is not None:
         scatter += noise.of_accelerations[axis] * share.rounding
-    weighted: Array = scatter / noise.variance[axis] ** 2
-    return weighted
+    return scatter / noise.variance[axis] ** 2
 
 
 def covariance(known: Information, n_base: int) -> Array:
@@ -192,5 +190,4 @@ def torque_scale(robot: Robot) -> Array:
         robot.velocity_limit * points[:, n : 2 * n],
         robot.acceleration_limit * points[:, 2 * n :],
     )
-    scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
-    return scale
+    return (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
