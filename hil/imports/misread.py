@@ -6,6 +6,7 @@ them; torques that are something else, and one thing twice.
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 from math import pi
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Suspicion
+from hil.runs.recording import CHANCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,8 +23,9 @@ if TYPE_CHECKING:
     from hil.imports.evidence import Evidence, Excerpt
     from hil.model.robot import Robot
 
-CHANCE = 20
-"""Samples just beside zero, all on one side of it: by chance one in a million."""
+TOUCHES = math.ceil(-math.log2(CHANCE))
+"""Samples just beside zero, all on one side of it, that are no chance: each is on either side as
+likely."""
 OFTEN, CLOSE = 0.95, 0.05
 """Share of the ordinary steps from sample to sample, and share of such a step that is just beside
 zero: so close that either side of it is as likely."""
@@ -80,7 +83,7 @@ def _without_sign(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
         parts = [excerpt.tau[:, joint] for excerpt in excerpts]
         if all(np.all(x >= 0) for x in parts) or all(np.all(x <= 0) for x in parts):
             found[joint] = sum(_touches(np.abs(x)) for x in parts)
-    if sum(found.values()) >= CHANCE:
+    if sum(found.values()) >= TOUCHES:
         joints = [joint for joint, times in found.items() if times]
         yield Suspicion(
             "still",

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Sample
     from hil.arrays import Array, Mask, Numbers
 
+CHANCE = 1e-6
+"""Of a sound recording to show what counts as wrong by chance alone."""
 IDLE = -1
 """Number of samples that belong to no stroke or group."""
 UNITS = {

@@ -19,7 +19,7 @@ import numpy as np
 from drivers.drive_bus import SampleFlag
 from hil.measuring.checks.stroke_checks import half_sums, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
-from hil.runs.recording import Finding
+from hil.runs.recording import CHANCE, Finding
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -36,9 +36,6 @@ __all__ = ["Finding", "check"]
 TOLERATED = 0.01
 """Share of SYNCs that may lack a telegram or be left out, since the estimator leaves gaps out, and
 of samples with doubled or late telegrams."""
-CHANCE = 1e-6
-"""Of a sound sensor to show so long a run."""
-
 RARE, OFTEN = 0.05, 0.9
 """Bounds of the share of equal neighbours that counts as the sensor's own."""
 
