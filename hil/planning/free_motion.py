@@ -59,7 +59,7 @@ class FreeMotion(FileModel):
     @property
     def moved(self) -> tuple[int, ...]:
         """Joint indices of the axes that move, from 0."""
-        return tuple(range(len(self.q))) if self.alone is None else (self.alone - 1,)
+        return self.read if self.alone is None else (self.alone - 1,)
 
     @property
     def read(self) -> tuple[int, ...]:

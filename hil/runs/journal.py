@@ -195,15 +195,7 @@ def was_simulated(stated: bool | None, bus: str) -> bool:
 
 def axis_records(axes: Sequence[AxisInfo]) -> tuple[Axis, ...]:
     """Keep what identifies the axes and how finely they measure."""
-    return tuple(
-        Axis(
-            name=axis.name,
-            identity=axis.identity,
-            torque_resolution=axis.torque_resolution,
-            position_resolution=axis.position_resolution,
-        )
-        for axis in axes
-    )
+    return tuple(Axis.model_validate(axis, from_attributes=True) for axis in axes)
 
 
 def now() -> str:

@@ -33,7 +33,7 @@ _READERS = (
     (ARRAYS, "arrays", "open_arrays"),
     ((".mat",), "arrays", "open_matlab"),
     (HDF5, "arrays", "open_hdf5"),
-    (PARQUET, "parquet", "open_parquet"),
+    (PARQUET, "arrays", "open_parquet"),
     (TEXT, "text", "open_text"),
 )
 """Endings, and the module and function that read such files."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -168,26 +168,3 @@ def _any_normal(z: Array) -> Array:
     unit = np.eye(3)[int(np.argmin(np.abs(z)))]
     normal = unit - z * (unit @ z)
     return np.asarray(normal / np.linalg.norm(normal))
-
-
-@dataclass(frozen=True, slots=True)
-class LimitedJoint:
-    """A joint; NaN is what is not known.
-
-    Attributes
-    ----------
-    name : str
-    type : {"revolute", "prismatic"}
-    lower, upper : float
-        Range [rad or m].
-    velocity, acceleration, effort : float
-        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
-    """
-
-    name: str
-    type: Literal["revolute", "prismatic"]
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    effort: float

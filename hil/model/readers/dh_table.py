@@ -32,8 +32,8 @@ from pydantic import Field, ValidationInfo, field_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
 from hil.model.frames import QUARTER, meant
 from hil.model.polynomial import parse
-from hil.model.readers.axes_to_frames import Frames, LimitedJoint
-from hil.model.readers.urdf import MOST_JOINTS, ROUNDED
+from hil.model.readers.axes_to_frames import Frames
+from hil.model.readers.urdf import MOST_JOINTS, ROUNDED, LimitedJoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

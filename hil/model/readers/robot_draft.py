@@ -18,7 +18,7 @@ import numpy as np
 from checked_files.yaml_file import UNSTATED
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
-from hil.model.readers.axes_to_frames import LimitedJoint, frames_of
+from hil.model.readers.axes_to_frames import frames_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.readers.axes_to_frames import Frames
     from hil.model.readers.dh_table import DhRobot
-    from hil.model.readers.urdf import UrdfChain, UrdfJoint
+    from hil.model.readers.urdf import LimitedJoint, UrdfChain
 
     _Rest = Callable[[LimitedJoint], Iterator[str]]
 
@@ -94,16 +94,7 @@ def robot_as_stated(chain: UrdfChain, gravity: Sequence[float]) -> str:
 def _of_chain(chain: UrdfChain, gravity: Sequence[float], title: Sequence[str], rest: _Rest) -> str:
     frames = frames_of(chain)
     in_frame_0 = frames.base[:3, :3].T @ np.asarray(gravity, dtype=float)
-    return _text(chain.robot, in_frame_0, title, [_limited(j) for j in chain.joints], frames, rest)
-
-
-def _limited(joint: UrdfJoint) -> LimitedJoint:
-    """What a URDF knows of a joint, in which 0 is no limit of speeds and efforts."""
-    velocity = joint.velocity if joint.velocity > 0 else math.nan
-    effort = joint.effort if joint.effort > 0 else math.nan
-    return LimitedJoint(
-        joint.name, joint.type, joint.lower, joint.upper, velocity, math.nan, effort
-    )
+    return _text(chain.robot, in_frame_0, title, chain.joints, frames, rest)
 
 
 def _text(

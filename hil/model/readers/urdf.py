@@ -34,32 +34,45 @@ MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prisma
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UrdfJoint:
-    """A joint of the chain.
+class LimitedJoint:
+    """A joint; NaN is what is not known.
 
     Attributes
     ----------
     name : str
+    type : {"revolute", "prismatic"}
+    lower, upper : float
+        Range [rad or m].
+    velocity, acceleration, effort : float
+        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
+    """
+
+    name: str
+    type: Literal["revolute", "prismatic"]
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    effort: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UrdfJoint(LimitedJoint):
+    """A joint of the chain; a URDF states no accelerations.
+
+    Attributes
+    ----------
     link : str
         Name of the link that it carries.
-    type : {"revolute", "prismatic"}
     before : ndarray, shape (4, 4)
         Its frame in that of the joint before (the first one's: in the base link) at q = 0.
     axis : ndarray, shape (3,)
         Unit vector in its frame.
-    lower, upper, velocity, effort : float
-        Limits as the file states them, NaN where it does not [rad, rad/s, N m, or m, m/s, N].
     """
 
-    name: str
     link: str
-    type: Literal["revolute", "prismatic"]
     before: Array
     axis: Array
-    lower: float
-    upper: float
-    velocity: float
-    effort: float
 
     def motion(self, q: float) -> Array:
         """Transform of its displacement by `q`, shape (4, 4)."""
@@ -259,8 +272,9 @@ class UrdfReader:
             axis=axis / length,
             lower=self._number(ranged, "lower"),
             upper=self._number(ranged, "upper"),
-            velocity=self._number(limit, "velocity"),
-            effort=self._number(limit, "effort"),
+            velocity=self._greatest(limit, "velocity"),
+            acceleration=math.nan,
+            effort=self._greatest(limit, "effort"),
         )
 
     def origin(self, element: Element) -> Array:
@@ -295,6 +309,11 @@ class UrdfReader:
                 raise self.file.wrong(element, f"{tag} {name!r} is no link of this file")
             ends.append(name)
         return UrdfEdge(element, *ends)
+
+    def _greatest(self, element: Element | None, key: str) -> float:
+        """A limit of speeds or efforts, for which 0 is none."""
+        stated = self._number(element, key)
+        return stated if stated > 0 else math.nan
 
     def _number(self, element: Element | None, key: str) -> float:
         found = None if element is None else self.file.numbers(element, key, 1)
