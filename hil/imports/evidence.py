@@ -136,7 +136,8 @@ class Evidence:
         noise_qd, noise_qdd = np.max(noises, axis=0)
         moves = moving([excerpt.extent for excerpt in excerpts])
         joined = map(np.concatenate, zip(*samples, strict=True))
-        return cls(*joined, noise_qd=noise_qd, noise_qdd=noise_qdd, moves=moves)
+        q, qd, qdd, tau, recorded_qd = joined
+        return cls(q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, moves)
 
 
 def _fitted(excerpt: Excerpt) -> tuple[tuple[Array, ...], Array]:

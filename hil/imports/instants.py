@@ -123,7 +123,7 @@ def _roughness(q: Array, h: Array, period: float) -> Array:
 def distinct(time: Array, rows: Integers, period: float) -> Integers:
     """Rows without those that bear the stamp of the row before."""
     apart = np.diff(time[rows]) > SAME_STAMP * period
-    return rows[np.concatenate([[True], apart])]
+    return np.asarray(rows[np.concatenate([[True], apart])])
 
 
 def stretch_of(time: Array, rows: Integers, period: float, instants: Instants) -> Stretch:
@@ -185,10 +185,10 @@ def resampled(instants: Array, values: Array, grid: Array) -> Array:
     interval = np.clip(np.searchsorted(instants, grid, side="right") - 1, 0, len(instants) - 2)
     h = np.diff(instants)[interval]
     u = np.clip((grid - instants[interval]) / h, 0.0, 1.0)
-    slopes = np.gradient(values, instants, axis=0, edge_order=min(2, len(instants) - 1))
+    slopes: Array = np.gradient(values, instants, axis=0, edge_order=2 if len(instants) > 2 else 1)
     before, after = ((values[at], slopes[at] * h[:, None]) for at in (interval, interval + 1))
     u = u[:, None]
-    return (
+    return np.asarray(
         (1 + 2 * u) * (1 - u) ** 2 * before[0]
         + u * (1 - u) ** 2 * before[1]
         + u**2 * (3 - 2 * u) * after[0]

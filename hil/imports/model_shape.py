@@ -182,9 +182,8 @@ def _of_gravity(robot: Robot, motion: Motion, tau: Array) -> Iterator[_Reading]:
 
 def _of_one_joint(robot: Robot, motion: Motion, tau: Array, joint: int) -> Iterator[_Reading]:
     q, qd, qdd = motion
-    at, name = ("joints", joint), f"joint {joint + 1}"
-    turned = np.ones(robot.n_joints)
-    turned[joint] = -1
+    at, name, own = ("joints", joint), f"joint {joint + 1}", np.arange(robot.n_joints) == joint
+    turned = np.where(own, -1.0, 1.0)
     message = f"the torques of {name} had the other sign"
     yield _Reading((*at, "torque", "sign"), message, motion, tau * turned)
     message = f"positions and torques of {name} had the other sign"
@@ -194,11 +193,10 @@ def _of_one_joint(robot: Robot, motion: Motion, tau: Array, joint: int) -> Itera
         return
     for factor, unit in _UNITS:
         if np.ptp(q[:, joint]) * factor < _WIDEST:
-            scaled = np.where(np.arange(robot.n_joints) == joint, factor, 1.0)
+            scaled = np.where(own, factor, 1.0)
             message = f"the positions of {name} were {unit}"
             read = (q * scaled, qd * scaled, qdd * scaled)
             yield _Reading((*at, "position", "unit"), message, read, tau)
     for turn, words in ((np.pi / 2, "pi/2"), (-np.pi / 2, "-pi/2"), (np.pi, "pi")):
-        shift = np.where(np.arange(robot.n_joints) == joint, turn, 0.0)
         message = f"the positions of {name} had {words} rad more"
-        yield _Reading((*at, "position", "offset"), message, (q + shift, qd, qdd), tau)
+        yield _Reading((*at, "position", "offset"), message, (q + turn * own, qd, qdd), tau)

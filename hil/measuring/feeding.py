@@ -177,7 +177,8 @@ def added_torque(predict: Predict | None, q: Array, qd: Array, qdd: Array) -> Ar
     if predict is None:
         return np.zeros_like(q)
     tau = predict(q, qd, qdd)
-    return tau - tau[0]
+    added: Array = tau - tau[0]
+    return added
 
 
 def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict) -> None:

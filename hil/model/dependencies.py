@@ -134,7 +134,8 @@ def _pose_at(robot: Robot, link: int, q: float) -> Array:
 def _occurs(coefficients: Array) -> Mask:
     size = np.abs(coefficients)
     scale = size.max(initial=0.0)
-    return (size > ROUNDED_OFF * scale).any(axis=0)
+    found: Mask = (size > ROUNDED_OFF * scale).any(axis=0)
+    return found
 
 
 def _hidden(gravity: Array) -> Mask:

@@ -268,4 +268,5 @@ def _power(wrench: Array, axis: Array, i: int) -> float:
         + wrench[L4 + i] * axis[L4 + i]
         + wrench[L5 + i] * axis[L5 + i]
     )
-    return moment + force
+    product: float = moment + force
+    return product

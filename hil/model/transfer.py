@@ -101,7 +101,8 @@ def _span(rows: Array) -> Array:
     if not len(rows):
         return rows
     _, values, basis = np.linalg.svd(rows, full_matrices=False)
-    return basis[values > ROUNDED_OFF * values[0]]
+    spanning: Array = basis[values > ROUNDED_OFF * values[0]]
+    return spanning
 
 
 def _null_space(rows: Array) -> Array:

@@ -160,7 +160,8 @@ def _judge(
             best[owner[cell]] = value
             found[int(owner[cell])] = Hit(link, box, value, middle[cell])
     possible = (depth + bound[..., None]).reshape(len(owner), -1).max(axis=1)
-    return (possible > best[owner]) & ~small
+    undecided: Mask = (possible > best[owner]) & ~small
+    return undecided
 
 
 def _farthest(middle: Array, first: Array, last: Array) -> Array:

@@ -90,7 +90,7 @@ def travel_time(
 
 def travel_times(robot: Robot, start: Array, ends: Array, fraction: float) -> Array:
     """The same from `start` to each of `ends`, shape (n,)."""
-    return travels(start, ends, fraction, robot).high[:, 0]
+    return np.asarray(travels(start, ends, fraction, robot).high[:, 0])
 
 
 def timetable(

@@ -88,4 +88,5 @@ def _usual(bends: Array) -> Array:
     """Return what bends of each axis are usual, missing samples left out."""
     filled = np.nan_to_num(bends)
     place = min(len(filled) - 1, int(len(filled) * USUAL / 100))
-    return np.partition(filled, place, axis=0)[place]
+    usual: Array = np.partition(filled, place, axis=0)[place]
+    return usual

@@ -85,7 +85,8 @@ class Element:
         moved = q.copy()
         for i in set(self.axes):
             moved[i] += (number * GOLDEN % 1.0 - 0.5) * _turn(robot, i)
-        return moved.tolist()
+        found: list[float] = moved.tolist()
+        return found
 
 
 def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:

@@ -162,7 +162,8 @@ def scatter_of(share: Share, noise: Noise) -> Array:
     scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
     if noise.rounding is not None:
         scatter += noise.of_accelerations[axis] * share.rounding
-    return scatter / noise.variance[axis] ** 2
+    weighted: Array = scatter / noise.variance[axis] ** 2
+    return weighted
 
 
 def covariance(known: Information, n_base: int) -> Array:
@@ -190,4 +191,5 @@ def torque_scale(robot: Robot) -> Array:
         robot.velocity_limit * points[:, n : 2 * n],
         robot.acceleration_limit * points[:, 2 * n :],
     )
-    return (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
+    scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
+    return scale
