@@ -78,7 +78,8 @@ def of_load(information: Array, load: slice) -> Array:
     inside[load] = True
     across = information[np.ix_(inside, ~inside)]
     others = information[np.ix_(~inside, ~inside)]
-    return information[np.ix_(inside, inside)] - across @ np.linalg.solve(others, across.T)
+    left: Array = information[np.ix_(inside, inside)] - across @ np.linalg.solve(others, across.T)
+    return left
 
 
 def within_torque(

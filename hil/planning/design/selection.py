@@ -125,7 +125,8 @@ class Selection:
         _, whole = np.linalg.slogdet(unit + worth @ inverse[np.ix_(at, at)])
         nuisance = worth[:, inner][:, :, inner] @ common[np.ix_(own, own)]
         _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
-        return whole - part
+        growth: Array = whole - part
+        return growth
 
     def _relief(self, at: Indices, worth: Array, inverse: Array) -> Array:
         """By which the variance of torques falls, as share of it."""
@@ -138,7 +139,8 @@ class Selection:
     def _costs(self) -> Array:
         """Duration of each option with the way to it [s]."""
         way = np.where(np.isfinite(self._way), self._way, 0.0)
-        return self._durations + way + SETTLING
+        costs: Array = self._durations + way + SETTLING
+        return costs
 
 
 def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:
