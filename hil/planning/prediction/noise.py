@@ -48,6 +48,8 @@ TORQUE_NOISE = 0.0025
 FRICTION_WANDER = 0.001
 """Expected change of friction in a minute, as share of the torque limit: friction of a tenth of the
 limit that changes by a hundredth."""
+MINUTE = 60.0
+"""[s]"""
 INERTIA = 0.5
 """Share of the torque limit that inertia takes at the acceleration limit; the rest is for gravity,
 friction and the other axes."""
@@ -148,7 +150,7 @@ class Noise:
     @property
     def walk(self) -> Array:
         """Growth of the variance of the friction level, shape (n_joints,) [(N m)^2/s]."""
-        return self.wander**2 / 60
+        return self.wander**2 / MINUTE
 
 
 def stated_noise(
