@@ -18,7 +18,7 @@ import numpy as np
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
-from hil.imports.units import SECONDS
+from hil.imports.tables import SECONDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

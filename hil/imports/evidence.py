@@ -56,7 +56,9 @@ POINTS = 3000
 HALF_WIDTH = 0.02
 """Of the samples that a fit takes, on either side [s]."""
 _MARGIN = 3
+"""Samples that are read beyond a grid: two for the slopes of its cubics, and one for rounding."""
 _SAME = 1e-3
+"""Distance from a grid, in periods, that counts as none: a tenth of `instants.EVEN`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,9 @@ SAME_STAMP = 1e-6
 WINDOW = 50
 """Samples over which periods are averaged, and among which the least late one is looked for."""
 _COARSE = 0.05
+"""Share of rows that bear the stamp of another one from which on the clock is coarse."""
 _COMPARED = 20_000
+"""Samples whose roughness is compared: its variances are known to (2/n)^0.5, 1 %."""
 
 Instants = Literal["even", "counted", "stamped"]
 

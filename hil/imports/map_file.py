@@ -12,13 +12,14 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
-from hil.imports.units import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
+from hil.imports.tables import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 from hil.model.drive_train_file import UNKNOWN, Unknown
 from hil.model.robot_file import EARTH
 
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
 """Checks of plausibility whose refusal a map may overrule."""
 _MOST_PER_COUNT = 0.5
+"""Greatest worth of a count [rad or m]: an encoder has more than two of them a radian or metre."""
 
 
 class ColumnName(FileModel):

@@ -47,6 +47,7 @@ _UNITS = ((np.pi / 180, "in degrees, stated as rad"), (180 / np.pi, "in rad"))
 _ORDINARY = (0.2, 4 * np.pi)
 """Widest range of all joints that makes nobody doubt the unit of them all [rad]."""
 _RIDGE = 1e-9
+"""What keeps equations of columns of unit length solvable: squares of what rounding leaves."""
 _SLOW = 0.1
 """Share of a joint's greatest speed below which its torques do not count."""
 

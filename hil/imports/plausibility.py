@@ -37,6 +37,7 @@ _AGREES = 0.1
 _FRICTION_T = 6.0
 _NOTABLE = 0.02
 _RANK = 1e-8
+"""Relative singular value of squared columns that is rounding: the root of that of doubles."""
 
 
 def suspicions(

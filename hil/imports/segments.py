@@ -42,7 +42,9 @@ BLOCKS = 8
 UNDER_WAY = 0.05
 """Speed from which on the axis is under way, as share of its greatest."""
 _SHORT = 0.2
+"""Share of the longest stroke below which one is none."""
 _MEAN_OVER = 0.02
+"""Time over which speeds are means, for encoders that are coarse [s]."""
 
 
 @dataclass(frozen=True, eq=False)

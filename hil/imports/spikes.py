@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Suspicion
+from hil.imports.tables import ROWS
 from hil.regression.standstill import CARRIED
 
 if TYPE_CHECKING:
@@ -47,7 +48,6 @@ STATED, REFUSED = 0.01, 0.5
 """Shares of the sum of squares: a tenth of the column, as rms, and more than all else."""
 GREATEST = 1e100
 """Value up to which squares can be added up."""
-_AT_ONCE = 1 << 16
 
 
 @dataclass
@@ -72,8 +72,8 @@ def spike_suspicions(
     n = robot.n_joints
     found = [_Spikes() for _ in range(3 * n)]
     for stretch in stretches:
-        for begin in range(0, len(stretch.rows), _AT_ONCE):
-            rows = stretch.rows[begin : begin + _AT_ONCE]
+        for begin in range(0, len(stretch.rows), ROWS):
+            rows = stretch.rows[begin : begin + ROWS]
             if len(rows) > 2 * REACH:
                 for column, x in enumerate(samples.read(rows).T):
                     _add(found[column], samples, rows, column, x)

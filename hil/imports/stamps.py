@@ -25,6 +25,7 @@ from hil.imports.instants import (
     lost,
     stretch_of,
 )
+from hil.imports.tables import ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,8 +38,9 @@ GAP = 0.02
 """Longest time between two rows that is bridged [s]; 2.5 periods where these are longer."""
 GAP_PERIODS = 2.5
 _DISORDER = 0.01
-_AT_ONCE = 1 << 16
+"""Share of rows out of order up to which they are sorted, and beyond which a column is no time."""
 _MOST = 0.9
+"""Share of the steps that are about a period where the period is their mean."""
 
 
 class WrongStamps(Exception):
@@ -183,8 +185,8 @@ def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Intege
     """Rows without those that repeat the row before, stamp and values."""
     second = np.flatnonzero(np.diff(samples.time[rows]) == 0) + 1
     repeats = [np.zeros(0, dtype=np.int64)]
-    for begin in range(0, len(second), _AT_ONCE):
-        some = second[begin : begin + _AT_ONCE]
+    for begin in range(0, len(second), ROWS):
+        some = second[begin : begin + ROWS]
         before, after = (np.nan_to_num(samples.values[rows[at]]) for at in (some - 1, some))
         repeats.append(some[(before == after).all(axis=1)])
     found = np.concatenate(repeats)

@@ -1,12 +1,17 @@
 """A file of a recording, as columns of numbers that are read in blocks of rows.
 
 Readers (`hil.imports.readers`) make these; nothing else knows in which format a recording came.
+
+Units are those in which recordings state times, positions, velocities and torques; all become SI. A
+unit is angular or linear, so that millimetres of a joint that turns are refused. Counts and
+currents have neither: what one of them is worth is stated in the map.
 """
 
 from __future__ import annotations
 
 import difflib
-from typing import TYPE_CHECKING, Protocol
+import math
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
@@ -17,14 +22,28 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
-    from hil.imports.units import TimeUnit
-
 
 ROWS = 1 << 16
 """Rows of a block, about."""
+_SHOWN = 12
+TimeUnit = Literal["s", "ms", "us", "ns", "min"]
+PositionUnit = Literal["rad", "deg", "m", "mm", "counts"]
+VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s", "counts/s"]
+TorqueUnit = Literal["N m", "N", "A", "V", "per mille"]
+
+SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+"""Of each unit of time [s]."""
 STAMP_UNITS: tuple[TimeUnit, TimeUnit] = ("s", "ns")
 """Of the two columns of stamps that a format itself has."""
-_SHOWN = 12
+LENGTHS: dict[str, float] = {"rad": 1.0, "deg": math.pi / 180, "m": 1.0, "mm": 1e-3}
+"""Of each unit of position, and with /s of velocity [rad or m]; counts have none of their own."""
+JOINT_TYPES: dict[str, str] = {
+    **dict.fromkeys(("rad", "deg", "rad/s", "deg/s", "rpm", "N m"), "revolute"),
+    **dict.fromkeys(("m", "mm", "m/s", "mm/s", "N"), "prismatic"),
+}
+"""Type of the joints that a unit suits, on the joint side; units that are not here suit both."""
+NEEDS_GAIN = ("A", "V", "per mille")
+"""Units of torque that are worth nothing without a gain."""
 
 
 class NoColumn(Exception):
@@ -122,3 +141,19 @@ class ArrayTable:
             part = slice(begin, begin + ROWS)
             block = [np.asarray(self._columns[index][1](part), dtype=float) for index in columns]
             yield np.stack(block, axis=1)
+
+
+def position_factor(unit: str, per_unit: float | None) -> float:
+    """SI units [rad or m, also per second] that one unit of a position or velocity is worth.
+
+    Parameters
+    ----------
+    unit : str
+        A `PositionUnit` or `VelocityUnit`.
+    per_unit : float, optional
+        Of a count [rad or m].
+    """
+    if unit.startswith("counts"):
+        assert per_unit is not None  # noqa: S101 - the map is refused without it
+        return per_unit
+    return math.pi / 30 if unit == "rpm" else LENGTHS[unit.removesuffix("/s")]

@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.tables import STAMP_UNITS
-from hil.imports.units import JOINT_TYPES, SECONDS, position_factor
+from hil.imports.tables import JOINT_TYPES, SECONDS, STAMP_UNITS, position_factor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array, Mask
     from hil.imports.map_file import MapFile
-    from hil.imports.units import TimeUnit
+    from hil.imports.tables import TimeUnit
     from hil.model.robot import Robot
 
 EPOCH = 1e8

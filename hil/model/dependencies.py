@@ -36,6 +36,7 @@ In this order: the elements that show a group hold no parameters of the groups b
 """
 
 _CONFIGURATIONS = 12
+"""Random configurations that are looked at, of which one would do."""
 _PART = 1e-6
 """Of a parameter in a direction, from which on it counts."""
 
