@@ -23,7 +23,7 @@ from hil.planning.workspace import Workspace
 from hil.planning.workspace_check import refuse_unfit
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from hil.model.robot import Robot
@@ -102,6 +102,21 @@ class Plan(FileModel):
     def digest(self) -> str:
         """Fingerprint of the content: comments and layout of the file do not matter."""
         return hashlib.sha256(dump_plan(self).encode()).hexdigest()
+
+
+def as_plan(
+    robot: Robot,
+    measurements: Iterable[Measurement],
+    warm_up: float = 0.0,
+    workspace: Workspace | None = None,
+) -> Plan:
+    """Plan of `measurements` of a robot, in this order, after a warm-up of so long [s]."""
+    return Plan(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        warm_up=WarmUp(duration=warm_up) if warm_up else None,
+        workspace=workspace,
+        measurements=tuple(measurements),
+    )
 
 
 def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:

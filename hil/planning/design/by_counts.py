@@ -24,7 +24,7 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.design.tour import guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.planning.plan import Plan, PlannedRobot, WarmUp
+from hil.planning.plan import Plan, as_plan
 from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
@@ -95,22 +95,6 @@ def design(
     if workspace:
         measurements = guarded_tour(guarded, workspace, measurements, TRAVEL)
     return as_plan(robot, measurements, warm_up, workspace)
-
-
-def as_plan(
-    robot: Robot,
-    measurements: Sequence[Measurement],
-    warm_up: float,
-    workspace: Workspace | None,
-) -> Plan:
-    """Plan of `measurements`, in this order."""
-    return Plan(
-        robot=PlannedRobot(name=robot.name, digest=robot.digest),
-        travel=TRAVEL,
-        warm_up=WarmUp(duration=warm_up) if warm_up else None,
-        workspace=workspace,
-        measurements=tuple(measurements),
-    )
 
 
 def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[int]:

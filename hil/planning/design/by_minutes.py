@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.design.by_counts import TRAVEL, as_plan, greedy, places
+from hil.planning.design.by_counts import TRAVEL, greedy, places
 from hil.planning.design.candidates import pool, trajectories, weighed
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, without_law
-from hil.planning.plan import Plan
+from hil.planning.plan import Plan, as_plan
 from hil.planning.timetable import timetable
 from hil.planning.workspace import narrowed
 
@@ -140,7 +140,7 @@ def refine(
     least = max(1, len(selection.chosen))
     order = _filled(robot, options, selection, 60 * minutes, least, run.workspace)
     avoided = {m.id for m in run.measurements} if taken is None else taken
-    plan = as_plan(robot, numbered(order, avoided), 0.0, run.workspace)
+    plan = as_plan(robot, numbered(order, avoided), workspace=run.workspace)
     return plan.model_copy(update={"sample_period": run.sample_period})
 
 
@@ -269,7 +269,7 @@ def ordered(
 
 def lasting(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> float:
     """Time of measurements in this order and of the ways between them [s]."""
-    plan = as_plan(robot, measurements[:1], 0.0, None)
+    plan = as_plan(robot, measurements[:1])
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
 

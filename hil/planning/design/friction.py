@@ -29,7 +29,7 @@ from hil.planning.design.standard_motions import RAMP_OF_CREEP
 from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Friction
 from hil.planning.path_clearance import JointBoxes
-from hil.planning.plan import Plan, PlannedRobot
+from hil.planning.plan import as_plan
 from hil.planning.strokes import TURN
 from hil.planning.timetable import SETTLING
 from hil.planning.trapezoid import Trapezoid
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.model.robot import Robot
+    from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
 
 
@@ -103,7 +104,7 @@ def sweep(
             exercise = None if number > 1 else WARM
             name = f"f{axis + 1}-{number:02d}"
             measurements.append(bench.measurement(name, axis, velocity, exercise=exercise))
-    return bench.plan(measurements)
+    return as_plan(robot, measurements, workspace=workspace)
 
 
 def stops(
@@ -134,7 +135,7 @@ def stops(
             history = {"rest": rest} if first else {"exercise": exercise}
             name = f"s{axis + 1}-{len(measurements) + 1:03d}"
             measurements.append(bench.measurement(name, axis, velocity, cycles=1, **history))
-    return bench.plan(measurements)
+    return as_plan(robot, measurements, workspace=workspace)
 
 
 def operation(
@@ -161,7 +162,7 @@ def operation(
             made = bench.measurement(name, axis, velocity, exercise=exercise)
             measurements.append(made)
             now += made.duration + SETTLING
-    return bench.plan(measurements)
+    return as_plan(robot, measurements, workspace=workspace)
 
 
 class _Bench:
@@ -172,14 +173,6 @@ class _Bench:
         self._guarded = narrowed(robot, workspace)
         self._workspace = workspace
         self._places: dict[int, tuple[float, ...]] = {}
-
-    def plan(self, measurements: Sequence[Friction]) -> Plan:
-        """Put measurements into a plan."""
-        return Plan(
-            robot=PlannedRobot(name=self._robot.name, digest=self._robot.digest),
-            workspace=self._workspace,
-            measurements=tuple(measurements),
-        )
 
     def room(self, axis: int) -> float:
         """Longest stroke of an axis [rad]."""

@@ -24,10 +24,11 @@ from hil.least_squares.terms import N_COMMON, n_unknowns
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
-from hil.planning.design.by_counts import TRAVEL, as_plan
+from hil.planning.design.by_counts import TRAVEL
 from hil.planning.design.by_minutes import lasting, numbered, ordered
 from hil.planning.design.candidates import judged
 from hil.planning.design.tour import guarded_tour
+from hil.planning.plan import as_plan
 from hil.planning.prediction.information import forecast
 from hil.planning.timetable import SETTLING, travel_times
 
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
+    from hil.planning.strokes import Partner, Strokes
     from hil.planning.workspace import Workspace
 
     Worth = Sequence[tuple[Indices, Array]]
@@ -128,18 +130,15 @@ def strain(robot: Robot, measurement: ParameterMeasurement, p: Array, friction: 
 def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasurement:
     if share == 1.0 or measurement.streamed:
         return measurement
-    slow = {
-        "velocity": np.sqrt(share) * measurement.velocity,
-        "acceleration": share * measurement.acceleration,
-    }
     if not measurement.partners:
-        return measurement.model_copy(update=slow)
+        return measurement.model_copy(update=_slower(measurement, share))
     (partner,) = measurement.partners
-    slow = {
-        "velocity": np.sqrt(share) * partner.velocity,
-        "acceleration": share * partner.acceleration,
-    }
-    return measurement.model_copy(update={"partner": partner.model_copy(update=slow)})
+    slow = partner.model_copy(update=_slower(partner, share))
+    return measurement.model_copy(update={"partner": slow})
+
+
+def _slower(moved: Strokes | Partner, share: float) -> dict[str, float]:
+    return {"velocity": np.sqrt(share) * moved.velocity, "acceleration": share * moved.acceleration}
 
 
 def choose(
@@ -191,7 +190,7 @@ def choose(
         raise ValueError(
             f"{seconds:.0f} s are too short for a measurement and the way to it; give more minutes"
         )
-    return as_plan(robot, numbered(order, set()), 0.0, workspace), known
+    return as_plan(robot, numbered(order, set()), workspace=workspace), known
 
 
 def _order(

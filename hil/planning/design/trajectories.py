@@ -31,7 +31,7 @@ import numpy as np
 from scipy import optimize
 
 from hil.model.dynamics import regressor
-from hil.planning.plan import Plan, PlannedRobot
+from hil.planning.plan import as_plan
 from hil.planning.prediction.precision import torque_scale
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.model.robot import Robot
+    from hil.planning.plan import Plan
 
 ExcitationCriterion = Literal["condition", "singular", "det"]
 PERIOD = 10.0023
@@ -340,5 +341,4 @@ def design_validation(robot: Robot) -> Plan:
     """
     effort = Search(random=100, refined=1, steps=10)
     found = design_trajectory(robot, cycles=3, seed=22, search=effort, name="validation")
-    own = PlannedRobot(name=robot.name, digest=robot.digest)
-    return Plan(robot=own, measurements=(found,))
+    return as_plan(robot, [found])

@@ -9,7 +9,7 @@ import pytest
 from small_recording import ROBOT, table, write_csv
 
 from hil import cli
-from hil.imports import units
+from hil.imports import tables
 from hil.imports.map_file import Check, Format, MappedJoint, Position, RecordingMap, Torque
 from hil.imports.readers import ARRAYS, BAGS, HDF5, PARQUET, TEXT
 
@@ -50,7 +50,9 @@ def test_its_commands_print_what_it_says(tmp_path, monkeypatch, capsys):
     "names",
     [
         *(model.model_fields for model in (RecordingMap, MappedJoint, Position, Torque, Format)),
-        *map(get_args, (units.TimeUnit, units.PositionUnit, units.VelocityUnit, units.TorqueUnit)),
+        *map(
+            get_args, (tables.TimeUnit, tables.PositionUnit, tables.VelocityUnit, tables.TorqueUnit)
+        ),
         get_args(Check),
         (*TEXT, *ARRAYS, *HDF5[:2], *PARQUET[:1], *BAGS, ".mat"),
     ],

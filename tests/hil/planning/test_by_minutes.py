@@ -7,14 +7,14 @@ import pytest
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design import by_minutes, candidates
-from hil.planning.design.by_counts import TRAVEL, as_plan, design
+from hil.planning.design.by_counts import TRAVEL, design
 from hil.planning.design.by_minutes import CORE, design_within, refine
 from hil.planning.design.candidates import pool
 from hil.planning.design.selection import Selection
 from hil.planning.design.trajectories import Search
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import without_law
-from hil.planning.plan import dump_plan
+from hil.planning.plan import as_plan, dump_plan
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import covariance, information, precision, torque_scale
 from hil.planning.timetable import travel_time, travel_times
