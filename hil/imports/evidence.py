@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.imports.instants import resampled
 from hil.imports.segments import Piece
-from hil.regression.standstill import extent, moving
+from hil.least_squares.standstill import extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.imports.map_file import Check
     from hil.imports.samples import Samples
-    from hil.regression.standstill import Extent
+    from hil.least_squares.standstill import Extent
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 
 from hil.imports.evidence import Suspicion
 from hil.imports.tables import ROWS
-from hil.regression.standstill import CARRIED
+from hil.least_squares.standstill import CARRIED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -21,7 +21,7 @@ What a measurement will sample follows from its profiles alone, of a trajectory 
 Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
 partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
 servos round the corners of the trapezoids; samples there are of no use to the estimator anyway and
-are left out here by the same rules (`hil.regression.terms`): close to a reversal, and where the
+are left out here by the same rules (`hil.least_squares.terms`): close to a reversal, and where the
 acceleration changes fast.
 """
 
@@ -32,11 +32,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.differences import rounding_window
+from hil.least_squares.solving import orthonormal
+from hil.least_squares.terms import FEWEST, term_columns, usable
+from hil.least_squares.window import APART, smooth, weights, widened
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
-from hil.regression.differences import rounding_window
-from hil.regression.least_squares import orthonormal
-from hil.regression.terms import FEWEST, term_columns, usable
-from hil.regression.window import APART, smooth, weights, widened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

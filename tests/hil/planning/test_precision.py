@@ -18,8 +18,6 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.information import forecast, shares
 from hil.planning.prediction.noise import Differences, Noise, stated_noise
 from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
-from hil.regression.terms import usable
-from hil.regression.window import noise_gain, weights
 from hil.runs.recording import IDLE, Recording
 
 PERIOD = 0.004
