@@ -46,7 +46,7 @@ OWN = {
         "planning/design/friction.py",
         "estimation/friction/points.py",
         "results/friction.py",
-        "results/friction_result.py",
+        "results/friction_file.py",
         "report/friction_of_run.py",
     ),
     "trajectory": (

@@ -1,7 +1,7 @@
 """Information of a measurement about all base parameters, friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
-need no torque (`hil.least_squares.terms`). So the information X'X, friction's columns projected out
+need no torque (`hil.friction.equation`). So the information X'X, friction's columns projected out
 of X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the
 motion is planned.
 
@@ -25,9 +25,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.friction.equation import FEWEST, term_columns, usable
 from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import orthonormal
-from hil.least_squares.terms import FEWEST, term_columns, usable
 from hil.least_squares.window import APART, weights
 from hil.planning.prediction.predicted_samples import forecast
 
