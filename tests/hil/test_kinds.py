@@ -67,6 +67,7 @@ OTHERWISE = {
     ("gravity", "model/robot_file.py"): "the same",
     ("friction", "report/header.py"): "a title",
     ("friction", "results/drive_torque.py"): "a part of a torque",
+    ("friction", "results/kept_findings.py"): "a package of the program",
     ("friction", "report/sections/friction_over_campaign.py"): "a plot of levels in all kinds",
     ("friction", "results/model_file.py"): "a key of model.yaml",
     ("friction", "results/torque_parts.py"): "a part of the torque",
