@@ -21,14 +21,14 @@ from history import COUNTS, hil, made
 
 from hil.estimation.condensed import stack
 from hil.estimation.friction.history import history
-from hil.estimation.friction.warmth import warmth_at
 from hil.estimation.signals import signals
+from hil.friction.warmth import warmth_at
 from hil.results.identification import identify
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
-    from hil.estimation.friction.history import History
+    from hil.friction.warmth import History
     from hil.results.model import Model
 
 SEEDS, OTHERS = (300, 302, 304, 306), (308, 310)

@@ -17,8 +17,8 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.signals import signals
+from hil.friction.equation import n_unknowns, place, term_columns
 from hil.least_squares.solving import eliminated, inverse
-from hil.least_squares.terms import n_unknowns, place, term_columns
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.least_squares.ripple import RIPPLE_ORDERS
-from hil.least_squares.terms import curved
+from hil.friction.ripple import RIPPLE_ORDERS
+from hil.friction.terms import BEND
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,7 +57,7 @@ def friction_columns(robot: Robot, q: Array, qd: Array, axis: int, direction: Ar
     v = qd[:, axis] / robot.velocity_limit[axis]
     return np.stack(
         [
-            v, direction, *curved(v),
+            v, direction, np.cbrt(v), np.arctan(v / BEND), v * np.abs(v),
             np.ones(len(v)), np.zeros(len(v)), *_ripple(robot.gear_ratio[axis] * q[:, axis]),
         ],
         axis=1,

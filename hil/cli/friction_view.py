@@ -10,7 +10,7 @@ from hil.results.tables.terminal import show, show_remark
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from hil.results.friction_result import FrictionResult
+    from hil.results.friction_file import FrictionResult
 
 
 def render(result: FrictionResult, console: Console) -> None:

@@ -79,8 +79,8 @@ def dry_run_(
     if result.groups:
         from hil.cli import precision_view
         from hil.cli.assumed_noise import noise_of
+        from hil.friction.ripple import ripple_left_out
         from hil.planning.prediction.precision import predict
-        from hil.results.ripple import ripple_left_out
 
         with working("predicting the precision"):
             noise = noise_of(the_robot, noise_from, drives_file)

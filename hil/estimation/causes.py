@@ -24,8 +24,8 @@ from hil.estimation.drive_train import compliance_units
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.friction.equation import ASYMMETRIC, usable
 from hil.least_squares.differences import SECOND
-from hil.least_squares.terms import ASYMMETRIC, usable
 from hil.least_squares.window import HALF_WIDTH, weights
 from hil.model.dynamics import mass_matrix
 from hil.model.motors import motor_inertia
@@ -178,12 +178,13 @@ def _load_friction(fit: SimultaneousFit, ignored: Array) -> Iterator[Cause]:
 
 
 def _asymmetry(fit: SimultaneousFit, local: Sequence[LocalValue]) -> Iterator[Cause]:
-    failed = [test for test in of_local_values(local, ORDINARY) if not test.passed]
+    tests = of_local_values(local, ORDINARY).items()
+    failed = {axis: test.asymmetry for axis, test in tests if not test.passed}
     if failed:
-        each = ", ".join(f"{100 * test.asymmetry:.2g}" for test in failed)
-        axes, ignored = [test.axis for test in failed], fit.without_terms(ASYMMETRIC)
+        each = ", ".join(f"{100 * asymmetry:.2g}" for asymmetry in failed.values())
         detail = f"{each} % of it, or offsets of the current"
-        yield _accounted(CauseName.ASYMMETRY, axes, detail, ignored - fit.solve())
+        change = fit.without_terms(ASYMMETRIC) - fit.solve()
+        yield _accounted(CauseName.ASYMMETRY, failed, detail, change)
 
 
 def _accounted(name: CauseName, axes: Iterable[int], detail: str, change: Array) -> Cause:

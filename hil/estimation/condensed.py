@@ -7,7 +7,7 @@ regressor for the measured motion of all joints,
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e,
 
 and friction is again fitted for this measurement alone; the columns, and which samples are usable,
-are those of `hil.least_squares.terms`. The coefficients `a` are eliminated at once by orthogonal
+are those of `hil.friction.equation`. The coefficients `a` are eliminated at once by orthogonal
 projection (Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next.
 
 It makes no difference what the measurement was made for: strokes of one axis, an axis that creeps
@@ -25,9 +25,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns, usable
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
-from hil.least_squares.terms import FEWEST, LOAD, common_terms, term_columns, usable
 from hil.least_squares.thinned import smoothed_at
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
@@ -162,7 +162,7 @@ def condensed_blocks(robot: Robot, items: Sequence[Sequence[Condensed]]) -> Bloc
     items : sequence of sequence of Condensed
         Of each measurement, the axes that move.
     """
-    names, common = base_parameters(robot).names, common_terms()
+    names, common = base_parameters(robot).names, COMMON
     m = 2 + len(names) + len(common)
     products = np.zeros((len(items), robot.n_joints, m, m))
     counts = np.zeros((len(items), robot.n_joints))

@@ -29,8 +29,8 @@ from numpy.polynomial.chebyshev import chebder, chebpts2, chebroots, chebval, ch
 
 from hil.estimation.drive_train import DriveTrain
 from hil.estimation.signals import interpolation
+from hil.friction.equation import n_unknowns, place
 from hil.least_squares.solving import eliminated, inverse
-from hil.least_squares.terms import n_unknowns, place
 from hil.least_squares.uncertainty import sandwich, scatter
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain, LoadFriction
     from hil.estimation.free_motion.result import FreeMotionFit
-    from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
+    from hil.friction.law import FrictionLaw
 
     Array = NDArray[np.float64]
 

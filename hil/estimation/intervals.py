@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-TWICE = 1.96
-"""Standard errors of an interval of 95 %, of a variance that is known."""
 SIGNIFICANT = 0.01
 """Probability with which chance may pass for an effect, of all that is tested together."""
 MANY = 1e9

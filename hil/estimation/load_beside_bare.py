@@ -17,8 +17,8 @@ import numpy as np
 
 from hil.estimation.condensed import stack
 from hil.estimation.load_misfit import load_misfit
+from hil.friction.equation import n_unknowns, place
 from hil.least_squares.solving import solved, undetermined_beside
-from hil.least_squares.terms import n_unknowns, place
 from hil.least_squares.uncertainty import bias_reduced
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.load import embedding

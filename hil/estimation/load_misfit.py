@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
+from hil.friction.equation import place
 from hil.least_squares.solving import inverse_root
-from hil.least_squares.terms import place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

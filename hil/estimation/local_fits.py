@@ -24,8 +24,8 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
+from hil.friction.equation import SLOW
 from hil.least_squares.solving import orthonormal
-from hil.least_squares.terms import SLOW
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GRAVITY
 from hil.model.dynamics import regressor

@@ -24,8 +24,8 @@ import numpy as np
 from scipy import optimize
 
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.friction.equation import FEWEST, place, usable
 from hil.least_squares.solving import inverse_root, solved
-from hil.least_squares.terms import FEWEST, place, usable
 from hil.least_squares.window import noise_gain
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.information import shares

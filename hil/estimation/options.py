@@ -25,7 +25,7 @@ class Options:
     friction : str
         ``auto``: found anew in each measurement where the robot was measured here, by the law that
         held-out data call for where it was imported; or the name of a law
-        (`hil.estimation.free_motion.friction_terms.LAWS`), for imports.
+        (`hil.friction.terms.LAWS`), for imports.
     nuisance : tuple of str
         Which of `NUISANCES` are looked for; each is taken only where the data show it.
     covariance : str

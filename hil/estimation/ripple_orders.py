@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.least_squares.ripple import RIPPLE_ORDERS
+from hil.friction.equation import place
+from hil.friction.ripple import RIPPLE_ORDERS, multiples
 from hil.least_squares.solving import orthonormal, projected_out
-from hil.least_squares.terms import multiples, place
 from hil.least_squares.thinned import smoothed_at
 from hil.least_squares.window import half_window
 

@@ -1,7 +1,7 @@
 """Step 2, improved: all groups at once from the condensed measurements.
 
 Measurements, periods and pieces are blocks (`hil.least_squares.blocks`) of the base parameters,
-which all axes share, and of the terms common to an axis's measurements (`hil.least_squares.terms`);
+which all axes share, and of the terms common to an axis's measurements (`hil.friction.equation`);
 friction of each measurement alone is eliminated. Axes are weighted with the reciprocals of their
 residual variances. The common terms are nuisance, but for one: mu, the share of the transmitted
 torque that is friction. What the gears transmit is taken from a first solution without it. Only
@@ -20,10 +20,10 @@ import numpy as np
 from hil.errors import NotIdentifiable
 from hil.estimation.condensed import ROTOR, condensed_blocks, stack
 from hil.estimation.drive_train import LoadFriction
+from hil.friction.equation import COMMON, LOAD, place
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
 from hil.least_squares.solving import inverse, solved, undetermined_beside
-from hil.least_squares.terms import LOAD, common_terms, place
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class SimultaneousFit:
         self.loaded = loaded
         """Axes that keep it, shape (n_joints,)."""
         blocks = self.blocks.without(ROTOR)
-        own = [common_terms() if each else common_terms()[:LOAD] for each in loaded]
+        own = [COMMON if each else COMMON[:LOAD] for each in loaded]
         self.regression = Regression.weighed(blocks, blocks.layout.kept(own))
         """What is solved; its unknowns are base parameters and, axis by axis, the common terms."""
 

@@ -25,8 +25,8 @@ import numpy as np
 
 from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS
+from hil.friction.equation import N_COMMON
 from hil.least_squares.solving import solved
-from hil.least_squares.terms import N_COMMON
 from hil.least_squares.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:

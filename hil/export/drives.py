@@ -1,7 +1,7 @@
 """What drives add to the torque of rigid bodies: springs, friction, current, as expressions.
 
 The same equations as in `hil.model.motors`, `hil.model.added_parameters` and
-`hil.estimation.friction_law`, for one sample.
+`hil.friction.law`, for one sample.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.bristles import STILL
-from hil.estimation.friction.warmth import REFERENCE
-from hil.estimation.friction_law import DIRECTED
-from hil.least_squares.terms import BEND
+from hil.friction.direction import STILL
+from hil.friction.terms import BEND, DIRECTED
+from hil.friction.warmth import REFERENCE
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 
@@ -23,10 +22,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.estimation.friction.warmth import Warmth
-    from hil.estimation.friction_law import AxisLaw, FrictionLaw
     from hil.export.expressions import Expression, Graph
     from hil.export.rigid_bodies import Scalar
+    from hil.friction.law import AxisLaw, FrictionLaw
+    from hil.friction.warmth import Warmth
     from hil.model.robot import Robot
     from hil.results.model import Model
 

@@ -7,29 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.bristles import STILL
-from hil.estimation.friction.warmth import REFERENCE
-from hil.estimation.friction_law import DIRECTED, friction_variance
 from hil.export.exported import Exported
 from hil.export.simple_friction import simple_friction
+from hil.friction.direction import STILL
+from hil.friction.law import friction_variance
+from hil.friction.terms import DIRECTED, OF_SPEED
+from hil.friction.warmth import REFERENCE
 from hil.results.rounding import percent, significant
 from hil.results.torque_parts import known_friction, lacking
 
 if TYPE_CHECKING:
-    from hil.estimation.friction_law import AxisLaw
     from hil.export.simple_friction import SimpleFriction
+    from hil.friction.law import AxisLaw
     from hil.results.model import Model
 
-FORMULAS = {
-    "offset": "1",
-    "Coulomb": "sgn(v)",
-    "viscous": "u",
-    "asymmetric": "|u|",
-    "cube root": "cbrt(u)",
-    "arc tangent": "atan(u / 0.08)",
-    "quadratic": "u |u|",
-    "load": "|load| sgn(v)",
-}
+FORMULAS = {name: term.formula for name, term in OF_SPEED.items()}
 """What the coefficient of each term is multiplied by; u is the velocity over `speed`."""
 TAKEN = {
     "u": "v over the axis's speed, with |v| clipped to its speeds where these are not null",

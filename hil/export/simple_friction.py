@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from hil.estimation.friction_law import friction_torque
+from hil.friction.law import friction_torque
 from hil.results.torque_parts import known_friction
 
 if TYPE_CHECKING:

@@ -41,6 +41,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+TWICE = 1.96
+"""Standard errors of an interval of 95 %, of a variance that is known."""
+UNCERTAIN = 0.5
+"""Standard error over value from which on a parameter may count as not identifiable: its interval
+of 95 % then holds zero."""
 FEWEST = 2.0
 """Degrees of freedom, at least: of Student's t with fewer, intervals are too wide to be of use."""
 ALMOST_NONE = 1.0

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.planning.measurement import RecordedMotion
-    from hil.results.friction_result import FrictionResult
+    from hil.results.friction_file import FrictionResult
     from hil.runs.recording import Recording
     from hil.runs.run import Run
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.findings import Findings
-    from hil.results.friction_result import FrictionResult
+    from hil.results.friction_file import FrictionResult
     from hil.results.model import Model
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch, NoLoad
-from hil.estimation.friction_law import friction_torque
 from hil.estimation.identify import estimate
 from hil.estimation.load_columns import load_columns
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step_methods import prepared_for
+from hil.friction.law import friction_torque
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.friction.drift import Drift
+    from hil.friction.drift import Drift
     from hil.planning.measurement import RecordedMotion
     from hil.results.identification import Identified
     from hil.results.judgement import Reservation

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.friction import symmetry
-from hil.estimation.friction.drift import Level, drift
 from hil.estimation.friction.history import history
-from hil.estimation.friction.model_choice import choose
 from hil.estimation.friction.points import GravityModel, points
+from hil.friction.curves import choose
+from hil.friction.drift import Level, drift
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import Friction, recorded_as
-from hil.results.friction_result import FrictionResult
+from hil.results.friction_file import FrictionResult
 from hil.results.model import Model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from hil.estimation.friction.drift import Drift
-    from hil.estimation.friction.history import History
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_values import LocalValue
+    from hil.friction.curves import AxisCurves
+    from hil.friction.drift import Drift
+    from hil.friction.warmth import History
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
@@ -67,7 +70,7 @@ def evaluate(
     found, left_out = points(robot, chosen, _gravity_model(robot, model_folder))
     axes = sorted({point.axis for point in found})
     own = {axis: [point for point in found if point.axis == axis] for axis in axes}
-    fits = [choose(axis, own[axis], float(robot.velocity_limit[axis])) for axis in axes]
+    fits = [_curves(robot, axis, own[axis]) for axis in axes]
     past = history(robot, recordings)
     drifts = [drift(axis, _levels(robot, own[axis]), past) for axis in axes]
     return FrictionResult(
@@ -75,9 +78,8 @@ def evaluate(
         planned={m.id: m for m, _ in chosen},
         points=tuple(found),
         axes=tuple(fit for fit in fits if fit),
-        symmetry=tuple(symmetry.of_points(found, bound)),
+        symmetry=symmetry.of_points(found, bound),
         drifts=tuple(each for each in drifts if each),
-        history=past,
         left_out=tuple(left_out),
         model_folder=str(model_folder) if model_folder else None,
     )
@@ -91,6 +93,12 @@ def campaign_drifts(robot: Robot, local: Iterable[LocalValue], past: History) ->
         for axis in range(robot.n_joints)
     ]
     return tuple(each for each in drifts if each)
+
+
+def _curves(robot: Robot, axis: int, own: Sequence[FrictionPoint]) -> AxisCurves | None:
+    velocity, friction = np.array([(point.velocity, point.friction) for point in own]).T
+    limit, turns = float(robot.velocity_limit[axis]), bool(robot.revolute[axis])
+    return choose(axis, velocity, friction, limit, turns=turns)
 
 
 def _levels(robot: Robot, own: Sequence[FrictionPoint]) -> list[Level]:

@@ -1,55 +1,77 @@
-"""`friction.yaml`: what was found about friction, as a file in the run's folder.
+"""What a run says about friction, and the file `friction.yaml` that keeps it in the run's folder.
 
-It says for every axis which model is recommended, all models with their errors and the
-outcome of the symmetry test, so that later steps (compensation beforehand, a gate before a
-campaign) need no recordings. It can be written again at any time.
+The file says for every axis which model is recommended, all models with their errors and the
+outcome of the symmetry test, so that later steps need no recordings: compensation beforehand, and a
+gate before a campaign. It can be written again at any time.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 import yaml
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
-from hil.estimation.friction.models import LAWS, FrictionModel, Law, units
+from hil.errors import AsymmetricFriction, Mismatch
+from hil.estimation.friction.symmetry import Symmetry
+from hil.friction.curves import FrictionModel, Law
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.estimation.friction.symmetry import Symmetry
-    from hil.results.friction_result import FrictionResult
+    from hil.estimation.friction.points import FrictionPoint
+    from hil.friction.curves import AxisCurves
+    from hil.friction.drift import Drift
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Friction
     from hil.runs.run import Run
 
 NAME = "friction.yaml"
 
 
-class ModelRecord(FileModel):
-    """One friction model: parameters in SI, errors as root mean squares [N m]."""
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionResult:
+    """Everything that a run says about friction.
 
-    kind: Law
-    a: tuple[float, ...]
-    standard_error: tuple[float | None, ...]
-    units: tuple[str, ...]
-    error: float
-    held_out_error: float
-    unidentifiable: tuple[str, ...]
+    Attributes
+    ----------
+    robot : Robot
+    planned : dict
+        Friction measurements by id.
+    points : tuple of FrictionPoint
+        In the order of the plan.
+    axes : tuple of AxisCurves
+        Axes with enough speeds for models.
+    symmetry : dict of int to Symmetry
+        Axes, from 0, whose gravity torque is known.
+    drifts : tuple of Drift
+        Axes with enough levels over time.
+    left_out : tuple of str
+    model_folder : str, optional
+        Run whose model compensated gravity.
+    """
 
+    robot: Robot
+    planned: dict[str, Friction]
+    points: tuple[FrictionPoint, ...]
+    axes: tuple[AxisCurves, ...]
+    symmetry: dict[int, Symmetry]
+    drifts: tuple[Drift, ...]
+    left_out: tuple[str, ...]
+    model_folder: str | None
 
-class SymmetryRecord(FileModel):
-    """Outcome of the symmetry test; see `hil.estimation.friction.symmetry`."""
+    @property
+    def gravity(self) -> str:
+        """How gravity was compensated."""
+        return f"model of {self.model_folder}" if self.model_folder else "half-differences"
 
-    measurements: int
-    asymmetry: float
-    standard_error: float
-    p_zero: float
-    p_bound: float
-    bound: float
-    passed: bool
+    def of_axis(self, axis: int) -> list[FrictionPoint]:
+        """Points of one axis (index from 0)."""
+        return [point for point in self.points if point.axis == axis]
 
 
 class AxisRecord(FileModel):
@@ -57,8 +79,8 @@ class AxisRecord(FileModel):
 
     axis: int
     chosen: Law | None
-    models: tuple[ModelRecord, ...]
-    symmetry: SymmetryRecord | None
+    models: tuple[FrictionModel, ...]
+    symmetry: Symmetry | None
 
 
 class FrictionFile(FileModel):
@@ -82,22 +104,36 @@ class FrictionFile(FileModel):
         return next((axis.symmetry.bound for axis in self.axes if axis.symmetry), None)
 
     def model(self, axis: int) -> FrictionModel | None:
-        """Recommended model of an axis (index from 0), to be evaluated; None where there is none.
-
-        Its standard errors and words are in `axes`.
-        """
-        for record in (r for r in self.axes if r.axis == axis + 1 and r.chosen):
-            chosen = next(m for m in record.models if m.kind == record.chosen)
-            error = np.array([np.nan if e is None else e for e in chosen.standard_error])
-            a = np.array(chosen.a)
-            return FrictionModel(chosen.kind, a, error, chosen.error**2, chosen.unidentifiable)
-        return None
+        """Recommended model of an axis (index from 0); None where there is none."""
+        every = ((r, m) for r in self.axes for m in r.models if r.axis == axis + 1)
+        return next((m for r, m in every if m.kind == r.chosen), None)
 
 
 def write_friction(run: Run, result: FrictionResult) -> Path:
     """Write `friction.yaml` into the run's folder, whole or not at all."""
+    sessions, curves = run.journal.sessions, {fit.axis: fit for fit in result.axes}
+    content = FrictionFile(
+        robot=run.robot.name,
+        robot_digest=run.robot.digest,
+        plan_digest=run.plan.digest,
+        measured=sessions[-1].started if sessions else "",
+        gravity=result.gravity,
+        model_folder=result.model_folder,
+        written=now(),
+        version=version("canopen-robot-identification"),
+        left_out=result.left_out,
+        axes=tuple(
+            AxisRecord(
+                axis=axis + 1,
+                chosen=curves[axis].chosen if axis in curves else None,
+                models=tuple(curves[axis].models.values()) if axis in curves else (),
+                symmetry=result.symmetry.get(axis),
+            )
+            for axis in sorted({point.axis for point in result.points})
+        ),
+    )
     path = run.path / NAME
-    text = yaml.safe_dump(_content(run, result).model_dump(mode="json"), sort_keys=False, width=200)
+    text = yaml.safe_dump(content.model_dump(mode="json"), sort_keys=False, width=200)
     write_file(path, text.encode())
     return path
 
@@ -116,53 +152,43 @@ def load_friction(run: Run) -> FrictionFile:
     return load_yaml(path, FrictionFile)
 
 
-def _content(run: Run, result: FrictionResult) -> FrictionFile:
-    sessions = run.journal.sessions
-    return FrictionFile(
-        robot=run.robot.name,
-        robot_digest=run.robot.digest,
-        plan_digest=run.plan.digest,
-        measured=sessions[-1].started if sessions else "",
-        gravity=result.gravity,
-        model_folder=result.model_folder,
-        written=now(),
-        version=version("canopen-robot-identification"),
-        left_out=result.left_out,
-        axes=tuple(_axis(axis, result) for axis in sorted({p.axis for p in result.points})),
-    )
+def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
+    """Gate before a campaign: refuse a robot whose friction was found to be asymmetric.
 
+    Returns
+    -------
+    list of str
+        Axes that the test could not judge, one sentence.
 
-def _axis(axis: int, result: FrictionResult) -> AxisRecord:
-    found = next((fit for fit in result.axes if fit.axis == axis), None)
-    test = next((test for test in result.symmetry if test.axis == axis), None)
-    models = () if found is None else tuple(
-        ModelRecord(
-            kind=kind,
-            a=tuple(model.a.tolist()),
-            standard_error=tuple(None if np.isnan(e) else float(e) for e in model.standard_error),
-            units=units(kind, turns=bool(result.robot.revolute[axis])),
-            error=float(np.sqrt(model.mean_square)),
-            held_out_error=float(np.sqrt(found.held_out[kind])),
-            unidentifiable=model.unidentifiable,
+    Raises
+    ------
+    AsymmetricFriction
+        An axis failed, or nothing was tested.
+    Mismatch
+        The run is of another robot.
+    FileError
+        Its friction was not evaluated yet.
+    """
+    found = load_friction(run)
+    source = f"{run.path}/{NAME}"
+    if found.robot_digest != robot.digest:
+        raise Mismatch(f"{source}: is about {found.robot}, not about this {robot.name}")
+    tested = {record.axis: record.symmetry for record in found.axes if record.symmetry}
+    failed = [(axis, test) for axis, test in tested.items() if not test.passed]
+    if failed:
+        asymmetries = ", ".join(
+            f"axis {axis}: {100 * test.asymmetry:+.1f} % (p = {test.p_bound:.1g})"
+            for axis, test in failed
         )
-        for kind in LAWS
-        if (model := found.models.get(kind))
-    )  # fmt: skip
-    return AxisRecord(
-        axis=axis + 1,
-        chosen=found.chosen if found else None,
-        models=models,
-        symmetry=_symmetry(test) if test else None,
-    )
-
-
-def _symmetry(test: Symmetry) -> SymmetryRecord:
-    return SymmetryRecord(
-        measurements=test.n,
-        asymmetry=test.asymmetry,
-        standard_error=test.standard_error,
-        p_zero=test.p_zero,
-        p_bound=test.p_bound,
-        bound=test.bound,
-        passed=test.passed,
-    )
+        raise AsymmetricFriction(
+            f"{source}: friction differs by direction by more than {100 * failed[0][1].bound:g} %:"
+            f" {asymmetries}; look for a current sensor's offset or a worn gear, or go on without"
+            " the gate"
+        )
+    if not tested:
+        raise AsymmetricFriction(
+            f"{source}: symmetry of no axis was tested; give hil friction fit an identified model"
+            " with --model"
+        )
+    untested = [str(k) for k in range(1, robot.n_joints + 1) if k not in tested]
+    return [f"symmetry of axis {', '.join(untested)} was not tested"] if untested else []

@@ -10,8 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.errors import InvalidValue, Mismatch
-from hil.results.changes import adjusted, change
-from hil.results.common_friction import common_friction
+from hil.results.changes import adjusted, change, common_friction
 from hil.results.compared_runs import History, KnownRun
 from hil.results.model import Model
 from hil.results.quantities import quantities, reading

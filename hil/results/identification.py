@@ -10,7 +10,6 @@ from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.friction.history import history
-from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
 from hil.estimation.options import DEFAULTS
@@ -138,7 +137,7 @@ def model_of(
         error_budget=error_budget(found, run.robot),
         friction=found.free,
         back_and_forth=found.back_and_forth,
-        friction_law=FrictionLaw.of_free_motions(found.free) if found.free else found.friction_law,
+        friction_law=found.free.law if found.free else found.friction_law,
         torque_effect=found.torque_effect,
     )
     return replace(model, outcome=outcome(model, mistake, found.usual_covariance))

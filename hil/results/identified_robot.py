@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.free_motion.result import FreeMotionFit
-    from hil.estimation.friction_law import FrictionLaw
     from hil.estimation.local_values import LocalValue
+    from hil.friction.law import FrictionLaw
     from hil.model.robot import Robot
     from hil.results.consistent_robot import ConsistentRobot
     from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement

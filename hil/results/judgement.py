@@ -28,7 +28,7 @@ from scipy import special
 from checked_files.yaml_file import FileModel
 from hil.estimation.causes import REMEDIES, CauseName
 from hil.estimation.free_motion.result import LOOSE
-from hil.estimation.intervals import TWICE
+from hil.least_squares.uncertainty import TWICE
 from hil.model.drive_train_file import USUAL_BOUND
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 NAME = "findings.json"
-FOLLOWS_FROM = ("results", "estimation", "regression", "model", "planning", "runs")
+FOLLOWS_FROM = ("results", "estimation", "friction", "least_squares", "model", "planning", "runs")
 """Packages of `hil` that findings are made by."""
 LIBRARIES = ("canopen-robot-identification", "numpy", "scipy", "numba", "h5py")
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
 from hil.estimation.payload_figures import FIRST_MOMENTS, INERTIAS, MASS
-from hil.least_squares.terms import n_unknowns
+from hil.friction.equation import n_unknowns
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.payload_figures import MASS
-from hil.least_squares.terms import n_unknowns
+from hil.friction.equation import n_unknowns
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.candidates import judged
 from hil.planning.design.load import embedded, embedding, of_load

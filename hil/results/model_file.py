@@ -19,8 +19,8 @@ from pydantic import model_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.free_motion.result import FreeMotionFit
-from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import MANY, degrees_behind
+from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.consistent_robot import ConsistentRobot
@@ -145,7 +145,7 @@ class ModelFile(FileModel):
     def law(self) -> FrictionLaw | None:
         """Law of friction, whatever the method; None in files of versions that found none."""
         if self.friction is not None:
-            return FrictionLaw.of_free_motions(self.friction)
+            return self.friction.law
         return self.friction_law
 
     def text(self) -> str:

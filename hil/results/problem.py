@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData, UnknownName
-from hil.estimation.free_motion.friction_terms import LAWS
 from hil.estimation.free_motion.motion import filtered_motion
-from hil.estimation.friction_law import friction_torque
 from hil.estimation.intervals import half_width
 from hil.estimation.options import DEFAULTS, Options
 from hil.estimation.signals import signals
+from hil.friction.law import friction_torque
+from hil.friction.terms import LAWS
 from hil.model.dynamics import gravity_torque, inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.results.identification import Identified, identified, method_for

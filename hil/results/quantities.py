@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from hil.estimation.friction_law import level_at
+from hil.friction.law import level_at
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.estimation.friction_law import AxisLaw
+    from hil.friction.law import AxisLaw
     from hil.results.identified_robot import IdentifiedRobot
 
 Kind = Literal["gravity parameter", "inertia parameter", "friction level", "offset"]

@@ -15,7 +15,7 @@ from scipy import special
 
 from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.free_motion.motion import Processing, filtered_motion
-from hil.estimation.friction_law import friction_torque, friction_variance, law_columns
+from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion

@@ -11,9 +11,9 @@ from checked_files.yaml_file import FileModel
 from hil.estimation.causes import Cause, CauseName
 from hil.estimation.drive_train import DriveTrain, LoadFriction
 from hil.estimation.estimate import Estimate, LeftOut
-from hil.estimation.friction.drift import Drift, Level, TimeConstant
-from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.local_values import LocalValue
+from hil.friction.drift import Drift, Level, TimeConstant
+from hil.friction.law import FrictionLaw
 from hil.results.judgement import ErrorTerm, Judgement, Reservation
 from hil.results.model import Model
 from hil.results.prediction import Prediction

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import FrictionUnknown, NotEnoughData, UnknownName
-from hil.estimation.friction_law import friction_torque, friction_variance
 from hil.estimation.intervals import combined_degrees, half_width
+from hil.friction.law import friction_torque, friction_variance
 from hil.model import dynamics
 from hil.model.motors import motor_torque
 from hil.planning.measurement import FOR_A_LAW
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.estimation.friction_law import FrictionLaw
+    from hil.friction.law import FrictionLaw
     from hil.results.identified_robot import IdentifiedRobot
 
     Array = NDArray[np.float64]

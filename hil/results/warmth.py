@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import InvalidArray, NotEnoughData
-from hil.estimation.friction.history import History
-from hil.estimation.friction.warmth import warmth_at
+from hil.friction.warmth import History, warmth_at
 from hil.results.samples import samples
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from hil.estimation.friction.warmth import Warmth
+    from hil.arrays import Array
+    from hil.friction.warmth import Warmth
     from hil.results.identified_robot import IdentifiedRobot
-
-    Array = NDArray[np.float64]
 
 
 def known_warmth(model: IdentifiedRobot) -> tuple[Warmth | None, ...]:

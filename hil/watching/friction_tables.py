@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.bristles import Direction
-from hil.estimation.friction_law import friction_torque, friction_variance
+from hil.friction.direction import Direction
+from hil.friction.law import friction_torque, friction_variance
 from hil.results.torque_parts import known_friction
 
 if TYPE_CHECKING:

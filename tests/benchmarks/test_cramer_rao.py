@@ -10,7 +10,7 @@ from synthetic import TABLE_3_A
 
 from benchmarks.rivals.cramer_rao import cramer_rao
 from hil.estimation.signals import signals
-from hil.least_squares.terms import term_columns
+from hil.friction.equation import term_columns
 from hil.model.robot import load_robot
 from hil.planning.measurement import Inertia
 from hil.runs.recording import Recording

@@ -46,7 +46,7 @@ OWN = {
         "planning/design/friction.py",
         "estimation/friction/points.py",
         "results/friction.py",
-        "results/friction_result.py",
+        "results/friction_file.py",
         "report/friction_of_run.py",
     ),
     "trajectory": (
@@ -66,6 +66,7 @@ OTHERWISE = {
     ("gravity", "model/robot_file.py"): "the same",
     ("friction", "report/header.py"): "a title",
     ("friction", "results/drive_torque.py"): "a part of a torque",
+    ("friction", "results/kept_findings.py"): "a package of the program",
     ("friction", "report/sections/friction_over_campaign.py"): "a plot of levels in all kinds",
     ("friction", "results/model_file.py"): "a key of model.yaml",
     ("friction", "results/torque_parts.py"): "a part of the torque",

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.estimation.free_motion.result import TermValue
-from hil.estimation.friction_law import AxisLaw, FrictionLaw
+from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters
 from hil.results.model import Model

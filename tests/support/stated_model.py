@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS
-from hil.estimation.free_motion.result import CoupledFriction, TermValue
-from hil.estimation.friction.warmth import Warmth
-from hil.estimation.friction_law import AxisLaw, FrictionLaw
+from hil.friction.law import AxisLaw, CoupledFriction, FrictionLaw, TermValue
+from hil.friction.terms import CLASSICAL, LAWS
+from hil.friction.warmth import Warmth
 from hil.model.base_parameters import base_parameters
 from hil.results.model import Model
 from hil.results.provenance import Provenance

@@ -15,8 +15,8 @@ from scipy import special
 
 from hil.estimation.back_and_forth.halves import COMMON, FIRST, MOTOR, TORQUE, unknown_places
 from hil.estimation.back_and_forth.result import CurvePoint, FrictionCurve
-from hil.estimation.free_motion.friction_terms import CLASSICAL
-from hil.estimation.free_motion.result import TermValue
+from hil.friction.law import TermValue
+from hil.friction.terms import CLASSICAL
 from hil.least_squares.uncertainty import leave_one_out
 
 if TYPE_CHECKING:

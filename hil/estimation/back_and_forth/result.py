@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from checked_files.yaml_file import FileModel
-from hil.estimation.free_motion.result import TermValue
+from hil.friction.law import TermValue
 
 
 class CurvePoint(FileModel):

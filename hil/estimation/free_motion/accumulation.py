@@ -25,7 +25,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.columns import ROTOR, axis_columns, shared_names
-from hil.estimation.free_motion.friction_terms import COLUMNS
+from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.normal_equations import successive
 

@@ -16,9 +16,9 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.free_motion.accumulation import division, recorded_products
-from hil.estimation.free_motion.friction_terms import BENT, COLUMNS, LAWS
 from hil.estimation.free_motion.motion import FINE
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
+from hil.friction.terms import BENT, COLUMNS, LAWS
 from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
-from hil.estimation.free_motion.friction_terms import BENT, LAWS
+from hil.friction.terms import BENT, LAWS
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression
 

@@ -5,8 +5,8 @@ Every sample of an axis i says
     Q_i - Qm_i = A_i(q, qd, qdd) p + C_i c + F_i a_i + e
 
 with the torque Qm of rotors whose inertia the robot file states. Friction F of an axis is in
-`friction_terms`. A motor that turns with two joints has friction in its own velocity, c_1 (viscous)
-and c_2 (Coulomb), which both joints feel: the unknowns c are shared by all axes as p is.
+`hil.friction.terms`. A motor that turns with two joints has friction in its own velocity, c_1
+(viscous) and c_2 (Coulomb), which both joints feel: the unknowns c are shared by all axes as p is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.friction_terms import friction_columns
+from hil.friction.terms import coupled_friction, friction_columns, motor_angle
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
@@ -64,24 +64,6 @@ def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array
     )
     rotor = rotor_torque(robot, motion, axis)[:, np.newaxis]
     return np.hstack([rows, coupled_friction(robot, qd, axis), rotor, friction])
-
-
-def motor_angle(robot: Robot, q: Array, axis: int) -> Array:
-    """Angle of one axis's motor [rad], or its rate from joint velocities; 0 where unknown."""
-    return np.asarray(np.nan_to_num(robot.gear_ratio[axis]) * q[:, axis])
-
-
-def coupled_friction(robot: Robot, qd: Array, axis: int) -> Array:
-    """Columns of the coupled motors' friction as one axis feels it, shape (n, 2 n_couplings)."""
-    columns = np.zeros((len(qd), 2 * len(robot.couplings)))
-    for k, (motor, joint, ratio) in enumerate(robot.couplings):
-        if axis not in (motor, joint):
-            continue
-        other = motor if axis == joint else joint
-        turning = ratio * qd[:, joint] + qd[:, motor]
-        columns[:, 2 * k] = ratio * qd[:, other]
-        columns[:, 2 * k + 1] = np.sign(turning) * (ratio if axis == joint else 1.0)
-    return columns
 
 
 def rotor_torque(robot: Robot, motion: Motion, axis: int) -> Array:

@@ -8,20 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
-from hil.estimation.free_motion.bristles import Direction
 from hil.estimation.free_motion.columns import coupled_names
-from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL, LAWS, friction_columns
 from hil.estimation.free_motion.offsets import only_directions
 from hil.estimation.free_motion.result import (
     FEW_BLOCKS,
     LOOSE,
     POOR,
-    AxisFriction,
-    CoupledFriction,
     LagValue,
-    OneWay,
-    TermValue,
 )
+from hil.friction.direction import Direction
+from hil.friction.law import AxisLaw, CoupledFriction, OneWay, TermValue
+from hil.friction.terms import BENT, CLASSICAL, LAWS, friction_columns
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -44,7 +41,7 @@ SURE = 2.0
 
 def axis_friction(
     fit: Fit, plain: Fit, gathered: Gathered, products: Products
-) -> tuple[AxisFriction, ...]:
+) -> tuple[AxisLaw, ...]:
     """Law and coefficients of each axis; `plain` is the solution with the classical law."""
     choice, processing = gathered.choice, gathered.processing
     levels = gathered.drift.found(fit.x, fit.layout, products.n_pieces)
@@ -54,7 +51,7 @@ def axis_friction(
         rows = fit.covariance[_places(fit, axis, LAWS[law])]
         own = rows[:, _places(fit, axis, LAWS[law])]
         found.append(
-            AxisFriction(
+            AxisLaw(
                 law=law,
                 speed=float(processing.speed[axis]),
                 presliding=float(processing.presliding[axis]),

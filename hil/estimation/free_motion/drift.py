@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag
 
-from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
+from hil.friction.terms import BENT, COLUMNS
 from hil.least_squares.choice import FOLDS, HeldOut, simplest
 from hil.least_squares.normal_equations import Normal
 

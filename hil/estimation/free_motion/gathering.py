@@ -15,13 +15,13 @@ from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choice
 from hil.estimation.free_motion.drift import Drift, find_drift
-from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL
 from hil.estimation.free_motion.lag import with_lag
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.scaling import first_scaling, open_gains, refined
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import survey
 from hil.estimation.options import DEFAULTS
+from hil.friction.terms import BENT, CLASSICAL
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 

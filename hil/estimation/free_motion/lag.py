@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.columns import axis_columns, shared_names
-from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.presliding import blocks, with_presliding
 from hil.estimation.options import NUISANCES
+from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.choice import HeldOut, folds, simplest
 from hil.least_squares.layout import Layout, axis_names

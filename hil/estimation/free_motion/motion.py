@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import fft, ndimage
 
-from hil.estimation.free_motion.bristles import bent, friction_direction, sign_of_velocity
+from hil.friction.direction import bent, friction_direction, sign_of_velocity
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
-    from hil.estimation.free_motion.bristles import Direction
+    from hil.friction.direction import Direction
     from hil.runs.recording import Recording
 
 FINE = 8.0

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.bristles import Direction
-from hil.estimation.free_motion.friction_terms import friction_columns
+from hil.friction.direction import Direction
+from hil.friction.terms import friction_columns
 from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:

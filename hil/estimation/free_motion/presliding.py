@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.columns import coupled_friction, rotor_torque, shared_names
+from hil.estimation.free_motion.columns import rotor_torque, shared_names
 from hil.estimation.free_motion.motion import filtered_motion
+from hil.friction.terms import coupled_friction
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.normal_equations import successive

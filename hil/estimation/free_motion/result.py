@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from typing import Self
+from typing import Any
+
+from pydantic import field_serializer
 
 from checked_files.yaml_file import FileModel
-from hil.estimation.intervals import SIGNIFICANT, TWICE
+from hil.estimation.intervals import SIGNIFICANT
+from hil.friction.law import AxisLaw, CoupledFriction, FrictionLaw
 
 FEW_BLOCKS = 8
 """Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
@@ -17,96 +19,6 @@ LOOSE = 0.01
 """Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
 NOTICEABLE = 0.5
 """Standard errors from which on a difference matters."""
-
-
-class TermValue(FileModel):
-    """Coefficient of one term of friction [N m or N], and its standard error."""
-
-    value: float
-    standard_error: float
-
-    @classmethod
-    def estimated(cls, value: float, variance: float) -> Self:
-        """From a variance, which rounding may leave below zero."""
-        return cls(value=float(value), standard_error=math.sqrt(max(variance, 0.0)))
-
-
-class OneWay(FileModel):
-    """An axis that moves in one direction only, where Coulomb friction and offset are one column.
-
-    Attributes
-    ----------
-    direction : int
-        1 or -1.
-    together : TermValue
-        Offset plus Coulomb friction in this direction [N m or N].
-    """
-
-    direction: int
-    together: TermValue
-
-    def __str__(self) -> str:
-        value, half = self.together.value, TWICE * self.together.standard_error
-        return (
-            "moves in one direction only, so Coulomb friction and an offset cannot be separated:"
-            f" together they are {value:.3g} ± {half:.2g}"
-        )
-
-
-class AxisFriction(FileModel):
-    """Friction of one axis.
-
-    Attributes
-    ----------
-    law : str
-        One of `hil.estimation.free_motion.friction_terms.LAWS`.
-    speed : float
-        That velocities are divided by [rad/s or m/s]; the axis hardly ever exceeds it.
-    terms : dict of str to TermValue
-        By the names of `hil.estimation.free_motion.friction_terms.TERMS`.
-    covariance : tuple of tuple of float
-        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty in files of earlier
-        versions, whose standard errors then count as independent.
-    beside : tuple of tuple of float
-        Covariance of each of `terms` with the base parameters; empty in files of earlier versions,
-        and where friction was found apart from them.
-    plain : dict of str to TermValue
-        What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
-        comparison with other sources. The law that was chosen may share them out otherwise.
-    presliding : float
-        Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
-    bend : TermValue
-        Of what the direction changes with the logarithm of this distance [N m or N].
-    held_out : dict of str to float
-        Root mean square error of all axes on held-out blocks by law, over that of the law chosen;
-        empty where no law was chosen.
-    level : tuple of float
-        Of friction at instants spread evenly over the time recorded, the first and the last
-        included, over its mean, which `terms` state; empty where it keeps its level.
-    one_way : OneWay, optional
-        None for an axis that moves in both directions.
-    """
-
-    law: str
-    speed: float
-    presliding: float = 0.0
-    bend: TermValue = TermValue(value=0.0, standard_error=0.0)
-    terms: dict[str, TermValue]
-    plain: dict[str, TermValue]
-    held_out: dict[str, float]
-    covariance: tuple[tuple[float, ...], ...] = ()
-    beside: tuple[tuple[float, ...], ...] = ()
-    level: tuple[float, ...] = ()
-    one_way: OneWay | None = None
-
-
-class CoupledFriction(FileModel):
-    """Friction of a motor that turns with two joints, from 1, in their combined velocity."""
-
-    motor: int
-    joint: int
-    viscous: TermValue
-    coulomb: TermValue
 
 
 class GainValue(FileModel):
@@ -174,7 +86,7 @@ class FreeMotionFit(FileModel):
         Axes, from 1, whose velocity was taken as recorded.
     velocity_reasons : tuple of str
         Of each axis why; empty in models that were written without.
-    axes : tuple of AxisFriction
+    axes : tuple of AxisLaw
     coupled : tuple of CoupledFriction
     relative_residual : tuple of float or None
         Root mean square of the residual of all samples over that of the torque, axis by axis.
@@ -207,7 +119,7 @@ class FreeMotionFit(FileModel):
     cut_off_reason: str
     dead_zone: float
     recorded_velocity: tuple[int, ...]
-    axes: tuple[AxisFriction, ...]
+    axes: tuple[AxisLaw, ...]
     coupled: tuple[CoupledFriction, ...]
     relative_residual: tuple[float | None, ...]
     overall_residual: float
@@ -222,3 +134,14 @@ class FreeMotionFit(FileModel):
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()
     lag: tuple[LagValue, ...] = ()
+
+    @property
+    def law(self) -> FrictionLaw:
+        """Law of friction that was found together with the base parameters."""
+        return FrictionLaw(axes=self.axes, coupled=self.coupled)
+
+    @field_serializer("axes")
+    def _without_what_follows(self, axes: tuple[AxisLaw, ...]) -> list[dict[str, Any]]:
+        """Axes without what the level says already, and what only measurements have."""
+        others = {"wander", "speeds", "measurements", "warmth"}
+        return [axis.model_dump(mode="json", exclude=others) for axis in axes]

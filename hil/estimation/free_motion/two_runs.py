@@ -19,9 +19,9 @@ import numpy as np
 
 from hil.estimation.free_motion.choice import kept_by
 from hil.estimation.free_motion.columns import ROTOR
-from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
 from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling
 from hil.estimation.free_motion.solution import BLOCKS
+from hil.friction.terms import COLUMNS, LAWS
 from hil.least_squares.layout import Layout, embedded
 from hil.least_squares.normal_equations import Normal
 from hil.least_squares.regression import Regression

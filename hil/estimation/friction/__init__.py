@@ -1,1 +1,1 @@
-"""Friction from measurements at constant velocity: characteristics, models, symmetry, drift."""
+"""Friction from recordings: points at constant velocity, and what an axis did before."""

@@ -1,29 +1,25 @@
 """What an axis did while it was measured: the history that its friction depends on.
 
-A history is a row of stretches of time in each of which the mean speed of the axis is known. While
-samples were recorded it is the way passed, divided by the time. Between two recordings nothing was
-sampled, but it is known what had been planned: a rest, an exercise of so many seconds, and travels
-whose ends are known.
+While samples were recorded, its mean speed is the distance passed, divided by the time. Between two
+recordings nothing was sampled, but it is known what had been planned: a rest, an exercise of so
+many seconds, and travels whose ends are known.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from hil.friction.warmth import History
 from hil.planning.strokes import TURN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-
-    Array = NDArray[np.float64]
 
 
 class Way(Protocol):
@@ -36,25 +32,6 @@ class Way(Protocol):
     @property
     def q(self) -> Array:
         """Shape (n, n_joints) [rad or m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class History:
-    """Mean speeds of all axes, stretch by stretch.
-
-    Attributes
-    ----------
-    end : ndarray, shape (n,)
-        When each stretch ends, the first beginning at `begin` [s].
-    speed : ndarray, shape (n, n_joints)
-        Mean speed within it as share of the axis's limit.
-    begin : float
-        [s].
-    """
-
-    end: Array
-    speed: Array
-    begin: float
 
 
 def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Way]]) -> History:

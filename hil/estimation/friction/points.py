@@ -31,18 +31,13 @@ from hil.model.dynamics import gravity_torque, regressor
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import Friction
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
-LEAST_NOISE = 1e-6
-"""Of the largest mean torque, where a current shows none."""
 FEWEST = 10
 """Samples of a stroke at constant velocity."""
 
@@ -217,7 +212,8 @@ def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
     Strokes that scatter more than their noise make the covariance larger.
     """
     s = np.resize([1.0, -1.0], len(means))
-    noise = np.maximum(noise, LEAST_NOISE * np.abs(means).max())
+    # a current that is rounded may show none
+    noise = np.maximum(noise, np.sqrt(np.finfo(float).eps) * np.abs(means).max())
     columns = [np.ones_like(s), s]
     if len(means) > 3:
         columns.append(s * (when - when.mean()))

@@ -13,41 +13,36 @@ of the current sensor looks, and does harm, exactly like asymmetry.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special
 
+from checked_files.yaml_file import FileModel
 from hil.estimation.intervals import SIGNIFICANT
 from hil.least_squares.uncertainty import scatter
+from hil.planning.measurement import FOR_A_LAW
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_values import LocalValue
 
-    Array = NDArray[np.float64]
 
 BOUND = 0.02
-"""Largest acceptable asymmetry, as share of the friction level."""
-FEWEST = 3
-"""Measurements of an axis that a test needs."""
+"""Largest acceptable asymmetry, as share of the friction level: a convention, for which
+``hil friction fit --asymmetry`` states another one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Symmetry:
-    """Test of one axis.
+class Symmetry(FileModel):
+    """Test of one axis, as `friction.yaml` keeps it.
 
     Attributes
     ----------
-    axis : int
-        From 0.
-    n : int
-        Measurements.
+    measurements : int
     asymmetry, standard_error : float
         Share of the friction level by which friction is larger forward than the mean.
     p_zero : float
@@ -56,20 +51,17 @@ class Symmetry:
         Probability of a mean as far beyond `bound`, were the asymmetry no larger than that.
     bound : float
         Share of the friction level.
+    passed : bool
+        Whether an identification may rely on symmetric friction of this axis.
     """
 
-    axis: int
-    n: int
+    measurements: int
     asymmetry: float
     standard_error: float
     p_zero: float
     p_bound: float
     bound: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether an identification may rely on symmetric friction of this axis."""
-        return self.p_bound >= SIGNIFICANT
+    passed: bool
 
     @property
     def verdict(self) -> str:
@@ -81,8 +73,8 @@ class Symmetry:
         return "no asymmetry found"
 
 
-def of_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> list[Symmetry]:
-    """Test all axes whose gravity torque is known.
+def of_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> dict[int, Symmetry]:
+    """Test all axes whose gravity torque is known, which the result names by index from 0.
 
     Parameters
     ----------
@@ -90,54 +82,50 @@ def of_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> list[Sym
     bound : float
         Largest acceptable asymmetry, as share of the friction level.
     """
-    found = []
+    found = {}
     for axis in sorted({point.axis for point in points}):
         own = [p for p in points if p.axis == axis and p.absolute and p.friction > 0]
-        level = np.array([p.friction for p in own])
-        shares = np.array([p.common for p in own]) / level
-        errors = np.array([p.common_error for p in own]) / level
-        gravity = float(np.mean([p.gravity_error / p.friction for p in own])) if own else 0.0
-        found += _test(axis, shares, errors, gravity, bound)
+        if len(own) >= FOR_A_LAW:
+            level = np.array([p.friction for p in own])
+            shares = np.array([p.common for p in own]) / level
+            errors = np.array([p.common_error for p in own]) / level
+            gravity = float(np.mean([p.gravity_error / p.friction for p in own]))
+            found[axis] = _test(shares, errors, gravity, bound)
     return found
 
 
-def of_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> list[Symmetry]:
-    """Test the axes of a campaign's gravity measurements, free of charge.
+def of_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> dict[int, Symmetry]:
+    """Test the axes of a campaign's gravity measurements, free of charge; result as of `of_points`.
 
     The parameters that predict gravity come from the same measurements; they leave the axis's
     mean deviation where friction's asymmetry was fitted too, as the improved method does.
     """
-    gravity = [v for v in values if v.symbol == "g" and v.friction > 0]
-    found = []
-    for axis in sorted({v.axis for v in gravity}):
-        own = [v for v in gravity if v.axis == axis]
-        shares = np.array([(v.value - v.model) / v.friction for v in own])
-        found += _test(axis, shares, np.ones(len(own)), 0.0, bound)
-    return found
+    shares: dict[int, list[float]] = {}
+    for v in values:
+        if v.symbol == "g" and v.friction > 0:
+            shares.setdefault(v.axis, []).append((v.value - v.model) / v.friction)
+    return {
+        axis: _test(np.array(own), np.ones(len(own)), 0.0, bound)
+        for axis, own in sorted(shares.items())
+        if len(own) >= FOR_A_LAW
+    }
 
 
-def _test(axis: int, shares: Array, errors: Array, common: float, bound: float) -> list[Symmetry]:
-    """Weighted mean against zero and against the bound; empty with too few measurements."""
-    n = len(shares)
-    if n < FEWEST:
-        return []
-    usual = float(np.median(errors))
-    weights = 1.0 / np.maximum(errors, usual) ** 2
+def _test(shares: Array, errors: Array, common: float, bound: float) -> Symmetry:
+    """Weighted mean against zero and against the bound."""
+    weights = 1.0 / np.maximum(errors, float(np.median(errors))) ** 2
     weights = weights / weights.sum()
-    mean = float(weights @ shares)
+    mean, degrees = float(weights @ shares), len(shares) - 1
     scores = (weights * (shares - mean))[:, np.newaxis]
-    error = float(np.sqrt(scatter(scores, few=True)[0, 0] + common**2))
-    degrees = n - 1
-    beyond = (abs(mean) - bound) / error if error > 0 else np.copysign(np.inf, abs(mean) - bound)
-    away = abs(mean) / error if error > 0 else np.copysign(np.inf, abs(mean))
-    return [
-        Symmetry(
-            axis=axis,
-            n=n,
-            asymmetry=mean,
-            standard_error=error,
-            p_zero=float(2 * special.stdtr(degrees, -away)),
-            p_bound=float(special.stdtr(degrees, -beyond)),
-            bound=bound,
-        )
-    ]
+    error = math.hypot(scatter(scores, few=True)[0, 0] ** 0.5, common)
+    scale = max(error, float(np.finfo(float).tiny))
+    p_bound = float(special.stdtr(degrees, (bound - abs(mean)) / scale))
+    return Symmetry(
+        measurements=len(shares),
+        asymmetry=mean,
+        standard_error=error,
+        p_zero=float(2 * special.stdtr(degrees, -abs(mean) / scale)),
+        p_bound=p_bound,
+        bound=bound,
+        passed=p_bound >= SIGNIFICANT,
+    )

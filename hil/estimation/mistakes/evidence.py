@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.condensed import groups
+from hil.friction.equation import own_friction, speed_scale, usable
 from hil.least_squares.solving import orthonormal, projected_out
-from hil.least_squares.terms import friction_columns, speed_scale, usable
 from hil.least_squares.thinned import smoothed_at
 from hil.least_squares.window import APART
 from hil.runs.recording import IDLE
@@ -149,7 +149,7 @@ def _channel(
             continue
         together = np.concatenate(indices)
         rows.append(_smoothed(s, axis, together))
-        shapes = friction_columns(s, s.qd[:, axis] / speed_scale(robot, s, axis))
+        shapes = own_friction(s, s.qd[:, axis] / speed_scale(robot, s, axis))
         smooth = smoothed_at(together, shapes, s.period)
         ends = np.cumsum([len(index) for index in indices])
         for index, own in zip(indices, np.split(smooth, ends[:-1]), strict=True):

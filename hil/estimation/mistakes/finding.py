@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 LEAVES = 0.5
 """Share of the sum of squares that a mistake leaves at most, where limits are unknown: what is
-reached takes their place (`hil.least_squares.terms`), and friction of slow samples, which that lets
+reached takes their place (`hil.friction.equation`), and friction of slow samples, which that lets
 in, contradicts every model a little (public recordings of five machines: 0.75 and more)."""
 AGREES = 1.15
 """Misfit of an axis up to which recordings agree with each other."""

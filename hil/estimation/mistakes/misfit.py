@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.friction.equation import limit_or_reached
 from hil.least_squares.solving import orthonormal, projected_out, solved
-from hil.least_squares.terms import limit_or_reached
 from hil.model.dynamics import mass_matrix
 
 if TYPE_CHECKING:

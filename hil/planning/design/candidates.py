@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.friction.equation import place
 from hil.least_squares.solving import inverse_root
-from hil.least_squares.terms import place
 from hil.model.base_parameters import base_parameters
 from hil.planning.clearance import are_clear
 from hil.planning.design.measurable_elements import ELEMENTS, candidates

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from hil.friction.equation import n_unknowns
 from hil.least_squares.solving import solved
-from hil.least_squares.terms import n_unknowns
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.precision import torque_scale
 from hil.planning.timetable import SETTLING, travel_times

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from hil.least_squares.terms import SLOW
+from hil.friction.equation import SLOW
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW, Partner
 
 if TYPE_CHECKING:

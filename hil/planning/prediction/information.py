@@ -1,7 +1,7 @@
 """Information of a measurement about all base parameters, friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
-need no torque (`hil.least_squares.terms`). So the information X'X, friction's columns projected out
+need no torque (`hil.friction.equation`). So the information X'X, friction's columns projected out
 of X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the
 motion is planned.
 
@@ -21,7 +21,7 @@ What a measurement will sample follows from its profiles alone, of a trajectory 
 Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
 partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
 servos round the corners of the trapezoids; samples there are of no use to the estimator anyway and
-are left out here by the same rules (`hil.least_squares.terms`): close to a reversal, and where the
+are left out here by the same rules (`hil.friction.equation`): close to a reversal, and where the
 acceleration changes fast.
 """
 
@@ -32,9 +32,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.friction.equation import FEWEST, term_columns, usable
 from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import orthonormal
-from hil.least_squares.terms import FEWEST, term_columns, usable
 from hil.least_squares.window import APART, smooth, weights, widened
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 

@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.friction.equation import JERK
 from hil.least_squares.differences import jerk_window, rounding_window
-from hil.least_squares.terms import JERK
 from hil.least_squares.window import noise_gain
 from hil.model.motors import motor_inertia
 

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.friction.equation import n_unknowns, place
 from hil.least_squares.solving import IDENTIFIABLE, inverse, undetermined, without_nuisance
-from hil.least_squares.terms import n_unknowns, place
 from hil.least_squares.uncertainty import sandwich
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.estimation.friction.drift import Drift
-    from hil.estimation.friction.model_choice import AxisFriction
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_values import LocalValue
+    from hil.friction.curves import AxisCurves
+    from hil.friction.drift import Drift
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.report.charts.chart import Item
-    from hil.results.friction_result import FrictionResult
+    from hil.results.friction_file import FrictionResult
 
     Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def models(result: FrictionResult) -> Chart:
     return Chart(tuple(_models(result, fit) for fit in result.axes))
 
 
-def _models(result: FrictionResult, fit: AxisFriction) -> Panel:
+def _models(result: FrictionResult, fit: AxisCurves) -> Panel:
     limit = float(result.robot.velocity_limit[fit.axis])
     v = np.geomspace(fit.velocity.min(), fit.velocity.max(), 120)
     lines = (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.intervals import TWICE
+from hil.least_squares.uncertainty import TWICE
 from hil.model.base_parameters import base_parameters
 from hil.report.charts.chart import Chart, Panel, Points, Rule
 from hil.report.charts.colours import MODEL

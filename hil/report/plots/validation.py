@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.estimation.intervals import TWICE
+from hil.least_squares.uncertainty import TWICE
 from hil.report.plots import VALIDATION
 from hil.report.plots.predicted_torque import draw_prediction
 from hil.report.plots.style import image, legend, panels_in_rows, plotting

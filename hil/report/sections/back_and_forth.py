@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hil.report.plots.back_and_forth import friction_curves, shown_half_sums
 from hil.report.section import Plot, Section
 from hil.results.tables.back_and_forth import curves, left_by_strokes, plain, statements
-from hil.results.tables.campaign_friction import campaign_friction
+from hil.results.tables.friction import campaign_friction
 from hil.results.tables.parameters import parameters
 
 if TYPE_CHECKING:

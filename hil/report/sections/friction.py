@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.report.reported_run import ReportedRun
-    from hil.results.friction_result import FrictionResult
+    from hil.results.friction_file import FrictionResult
 
 
 def section(run: ReportedRun) -> Section | None:

@@ -9,7 +9,7 @@ from hil.estimation.friction.symmetry import of_local_values
 from hil.report.plots.friction import levels
 from hil.report.section import Plot, Section
 from hil.results.tables import friction as tables
-from hil.results.tables.campaign_friction import campaign_friction
+from hil.results.tables.friction import campaign_friction
 from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:

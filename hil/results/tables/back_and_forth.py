@@ -12,7 +12,7 @@ from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
     from hil.estimation.back_and_forth.result import BackAndForthFit, CurvePoint, FrictionCurve
-    from hil.estimation.free_motion.result import TermValue
+    from hil.friction.law import TermValue
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 

@@ -12,7 +12,8 @@ from hil.results.tables.table import Column, Part, Table, figures
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from hil.estimation.free_motion.result import AxisFriction, FreeMotionFit, TermValue
+    from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.friction.law import AxisLaw, TermValue
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
@@ -70,14 +71,14 @@ def _axis(model: IdentifiedRobot, axis: int) -> Row:
     return str(axis + 1), law.law, ", ".join(named), ", ".join(plain), _others(law)
 
 
-def _coefficient(term: str, value: TermValue, law: AxisFriction, unit: str, position: str) -> str:
+def _coefficient(term: str, value: TermValue, law: AxisLaw, unit: str, position: str) -> str:
     scale = 1.0 / law.speed if term == "viscous" else 1.0
     shown, error = uncertain(scale * value.value, scale * value.standard_error)
     unit = f"{unit} s/{position}" if term == "viscous" else "" if term == "load" else unit
     return f"{term} {shown} ± {error} {unit}".rstrip()
 
 
-def _others(law: AxisFriction) -> str:
+def _others(law: AxisLaw) -> str:
     others = sorted((error, name) for name, error in law.held_out.items() if name != law.law)
     return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:_SHOWN])
 

@@ -1,21 +1,24 @@
-"""Friction models of each axis, the symmetry of friction, and its time constants."""
+"""Friction of each axis: models over speed, law over a campaign, symmetry, time constants."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.estimation.friction.models import units
+import numpy as np
+
+from hil.friction.law import friction_torque, friction_variance
 from hil.results.rounding import probability, signed, significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from hil.estimation.friction.drift import Drift
-    from hil.estimation.friction.model_choice import AxisFriction
-    from hil.estimation.friction.models import FrictionModel
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.results.friction_result import FrictionResult
+    from hil.friction.curves import AxisCurves, FrictionModel
+    from hil.friction.drift import Drift
+    from hil.friction.law import AxisLaw
+    from hil.results.friction_file import FrictionResult
+    from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
 AXIS = Column("axis")
@@ -32,9 +35,7 @@ def models(result: FrictionResult) -> Table:
             Column("chosen"),
             Column("parameters with std. errors", folds=True),
         ),
-        parts=tuple(
-            Part(tuple(_models(fit, bool(result.robot.revolute[fit.axis])))) for fit in result.axes
-        ),
+        parts=tuple(Part(tuple(_models(fit))) for fit in result.axes),
         explanation=(
             "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
             " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
@@ -54,30 +55,71 @@ def _title(result: FrictionResult) -> str:
     return f"{result.robot.name}: {measurements}, gravity by {result.gravity}"
 
 
-def _models(fit: AxisFriction, turns: bool) -> list[Row]:
+def _models(fit: AxisCurves) -> list[Row]:
     return [
         (
             "" if number else str(fit.axis + 1),
             kind,
-            significant(model.mean_square**0.5, 3),
-            significant(fit.held_out[kind] ** 0.5, 3),
+            significant(model.error, 3),
+            significant(model.held_out_error or 0.0, 3),
             "yes" if kind == fit.chosen else "",
-            _parameters(model, turns),
+            _parameters(model),
         )
         for number, (kind, model) in enumerate(fit.models.items())
     ]
 
 
-def _parameters(model: FrictionModel, turns: bool) -> str:
-    each = zip(model.a, model.standard_error, units(model.kind, turns=turns), strict=True)
-    written = ((*uncertain(float(a), float(error)), unit) for a, error, unit in each)
+def _parameters(model: FrictionModel) -> str:
+    each = zip(model.a, model.standard_error, model.units, strict=True)
+    written = ((*uncertain(a, np.nan if e is None else e), unit) for a, e, unit in each)
     return ", ".join(
         f"a{k} {value} ± {error} {unit}" for k, (value, error, unit) in enumerate(written, start=1)
     )
 
 
-def symmetry(tests: Iterable[Symmetry]) -> Table:
-    """Whether friction is the same in both directions, axis by axis."""
+def campaign_friction(model: IdentifiedRobot) -> Table:
+    """Law of each axis and its friction at two speeds; empty where none was found."""
+    law = model.friction_law
+    if law is None or model.friction is not None:
+        return Table("", (), ())
+    rows = [_law(model, axis, own) for axis, own in enumerate(law.axes) if own is not None]
+    return Table(
+        title="Friction over the campaign",
+        columns=(
+            AXIS,
+            Column("law", folds=True),
+            *figures("speeds", "at slowest", "at fastest", "wander, %"),
+        ),
+        parts=(Part(tuple(rows)),),
+        explanation=(
+            f"Friction forward at no load [{model.robot.torque_units}] with the standard error that"
+            " counts in predicted torques, at the slowest and the fastest of the speeds"
+            f" [{model.robot.position_units} per s]; how far its level was from the law in any one"
+            " measurement."
+        ),
+    )
+
+
+def _law(model: IdentifiedRobot, axis: int, own: AxisLaw) -> Row:
+    assert model.friction_law is not None  # noqa: S101 - there is no row without
+    slowest, fastest = own.speeds or (0.0, own.speed)
+    qd = np.zeros((2, model.robot.n_joints))
+    qd[:, axis] = slowest, fastest
+    still = np.zeros_like(qd)
+    tau, variance = (
+        each(model.robot, model.friction_law, still, qd, still)[:, axis]
+        for each in (friction_torque, friction_variance)
+    )
+    shown = (
+        " ± ".join(uncertain(float(value), float(np.sqrt(error))))
+        for value, error in zip(tau, variance, strict=True)
+    )
+    speeds = f"{significant(slowest, 2)} to {significant(fastest, 3)}"
+    return str(axis + 1), own.law, speeds, *shown, significant(100 * own.wander, 2)
+
+
+def symmetry(tests: Mapping[int, Symmetry]) -> Table:
+    """Whether friction is the same in both directions, by axis from 0."""
     return Table(
         title="Is friction the same in both directions?",
         columns=(
@@ -85,7 +127,7 @@ def symmetry(tests: Iterable[Symmetry]) -> Table:
             *figures("n", "asymmetry, %", "std. error", "p (none)", "p (bound)"),
             Column("verdict", folds=True),
         ),
-        parts=(Part(tuple(_symmetry(test) for test in tests)),),
+        parts=(Part(tuple(_symmetry(axis, test) for axis, test in tests.items())),),
         explanation=(
             "The difference in n measurements as a share of the friction level; p-values of no"
             " asymmetry at all, and of one within the bound."
@@ -93,10 +135,10 @@ def symmetry(tests: Iterable[Symmetry]) -> Table:
     )
 
 
-def _symmetry(test: Symmetry) -> Row:
+def _symmetry(axis: int, test: Symmetry) -> Row:
     return (
-        str(test.axis + 1),
-        str(test.n),
+        str(axis + 1),
+        str(test.measurements),
         *uncertain(100 * test.asymmetry, 100 * test.standard_error),
         probability(test.p_zero),
         probability(test.p_bound),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.results.ripple import ripple_left_out
+from hil.friction.ripple import ripple_left_out
 from hil.results.tables import back_and_forth
-from hil.results.tables.campaign_friction import campaign_friction
 from hil.results.tables.free_motion import friction, left_by_free_motions, statements
+from hil.results.tables.friction import campaign_friction
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
 from hil.results.tables.torques import residuals

@@ -46,7 +46,7 @@ LONG = [
     ("dry-run PLAN", "planning.prediction.precision.predict", "predicting the precision"),
     ("view PLAN", "view.page.write_page", "making the page"),
     ("run PLAN -o NEW", "planning.dry_run.dry_run", LIMITS),
-    ("run PLAN --symmetric RUN -o NEW", "results.friction_gate.refuse_asymmetric",
+    ("run PLAN --symmetric RUN -o NEW", "results.friction_file.refuse_asymmetric",
      "testing the friction of"),
     ("identify RUN", "results.identification.identified", ESTIMATING),
     ("report RUN", "report.page.report", "identifying manutec-r15 and drawing the report"),

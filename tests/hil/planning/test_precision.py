@@ -9,7 +9,7 @@ from scipy import stats
 from checked_files.yaml_file import FileError
 from hil.estimation import condensed
 from hil.estimation.signals import derivatives, signals
-from hil.least_squares.terms import usable
+from hil.friction.equation import usable
 from hil.least_squares.window import noise_gain, weights
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot

@@ -44,13 +44,13 @@ def test_gravity_is_compensated_by_the_model_of_the_fit_and_its_bound_is_kept(ru
     write_friction(run, evaluate(run, list(recorded(run)), model_folder, BOUND))
     found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder == str(model_folder)
-    assert [(test.axis, test.bound) for test in found.symmetry] == [(LOADED, BOUND)]
+    assert {axis: test.bound for axis, test in found.symmetry.items()} == {LOADED: BOUND}
 
 
 def test_without_a_fit_half_differences_compensate_gravity(run):
     found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder is None
-    assert found.symmetry == ()
+    assert not found.symmetry
 
 
 def test_where_the_model_is_gone_half_differences_do(run, model_folder, tmp_path):

@@ -20,7 +20,7 @@ from trajectory_run import write_trajectory_run
 from hil import cli
 from hil.report import page
 from hil.results.model import Model
-from hil.results.tables.campaign_friction import campaign_friction
+from hil.results.tables.friction import campaign_friction
 from hil.runs.recording_file import write_measured
 from hil.runs.run import Run
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from hil.estimation.drive_train import compliance_units
-from hil.estimation.friction.models import units
 from hil.estimation.gravity_phase import Phase, Sinusoid
 from hil.model.robot import Robot, load_robot
 from hil.planning.free_motion import FreeMotion
@@ -32,12 +31,6 @@ def scara() -> Robot:
 
 def sliding(robot: Robot) -> int:
     return int(np.flatnonzero(~robot.revolute)[0])
-
-
-def test_parameters_of_friction_laws() -> None:
-    assert units("arctan", turns=True) == ("N m s/rad", "N m", "N m", "s/rad")
-    assert units("arctan", turns=False) == ("N s/m", "N", "N", "s/m")
-    assert units("cube-root", turns=False) == ("N s/m", "N", "N (s/m)^1/3")
 
 
 def test_compliances(scara: Robot, manutec: Robot) -> None:

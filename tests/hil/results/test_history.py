@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from stated_model import stated_model
 
 from hil.errors import FileError, InvalidValue, Mismatch
-from hil.estimation.free_motion.result import TermValue
-from hil.estimation.friction_law import level_at
 from hil.estimation.intervals import SIGNIFICANT
+from hil.friction.law import TermValue, level_at
 from hil.model.robot import Robot, load_robot
 from hil.results.changes import Change, adjusted, change
 from hil.results.history import history_of, read_history

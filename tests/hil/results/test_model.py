@@ -19,8 +19,8 @@ from hil.errors import (
     NotIdentifiable,
     UnknownName,
 )
-from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.intervals import combined_degrees, degrees_behind, half_width
+from hil.friction.law import FrictionLaw
 from hil.model import dynamics
 from hil.results.identification import identify
 from hil.results.model import Model

@@ -10,7 +10,7 @@ import pytest
 from small_run import write_run
 from stated_model import stated_model
 
-from hil.estimation.friction_law import FrictionLaw
+from hil.friction.law import FrictionLaw
 from hil.results.identification import identify
 from hil.runs.run import Run
 from hil.view.predicted import predicted

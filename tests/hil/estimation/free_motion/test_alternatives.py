@@ -10,9 +10,9 @@ import pytest
 from free_run import COULOMB, TRUTH, arm, recorded
 
 from hil.estimation.free_motion.choice import covariance_of_choices
-from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
+from hil.friction.terms import COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from hil.estimation.free_motion.friction_terms import LAWS, TERMS
 from hil.estimation.identify import estimate
+from hil.friction.terms import LAWS, TERMS
 from hil.least_squares.choice import folds, simplest
 from hil.model.dynamics import inverse_dynamics
 

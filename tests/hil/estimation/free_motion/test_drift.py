@@ -10,7 +10,6 @@ import pytest
 from free_run import COULOMB, OFFSET, PERIOD, TRUTH, VISCOUS, arm, recorded
 
 from hil.estimation.free_motion.drift import levels
-from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import estimate
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def test_the_law_is_that_of_the_mean_level(warmed: Estimate) -> None:
 
 def test_how_far_the_level_went_counts_in_intervals_of_predicted_torques(warmed: Estimate) -> None:
     assert warmed.free is not None
-    law = FrictionLaw.of_free_motions(warmed.free)
+    law = warmed.free.law
     assert [axis and axis.wander for axis in law.axes] == [pytest.approx(0.3, abs=0.02), 0.0]
 
 

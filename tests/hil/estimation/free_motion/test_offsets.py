@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import ASYMMETRY, with_doubt
+from hil.friction.terms import COLUMNS
 from hil.least_squares.layout import Layout, axis_names
 
 OFFSET, COULOMB = 1 + COLUMNS.index("offset"), 1 + COLUMNS.index("Coulomb")

@@ -10,9 +10,9 @@ from free_run import COULOMB, PERIOD, TRUTH, VISCOUS, arm, recorded, some_motion
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.estimation.free_motion.bristles import are_successive, friction_direction
-from hil.estimation.friction_law import FrictionLaw, friction_torque
 from hil.estimation.identify import estimate
+from hil.friction.direction import are_successive, friction_direction
+from hil.friction.law import friction_torque
 
 DISTANCE = 2e-3
 """Of the arm's friction [rad]."""
@@ -98,7 +98,7 @@ def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
 def test_torques_follow_the_way_where_rows_are_samples_of_a_motion() -> None:
     found = estimate(arm(), with_presliding(), "free motion").free
     assert found is not None
-    law = FrictionLaw.of_free_motions(found)
+    law = found.law
     q, qd, _ = some_motion(PERIOD * np.arange(500))
     load = np.zeros_like(q)
     in_order = friction_torque(arm(), law, q, qd, load)

@@ -10,7 +10,6 @@ import pytest
 from real_recordings import DATA, at_hand
 from scipy import signal
 
-from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import estimate
 from hil.imports.importing import import_recordings
 from hil.model.robot import load_robot
@@ -68,7 +67,7 @@ def model(robot: str, found: Estimate) -> Model:
     return Model(
         load_robot(robot), found.p, found.covariance, found.drive_covariance,
         found.degrees_of_freedom, found.residual, found.condition, where, friction=found.free,
-        friction_law=FrictionLaw.of_free_motions(found.free) if found.free else None,
+        friction_law=found.free.law if found.free else None,
     )  # fmt: skip
 
 

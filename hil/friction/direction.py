@@ -12,9 +12,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    Array = NDArray[np.float64]
 
 STILL = 1e-3
 """Share of an axis's speed below which it has no direction: what a filter rings on at rest."""

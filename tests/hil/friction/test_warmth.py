@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.estimation.friction.history import History
-from hil.estimation.friction.warmth import REFERENCE, Warmth, warmth_at
-from hil.estimation.friction.warmth_choice import WARMING, Levels, find_warmth
+from hil.friction.warmth import REFERENCE, History, Warmth, find_warmth, warmth_at
+from hil.least_squares.blocks import Blocks
 
 WARMED, COOLED, SLOPE = 30.0, 180.0, -0.2
 LAW = np.array([0.3, 40.0, 20.0])
-DIRECTED = np.array([False, True, True])
+TERMS = ("offset", "Coulomb", "viscous")
 
 
 def course(n: int = 60, seed: int = 0) -> tuple[History, np.ndarray]:
@@ -22,26 +21,26 @@ def course(n: int = 60, seed: int = 0) -> tuple[History, np.ndarray]:
     return History(ends, speeds, 0.0), ends[1::2] - 5.0
 
 
-def levels(factors: np.ndarray, seed: int = 0) -> Levels:
+def levels(factors: np.ndarray, seed: int = 0) -> Blocks:
     """Products of measurements with these levels of friction, and noise of the torque."""
     rng, found = np.random.default_rng(seed), []
     for factor in factors:
         u = rng.uniform(0.1, 0.9) * np.repeat([1.0, -1.0], 50)
         columns = np.column_stack([np.ones_like(u), np.sign(u), u])
-        y = columns @ np.where(DIRECTED, factor * LAW, LAW) + 0.3 * rng.standard_normal(len(u))
+        y = columns @ (LAW * [1.0, factor, factor]) + 0.3 * rng.standard_normal(len(u))
         both = np.column_stack([y, columns])
         found.append(both.T @ both)
-    return Levels(np.array(found), DIRECTED)
+    return Blocks((), TERMS, np.array(found)[:, np.newaxis], np.full((len(found), 1), 100.0))
 
 
-def warm_levels(wander: float, seed: int = 0) -> tuple[Levels, np.ndarray, History]:
+def warm_levels(wander: float, seed: int = 0) -> tuple[Blocks, np.ndarray, History]:
     past, time = course(seed=seed)
     warmth = warmth_at(past, 0, WARMED, COOLED, time)
     chance = wander * np.random.default_rng(seed).standard_normal(len(time))
     return levels(1 + SLOPE * (warmth - warmth.mean()) + chance, seed), time, past
 
 
-def walking_levels(seed: int) -> tuple[Levels, np.ndarray, History]:
+def walking_levels(seed: int) -> tuple[Blocks, np.ndarray, History]:
     past, time = course(seed=seed)
     steps = np.random.default_rng(100 + seed).standard_normal(len(time))
     walk = 0.03 * np.cumsum(steps * np.sqrt(np.diff(time, prepend=0.0) / 600.0))
@@ -85,7 +84,7 @@ def test_warmth_rises_in_motion_and_falls_at_rest() -> None:
 
 def test_beyond_what_was_seen_friction_is_that_of_the_nearest_warmth() -> None:
     own = Warmth(
-        warming=WARMING[0], cooling=60.0, slope=-0.3, slope_error=0.01, reference=0.4,
+        warming=10.0, cooling=60.0, slope=-0.3, slope_error=0.01, reference=0.4,
         seen=(0.2, 0.6), wander=0.02, over_law=1.2, over_last=1.3,
     )  # fmt: skip
     assert own.factor([0.0, 0.4, 1.0]) == pytest.approx([own.cold, 1.0, own.warm])

@@ -14,10 +14,10 @@ up what is left of such a drift, since over every stroke, forth or back, the int
 t sign(v) qdd is minus the way.
 
 G holds a constant and |v| (asymmetric friction, sensor offset), torque ripple at multiples of the
-motor's angle (zero at those that look like something else, `hil.least_squares.ripple`), and
-friction that grows with the transmitted torque, |Q_t| sign(v) and, where that differs by direction,
-|Q_t|. What is transmitted is not known before there is a first estimate, so these two are zero
-here, and the estimator fills them in.
+motor's angle (zero at those that look like something else, `hil.friction.ripple`), and friction
+that grows with the transmitted torque, |Q_t| sign(v) and, where that differs by direction, |Q_t|.
+What is transmitted is not known before there is a first estimate, so these two are zero here, and
+the estimator fills them in.
 
 Left out are samples near a reversal, where friction is no function of velocity, and those where the
 acceleration changes fast, at the corners of the trapezoid: there, differences of positions and
@@ -34,29 +34,34 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from hil.friction.direction import at_once
+from hil.friction.ripple import RIPPLE_ORDERS, ripple_orders
+from hil.friction.terms import DIRECTED, DRIFT, LOAD_BY_DIRECTION, friction_columns
 from hil.least_squares.layout import axis_place
-from hil.least_squares.ripple import RIPPLE_ORDERS, ripple_orders
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
+    from hil.arrays import Array, Mask
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
-ASYMMETRIC = (0, 1)
+OWN = (*(term for term in DIRECTED if term != "load"), DRIFT)
+"""Terms of the friction of one measurement alone, the columns of F."""
+COMMON = (
+    "offset", "asymmetric",
+    *(f"{wave} {order}" for wave in ("cosine", "sine") for order in RIPPLE_ORDERS),
+    "load", LOAD_BY_DIRECTION,
+)  # fmt: skip
+"""Terms that all measurements of an axis share, the columns of G."""
+ASYMMETRIC = tuple(COMMON.index(term) for term in ("offset", "asymmetric"))
 """Places of the columns of G by which friction differs by direction."""
-LOAD = 2 + 2 * len(RIPPLE_ORDERS)
+LOAD = COMMON.index("load")
 """Place of the column of G that grows with the transmitted torque; its coefficient is mu."""
-N_COMMON = LOAD + 2
+N_COMMON = len(COMMON)
 """Columns of G of one axis."""
-BEND = 0.08
-"""Share of the speed at which the arc tangent of friction bends."""
 SLOW = 0.05
 """Share of the speed limit below which samples are left out."""
 JERK = 5.0
@@ -103,11 +108,15 @@ def term_columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array,
     """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...)."""
     rows = regressor(robot, *motion.link, joints=[axis])[:, 0]
     v = motion.qd[:, axis] / speed_scale(robot, motion, axis)
-    angle = robot.gear_ratio[axis] * motion.q[:, axis]
-    return rows, _common(angle, v, ripple_orders(robot, axis)), friction_columns(motion, v)
+    seen = (*COMMON[:2], *(f"{wave} {n}" for wave in ("cosine", "sine")
+                           for n in ripple_orders(robot, axis)))  # fmt: skip
+    angle, common = robot.gear_ratio[axis] * motion.q[:, axis], np.zeros((len(v), N_COMMON))
+    places = [COMMON.index(term) for term in seen]
+    common[:, places] = friction_columns(v, at_once(v, 0.0), angle=angle, terms=seen)
+    return rows, common, own_friction(motion, v)
 
 
-def friction_columns(motion: Motion, v: Array) -> Array:
+def own_friction(motion: Motion, v: Array) -> Array:
     """F: what friction of one measurement can be, shape (n, 6).
 
     Parameters
@@ -116,14 +125,9 @@ def friction_columns(motion: Motion, v: Array) -> Array:
         Velocity of the axis as share of its limit.
     """
     free_of_noise = motion.smoothed(v)
-    direction, way = np.sign(free_of_noise), np.cumsum(np.abs(free_of_noise))
-    gone = (way - way.mean()) / max(float(np.ptp(way)), motion.period)
-    return np.column_stack([direction, v, *curved(v), direction * gone])
-
-
-def curved(v: Array) -> tuple[Array, Array, Array]:
-    """Two degressive functions of a share of the speed, and a progressive one."""
-    return np.cbrt(v), np.arctan(v / BEND), v * np.abs(v)
+    distance = np.cumsum(np.abs(free_of_noise))
+    gone = (distance - distance.mean()) / max(float(np.ptp(distance)), motion.period)
+    return friction_columns(v, at_once(free_of_noise, 0.0), gone=gone, terms=OWN)
 
 
 def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:
@@ -152,12 +156,6 @@ def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
     return moving(robot, motion, axis) & steady
 
 
-def common_terms() -> tuple[str, ...]:
-    """Names of the columns of G."""
-    waves = (f"{wave} {order}" for wave in ("cosine", "sine") for order in RIPPLE_ORDERS)
-    return ("offset", "asymmetric", *waves, "load", "load by direction")
-
-
 def place(robot: Robot, axis: int) -> NDArray[np.intp]:
     """Where base parameters and an axis's common terms stand among all unknowns."""
     return axis_place(len(base_parameters(robot)), N_COMMON, axis)
@@ -166,21 +164,3 @@ def place(robot: Robot, axis: int) -> NDArray[np.intp]:
 def n_unknowns(robot: Robot) -> int:
     """Base parameters and, axis by axis, the common terms."""
     return len(base_parameters(robot)) + robot.n_joints * N_COMMON
-
-
-def multiples(angle: Array, orders: range) -> NDArray[np.complex128]:
-    """exp(j n angle) of successive orders n, shape (n_orders, n): cosines and sines."""
-    once = np.exp(1j * angle)
-    factors = np.tile(once, (len(orders), 1))
-    factors[0] = once ** orders[0]
-    return np.cumprod(factors, axis=0)
-
-
-def _common(angle: Array, v: Array, orders: Sequence[int]) -> Array:
-    columns = np.zeros((N_COMMON, len(v)))
-    columns[0], columns[1] = 1.0, np.abs(v)
-    if orders:
-        ripple = multiples(angle, RIPPLE_ORDERS)
-        ripple[np.setdiff1d(RIPPLE_ORDERS, orders) - RIPPLE_ORDERS[0]] = 0.0
-        columns[2:LOAD] = *ripple.real, *ripple.imag
-    return columns.T

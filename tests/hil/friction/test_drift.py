@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.estimation.friction.drift import REFERENCE, Level, drift
-from hil.estimation.friction.history import History
 from hil.estimation.friction.points import FrictionPoint
 from hil.estimation.friction.symmetry import of_points
+from hil.friction.drift import REFERENCE, Level, drift
+from hil.friction.warmth import History
 
 WARM_UP, SETTLING, STIRRING = 1200.0, 150.0, 25.0
 SPEED = 0.4
@@ -117,8 +117,8 @@ def test_where_nothing_scatters_the_outcome_is_certain(share, passed):
 
 def test_two_measurements_are_too_few_for_a_test_of_symmetry_and_three_are_not():
     points = asymmetric(0.0, 0.1)
-    assert of_points(points[:2]) == []
-    assert of_points(points[:3])[0].n == 3
+    assert of_points(points[:2]) == {}
+    assert of_points(points[:3])[0].measurements == 3
 
 
 def test_an_asymmetry_that_gravity_s_uncertainty_explains_is_none():

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from hil.model.robot import Robot
 
 RIPPLE_ORDERS = range(1, 7)
@@ -38,8 +40,41 @@ def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
     return tuple(n for n in RIPPLE_ORDERS if n * gear >= least)
 
 
+def multiples(angle: NDArray[np.float64], orders: range) -> NDArray[np.complex128]:
+    """exp(j n angle) of successive orders n, shape (n_orders, n): cosines and sines."""
+    once = np.exp(1j * angle)
+    factors = np.tile(once, (len(orders), 1))
+    factors[0] = once ** orders[0]
+    return np.cumprod(factors, axis=0)
+
+
 def orders_left_out(robot: Robot) -> dict[int, tuple[int, ...]]:
     """Orders that the regression does not hold, by axis from 0; only axes that have some."""
     kept = {axis: set(ripple_orders(robot, axis)) for axis in range(robot.n_joints)}
     left = {axis: tuple(n for n in RIPPLE_ORDERS if n not in own) for axis, own in kept.items()}
     return {axis: orders for axis, orders in left.items() if orders}
+
+
+def ripple_left_out(robot: Robot) -> str:
+    """State which orders are left out at which axes, and why; empty where none is."""
+    found = orders_left_out(robot)
+    if not found:
+        return ""
+    axes = "; ".join(
+        f"axis {axis + 1}, gear ratio {_stated(robot.gear_ratio[axis])}: {_listed(orders)}"
+        for axis, orders in found.items()
+    )
+    return (
+        f"torque ripple is not fitted at these multiples of the motor's angle: {axes}. They cannot"
+        " be distinguished from gravity, inertia or each other; what there is of it becomes part"
+        " of the base parameters"
+    )
+
+
+def _stated(ratio: float) -> str:
+    return f"{ratio:g}" if math.isfinite(ratio) else "unknown"
+
+
+def _listed(orders: tuple[int, ...]) -> str:
+    """Orders that follow each other, as a range."""
+    return str(orders[0]) if len(orders) == 1 else f"{orders[0]} to {orders[-1]}"

@@ -5,12 +5,11 @@ import pytest
 from synthetic import Friction, record
 
 from hil.estimation.two_step_methods import estimates
-from hil.least_squares.ripple import orders_left_out, ripple_orders
+from hil.friction.ripple import orders_left_out, ripple_left_out, ripple_orders
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import predict
-from hil.results.ripple import ripple_left_out
 
 TRUTH = np.array([0.6, 0.1, 0.5, 2.0])
 

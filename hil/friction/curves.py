@@ -1,0 +1,280 @@
+"""Friction as a function of speed, fitted to measured points; the choice among four such models.
+
+=========== ================================================= =============================
+linear      a1 v + a2 sgn v                                   eq. (1), linear least squares
+cube-root   a1 v + a2 sgn v + a3 cbrt v                       eq. (2), linear least squares
+arctan      a1 v + a2 sgn v + a3 atan(a4 v)                   eq. (3), bounded non-linear
+stribeck    a1 v + a2 sgn v + a3 exp(-(v / a4)^2) sgn v       bounded non-linear
+=========== ================================================= =============================
+
+All are odd functions, so least squares over both directions is least squares over their mean, and
+that is what they are fitted to: friction's asymmetry is tested by itself (`hil.friction.symmetry`).
+Given a4 the last two are linear as well. So a4 is looked for on a grid in its logarithm and between
+its best neighbours, all else by linear least squares (variable projection, Golub and Pereyra 1973).
+In the fit speed is a share of the axis's limit and torque a share of the largest one measured, so
+that all parameters are of similar size.
+
+A parameter is not identifiable where a4 ends at its bound (its knee lies outside the measured
+speeds) or has a standard error of more than half its value, or where another one has and is
+correlated with a further one so strongly that only both together are known.
+
+Recommended is the simplest model that none beats by more than chance at speeds that are held out,
+all repetitions of one together (`hil.least_squares.choice`). The slowest and the fastest are always
+fitted: nothing is asked of a model beyond the speeds that were measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from checked_files.yaml_file import FileModel
+from hil.least_squares.choice import simplest
+from hil.least_squares.solving import fitted
+from hil.least_squares.uncertainty import UNCERTAIN, classical, correlation_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from hil.arrays import Array
+
+
+Law = Literal["linear", "cube-root", "arctan", "stribeck"]
+_FAMILIES: dict[Law, tuple[tuple[str, ...], tuple[float, ...]]] = {
+    "linear": (("N m s/rad", "N m"), (1.0, 0.0)),
+    "cube-root": (("N m s/rad", "N m", "N m (s/rad)^1/3"), (1.0, 0.0, 1 / 3)),
+    "arctan": (("N m s/rad", "N m", "N m", "s/rad"), (1.0, 0.0, 0.0, 1.0)),
+    "stribeck": (("N m s/rad", "N m", "N m", "rad/s"), (1.0, 0.0, 0.0, -1.0)),
+}
+"""Units of each model's parameters, of an axis that turns, and powers of the inverse speed in them;
+from the simplest."""
+LAWS: tuple[Law, ...] = tuple(_FAMILIES)
+GRID = 60
+"""Values of a4 that are tried first: a tenth apart over the 2.5 decades of speed of a sweep."""
+TIED = 0.95
+"""Correlation with another parameter from which on both are only known together: alone, each is
+three times as uncertain, 1 / sqrt(1 - 0.95^2)."""
+ALIKE = 0.02
+"""Speeds that differ by less than this share are one speed: drives keep theirs better."""
+
+
+class FrictionModel(FileModel):
+    """A fitted friction model of one axis, as `friction.yaml` keeps it.
+
+    Attributes
+    ----------
+    kind : str
+        One of `LAWS`.
+    a : tuple of float
+        Parameters in SI.
+    standard_error : tuple of float or None
+        From the scatter about the model; None where there are no degrees of freedom or the data do
+        not determine the parameter.
+    units : tuple of str
+        Of `a`.
+    error : float
+        Root mean square of what the fit leaves [N m or N].
+    held_out_error : float, optional
+        The same at speeds that were held out.
+    unidentifiable : tuple of str
+        A sentence for every parameter that the data do not identify.
+    """
+
+    kind: Law
+    a: tuple[float, ...]
+    standard_error: tuple[float | None, ...]
+    units: tuple[str, ...]
+    error: float
+    held_out_error: float | None = None
+    unidentifiable: tuple[str, ...]
+
+    def torque(self, v: ArrayLike) -> Array:
+        """Friction torque against motions at velocities `v` (any shape) [rad/s -> N m]."""
+        return torque(self.kind, self.a, v)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisCurves:
+    """Friction of one axis over its speeds.
+
+    Attributes
+    ----------
+    axis : int
+        From 0.
+    velocity, torque : ndarray, shape (n,)
+        What the models were fitted to: speeds [rad/s], mean friction of both directions [N m].
+    models : dict
+        All models that there were enough speeds for, by kind.
+    chosen : str
+        Kind of the model that is recommended.
+    """
+
+    axis: int
+    velocity: Array
+    torque: Array
+    models: dict[Law, FrictionModel]
+    chosen: Law
+
+
+def choose(
+    axis: int, velocity: Array, torque: Array, limit: float, *, turns: bool = True
+) -> AxisCurves | None:
+    """Fit all models to the points of one axis and recommend one.
+
+    Parameters
+    ----------
+    axis : int
+        From 0.
+    velocity, torque : ndarray, shape (n,)
+        Positive speeds [rad/s], mean friction of both directions [N m].
+    limit : float
+        The axis's speed limit [rad/s].
+    turns : bool
+        Whether the axis turns; if not, all is in m and N.
+
+    Returns
+    -------
+    AxisCurves or None
+        None with less than three speeds: no model can be checked then.
+    """
+    order = np.argsort(velocity)
+    speed = np.empty(len(velocity), dtype=np.intp)
+    speed[order] = np.cumsum(np.diff(np.log(velocity[order]), prepend=-np.inf) > ALIKE) - 1
+    kinds = [kind for kind in LAWS if speed.max() + 1 > len(_FAMILIES[kind][0])]
+    if not kinds:
+        return None
+    errors: dict[str, Array] = {}
+    models = {}
+    for kind in kinds:
+        squares = []
+        for out in (speed == number for number in range(1, speed.max())):
+            model = fit_model(kind, velocity[~out], torque[~out], limit)
+            squares.append(float(np.mean((torque[out] - model.torque(velocity[out])) ** 2)))
+        errors[kind] = np.array(squares)
+        held_out = float(np.sqrt(errors[kind].mean()))
+        fit = fit_model(kind, velocity, torque, limit, turns=turns)
+        models[kind] = fit.model_copy(update={"held_out_error": held_out})
+    best = simplest(errors)
+    return AxisCurves(axis, velocity, torque, models, next(k for k in kinds if k == best))
+
+
+def torque(kind: Law, a: ArrayLike, v: ArrayLike) -> Array:
+    """Friction torque of a model with parameters `a` at velocities `v` [rad/s -> N m]."""
+    coefficients, velocity = np.asarray(a, dtype=float), np.asarray(v, dtype=float)
+    shape = coefficients[3] if len(coefficients) > 3 else 1.0
+    value: Array = _columns(kind, velocity, shape) @ coefficients[:3]
+    return value
+
+
+def fit_model(
+    kind: Law, v: Array, tau: Array, limit: float, *, turns: bool = True
+) -> FrictionModel:
+    """Fit one model.
+
+    Parameters
+    ----------
+    v, tau : ndarray, shape (n,)
+        Velocities [rad/s] and friction torques [N m]; at least as many as parameters.
+    limit : float
+        The axis's speed limit, which scales the fit [rad/s].
+    turns : bool
+        Whether the axis turns; if not, all is in m and N.
+    """
+    names, powers = _FAMILIES[kind]
+    scale = float(np.abs(tau).max())
+    x, y = v / limit, tau / scale
+    bounds = _bounds(kind, np.abs(x))
+    shape = () if bounds is None else (_shape(kind, x, y, bounds),)
+    a = np.array([*fitted(_columns(kind, x, *shape), y), *shape])
+    left, spare = y - torque(kind, a, x), len(x) - len(a)
+    variance = float(left @ left) / spare if spare > 0 else np.nan
+    covariance = classical(_jacobian(kind, a, x), variance)
+    back = np.array([scale, scale, scale, 1.0])[: len(a)] / limit ** np.array(powers)
+    error = np.sqrt(np.diag(covariance)) * back
+    return FrictionModel(
+        kind=kind,
+        a=tuple((a * back).tolist()),
+        standard_error=tuple(float(e) if np.isfinite(e) else None for e in error),
+        units=names if turns else tuple(sliding(unit) for unit in names),
+        error=float(np.sqrt(np.mean(left**2))) * scale,
+        unidentifiable=_words(a, covariance, bounds),
+    )
+
+
+def sliding(unit: str) -> str:
+    """Unit of an axis that slides, for that of one that turns."""
+    return unit.replace("N m", "N").replace("rad", "m")
+
+
+def _columns(kind: Law, v: Array, shape: float = 1.0) -> Array:
+    """What the linear parameters are multiplied with, shape (..., 2 or 3)."""
+    columns = [v, np.sign(v)]
+    if kind == "cube-root":
+        columns.append(np.cbrt(v))
+    elif kind == "arctan":
+        columns.append(np.arctan(shape * v))
+    elif kind == "stribeck":
+        columns.append(np.exp(-((v / shape) ** 2)) * np.sign(v))
+    return np.stack(columns, axis=-1)
+
+
+def _jacobian(kind: Law, a: Array, x: Array) -> Array:
+    """Change of the torque per change of each parameter, shape (n, n_parameters)."""
+    if len(a) < 4:
+        return _columns(kind, x)
+    if kind == "arctan":
+        by_shape = a[2] * x / (1.0 + (a[3] * x) ** 2)
+    else:
+        bell = np.exp(-((x / a[3]) ** 2)) * np.sign(x)
+        by_shape = a[2] * bell * 2.0 * x**2 / a[3] ** 3
+    return np.column_stack([_columns(kind, x, a[3]), by_shape])
+
+
+def _bounds(kind: Law, speed: Array) -> tuple[float, float] | None:
+    """Range of a4 in which the knee lies among the measured speeds; None for linear models."""
+    low, high = float(speed.min()), float(speed.max())
+    if kind == "arctan":
+        return 0.5 / high, 2.0 / low
+    return (0.5 * low, high) if kind == "stribeck" else None
+
+
+def _shape(kind: Law, x: Array, y: Array, bounds: tuple[float, float]) -> float:
+    """The a4 that leaves least, all else being fitted."""
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - takes long to load
+
+    def left(logarithm: float) -> float:
+        W = _columns(kind, x, float(np.exp(logarithm)))
+        return float(np.sum((y - W @ fitted(W, y)) ** 2))
+
+    grid = np.log(np.geomspace(*bounds, GRID))
+    best = int(np.argmin([left(each) for each in grid]))
+    ends = grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)]
+    refined = minimize_scalar(left, bounds=ends, method="bounded", options={"xatol": 1e-9})
+    return float(np.exp(min(grid[best], float(refined.x), key=left)))
+
+
+def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> tuple[str, ...]:
+    """State which parameters the data do not identify, and why."""
+    found = []
+    error = np.sqrt(np.diag(covariance))
+    correlated = correlation_of(covariance)
+    if bounds is not None and (a[3] < bounds[0] * 1.001 or a[3] > bounds[1] * 0.999):
+        found.append("a3, a4: the knee lies outside the measured speeds; only their sum is known")
+        return tuple(found)
+    found += [f"a{k + 1}: the data do not determine it" for k in np.flatnonzero(np.isinf(error))]
+    if bounds is not None and UNCERTAIN * a[3] < error[3] < np.inf:
+        found.append(
+            f"a4: standard error {100 * error[3] / a[3]:.0f} % of its value, nor a3 for sure"
+        )
+    for k in np.flatnonzero(error[:3] > UNCERTAIN * np.abs(a[:3])):
+        others = np.abs(correlated[k]) * (np.arange(len(a)) != k)
+        partner = int(np.argmax(others))
+        if others[partner] > TIED:
+            found.append(
+                f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of its"
+                f" value, correlation {correlated[k, partner]:.2f} with a{partner + 1}: known"
+                " together only"
+            )
+    return tuple(found)

@@ -1,0 +1,201 @@
+"""Time constants of temperature and lubricant, from friction levels over time.
+
+A friction level f_k measured at time t_k is modelled as
+
+    ln f_k = c + alpha T(t_k) + beta S(t_k) + e_k
+
+with two states that the axis's own history drives. T is the warmth of the gear, which follows the
+speed (friction power, at much the same friction) with one time constant; S is the share of the
+lubricant that has settled, which grows at rest with a second one and decays in motion with a third,
+at a rate proportional to the speed:
+
+    T' = (x - T) / tau_warm,    S' = (1 - S) / tau_rest at rest,    S' = -S (x / x0) / tau_motion,
+
+x being the mean speed as a share of the limit and x0 = `REFERENCE`. The axis counts as cold and
+rested when the run begins. Levels of different kinds or speeds have constants c of their own. Given
+the time constants all else is linear; they are looked for on a grid in their logarithms and refined
+by bounded least squares. Residuals wander, so standard errors are widened by their autocorrelation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.friction.warmth import REFERENCE, relaxed
+from hil.least_squares.solving import fitted
+from hil.least_squares.uncertainty import UNCERTAIN, classical
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.arrays import Array
+    from hil.friction.warmth import History
+
+
+AT_REST = 0.01
+"""Mean speed, as share of the limit, below which the lubricant settles: what a travel between two
+recordings amounts to."""
+BOUNDS = {"warm-up": (120.0, 14400.0), "settling": (10.0, 3600.0), "stirring": (1.0, 600.0)}
+"""Time constants that are looked for, from those of a measurement to those of a shift [s]."""
+GRID = (6, 5, 5)
+"""Values of each that are tried first, about a factor of two apart."""
+FEWEST = 10
+"""Levels beyond the number of unknowns below which the scatter is uncertain by a quarter and more,
+1 / sqrt(2 * 10)."""
+
+
+class Level(NamedTuple):
+    """A friction level at an instant.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    friction : float
+        Positive [N m].
+    group : str
+        Kind and speed; levels of different groups are not compared.
+    """
+
+    time: float
+    friction: float
+    group: str
+
+
+class TimeConstant(NamedTuple):
+    """One of the three.
+
+    Attributes
+    ----------
+    name : str
+        warm-up, settling or stirring.
+    value, standard_error : float
+        [s].
+    word : str
+        Why it is not identifiable; empty where it is.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    word: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drift:
+    """The variance in time of one axis's friction.
+
+    Attributes
+    ----------
+    axis : int
+        From 0.
+    levels : tuple of Level
+        What was fitted.
+    fitted : ndarray, shape (n,)
+        The same by the model [N m].
+    constants : tuple of TimeConstant
+    warm_effect, rest_effect : float
+        Relative change of the level by warming up as far as it did, and from stirred to settled.
+    scatter : float
+        Relative root mean square of what is left.
+    """
+
+    axis: int
+    levels: tuple[Level, ...]
+    fitted: Array
+    constants: tuple[TimeConstant, ...]
+    warm_effect: float
+    rest_effect: float
+    scatter: float
+
+
+def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
+    """Estimate the time constants of one axis; None where there are too few levels."""
+    used = sorted(levels, key=lambda level: level.time)
+    names = sorted({level.group for level in used})
+    if len(used) < FEWEST + len(names) + 5:
+        return None
+    log_levels = np.log([level.friction for level in used])
+    course = _Course(axis, used, names, past)
+    low, high = np.log(list(BOUNDS.values())).T
+
+    def left(taus: Array) -> Array:
+        X = course.columns(taus)
+        return np.asarray(log_levels - X @ fitted(X, log_levels))
+
+    grid = (np.linspace(a, b, n + 2)[1:-1] for a, b, n in zip(low, high, GRID, strict=True))
+    start = min(map(np.array, product(*grid)), key=lambda taus: float(np.sum(left(taus) ** 2)))
+    from scipy.optimize import least_squares  # noqa: PLC0415 - takes long to load
+
+    taus = np.asarray(least_squares(left, start, bounds=(low, high)).x)
+    X, residual = course.columns(taus), left(taus)
+    a = fitted(X, log_levels)
+    jacobian = np.column_stack([X, *(column @ a[-2:] for column in course.changes(taus))])
+    variance = float(residual @ residual) / (len(residual) - jacobian.shape[1])
+    covariance = classical(jacobian, variance * _wandering(residual))
+    error = np.sqrt(np.diag(covariance))
+    seen = UNCERTAIN * np.abs(a[-2:]) > error[len(a) - 2 : len(a)]
+    at_bound = np.minimum(taus - low, high - taus) < 1e-3
+    rows = zip(BOUNDS, taus, error[len(a) :], seen[[0, 1, 1]], at_bound, strict=True)
+    return Drift(
+        axis=axis,
+        levels=tuple(used),
+        fitted=np.exp(log_levels - residual),
+        constants=tuple(_constant(*row) for row in rows),
+        warm_effect=float(np.exp(a[-2] * X[:, -2].max()) - 1.0),
+        rest_effect=float(np.exp(a[-1]) - 1.0),
+        scatter=float(np.sqrt(np.mean(residual**2))),
+    )
+
+
+class _Course:
+    """Columns of the levels of one axis, as its history made them."""
+
+    def __init__(
+        self, axis: int, levels: Sequence[Level], names: Sequence[str], past: History
+    ) -> None:
+        self._time = np.array([level.time for level in levels])
+        self._constants = np.array([[float(k.group == name) for name in names] for k in levels])
+        self._ends, self._speed = np.append(past.begin, past.end), past.speed[:, axis]
+
+    def columns(self, taus: Array) -> Array:
+        """Constants of the groups, warmth and settled share, for logarithms of time constants."""
+        warm_up, settling, stirring = np.exp(taus)
+        spans, x = np.diff(self._ends), self._speed
+        resting = x < AT_REST
+        rate = np.where(resting, 1.0 / settling, x / REFERENCE / stirring)
+        warmth = relaxed(0.0, x, np.exp(-spans / warm_up))
+        settled = relaxed(1.0, resting, np.exp(-spans * rate))
+        states = [np.interp(self._time, self._ends, s) for s in (warmth, settled)]
+        return np.column_stack([self._constants, *states])
+
+    def changes(self, taus: Array, step: float = 1e-3) -> list[Array]:
+        """Change of warmth and settled share with each of `taus`, each of shape (n, 2)."""
+        return [
+            (self.columns(taus + d) - self.columns(taus - d))[:, -2:] / (2 * step)
+            for d in step * np.eye(len(taus))
+        ]
+
+
+def _constant(name: str, tau: float, error: float, seen: bool, at_bound: bool) -> TimeConstant:
+    """Time constant of logarithm `tau`, with the reason if it is not identifiable."""
+    value, word = float(np.exp(tau)), ""
+    if not seen:
+        word = "its effect is lost in the scatter; measure longer, or with stops"
+    elif at_bound:
+        word = f"at its bound, {value:.0f} s; the run holds no such change"
+    elif error > UNCERTAIN:
+        by = f"uncertain by {100 * error:.0f} %" if np.isfinite(error) else "not excited"
+        word = f"{by}; measure longer, or with more stops"
+    return TimeConstant(name, value, value * float(error), word)
+
+
+def _wandering(left: Array) -> float:
+    """How much the autocorrelation of residuals widens the variance of what is fitted to them."""
+    rho = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
+    rho = min(max(rho, 0.0), 0.95)
+    return (1.0 + rho) / (1.0 - rho)

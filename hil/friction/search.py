@@ -1,0 +1,99 @@
+"""The search of a law of friction: the simplest that none beats by more than chance.
+
+What an axis's friction was in groups of samples, such as measurements, stands in blocks of one
+channel with a column for each term (`hil.friction.terms`). Every law is fitted to all groups but
+those that are held out in turn, and predicts these (`hil.least_squares.choice`). Coulomb's and
+viscous friction stands unless the data call for another law: simpler ones would save an unknown and
+be taken wherever there are too few groups to show anything.
+
+A group's error counts as one draw, since friction's level stays much the same in a measurement and
+differs in the next: covariances are Huber's sandwich over groups. How far the level wanders is the
+greatest of the differences from one of the factors by which the law's level fits each of them.
+Where the warmth of the gear explains how the level changed (`hil.friction.warmth`), the law is that
+at the mean warmth.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.friction.law import AxisLaw, TermValue
+from hil.friction.terms import CLASSICAL, LAWS, USUAL
+from hil.friction.warmth import deviations, find_warmth
+from hil.least_squares.choice import HeldOut, simplest
+from hil.least_squares.regression import Regression
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from hil.arrays import Array
+    from hil.friction.warmth import History
+    from hil.least_squares.blocks import Blocks
+    from hil.least_squares.regression import Fit
+
+
+TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
+"""Laws, from the usual one on."""
+
+
+def axis_law(
+    measured: Blocks,
+    speed: float,
+    speeds: tuple[float, float],
+    time: Array,
+    past: History | None,
+    axis: int,
+) -> AxisLaw:
+    """Law of friction of one axis.
+
+    Parameters
+    ----------
+    measured : Blocks
+        One channel with the terms that laws are made of; a group for each measurement, in the order
+        of time.
+    speed : float
+        That velocities are divided by [rad/s or m/s].
+    speeds : tuple of two floats
+        Slowest and fastest samples [rad/s or m/s].
+    time : ndarray, shape (n,)
+        Of the middle of each measurement [s].
+    past : History, optional
+        What the axes did; without it no warmth is looked for.
+    axis : int
+        From 0, in the history.
+    """
+    tried = {name: LAWS[name] for name in TRIED if set(LAWS[name]) <= set(measured.own)}
+    system = measured.normal(np.ones(1))
+    held_out = HeldOut(system, system)
+    errors = {name: held_out.error(measured.place(*law) - 1) for name, law in tried.items()}
+    law = simplest(errors)
+    terms, fit = LAWS[law], _fit(measured, LAWS[law])
+    values, covariance, own = fit.x, fit.covariance, measured.only((), terms)
+    warm = None if past is None else find_warmth(own, time, past, axis)
+    if warm is not None:
+        values, covariance = warm.values, warm.covariance
+    plain = _fit(measured, CLASSICAL)
+    return AxisLaw(
+        law=law,
+        speed=speed,
+        terms=TermValue.named(terms, values, covariance),
+        plain=TermValue.named(CLASSICAL, plain.x, plain.covariance),
+        held_out=relative_errors(errors, law),
+        covariance=tuple(tuple(row) for row in covariance.tolist()),
+        wander=float(np.abs(deviations(own, values)).max()),
+        speeds=speeds,
+        measurements=len(measured),
+        warmth=None if warm is None else warm.warmth,
+    )
+
+
+def relative_errors(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:
+    """Root mean square errors on held-out groups, over that of the alternative chosen."""
+    least = max(float(errors[chosen].sum()), np.finfo(float).tiny)
+    return {name: float(np.sqrt(error.sum() / least)) for name, error in errors.items()}
+
+
+def _fit(measured: Blocks, terms: tuple[str, ...]) -> Fit:
+    return Regression(measured.only((), terms), np.ones(1), np.arange(len(terms))).fit("clusters")
