@@ -53,9 +53,8 @@ def export(
     ] = False,
 ) -> None:
     """Write an identified model, or the recordings of a run, as files of other tools."""
-    from hil.export.formats import refuse_unknown
+    from hil.export.formats import SIMULATORS, refuse_unknown
     from hil.export.recordings.formats import RECORDINGS
-    from hil.export.simulators import SIMULATORS
 
     refuse_unknown(to)
     if to in RECORDINGS:
@@ -87,10 +86,8 @@ def _model_written(
     source: Path, to: str, output: Path, urdf: Path | None, masses: list[str] | None, force: bool
 ) -> tuple[Path, ...]:
     with working("reading the model") as now:
-        from hil.export.exported import write_exported
-        from hil.export.formats import export
-        from hil.export.origin import cautions, origin, passed, validations
-        from hil.export.simulators import SIMULATORS
+        from hil.export.exported import cautions, origin, passed, validations, write_exported
+        from hil.export.formats import SIMULATORS, export
         from hil.results.model import Model
 
         model = Model.load(source)
@@ -147,9 +144,9 @@ def _bodies(
 ) -> Exported:
     """The model with bodies, found now unless the model has them as they are asked for."""
     from hil.cli.consistent_view import body_bounds, render
+    from hil.export.exported import origin
+    from hil.export.formats import export_to_simulator
     from hil.export.given_urdf import bodies_of, given_urdf
-    from hil.export.origin import origin
-    from hil.export.simulators import export_to_simulator
     from hil.results.consistency import SHAPES, with_consistent_robot
 
     given = None if urdf is None else given_urdf(urdf, model.robot)

@@ -11,9 +11,8 @@ from hil.estimation.free_motion.bristles import STILL
 from hil.estimation.friction.warmth import REFERENCE
 from hil.estimation.friction_law import DIRECTED, friction_variance
 from hil.export.exported import Exported
-from hil.export.simple_friction import simple_friction
-from hil.results.rounding import percent, significant
-from hil.results.torque_parts import known_friction, lacking
+from hil.export.simple_friction import misfits, simple_friction
+from hil.results.torque_parts import known_friction
 
 if TYPE_CHECKING:
     from hil.estimation.friction_law import AxisLaw
@@ -79,45 +78,6 @@ def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
     for end, name in enumerate((", cold", ", warm")):
         said += misfits(model, tuple(ends[k][end] for k in warm), name)
     return Exported({"friction.json": text}, tuple(said))
-
-
-def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -> list[str]:
-    """What the simplest simplification costs, axis by axis; `state`: of the gears, for the text.
-
-    The misfit is at no load and away from reversals; what the law states beside that is named.
-    """
-    lack = lacking(model)
-    return [
-        *((f"FRICTION UNKNOWN: {lack}",) if lack and not state else ()),
-        *(
-            f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous"
-            f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
-            f" s/{model.robot.position_unit(each.axis)} miss the law by"
-            f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
-            f" ({percent(each.misfit, each.size)} % of it){_of_load(model, each.axis)}"
-            for each in simple
-        ),
-    ]
-
-
-def presliding_left_out(model: Model) -> tuple[str, ...]:
-    """Which axes' friction turns round over a distance, where a format has it turn at once."""
-    law = model.friction_law
-    axes = [
-        f"axis {axis} over {significant(own.presliding, 2)} {model.robot.position_unit(axis - 1)}"
-        for axis, own in enumerate(() if law is None else law.axes, start=1)
-        if own is not None and own.presliding
-    ]
-    return (f"presliding is left out: {', '.join(axes)}",) if axes else ()
-
-
-def _of_load(model: Model, axis: int) -> str:
-    """What of the law depends on the load, which no simplification has."""
-    law = known_friction(model).axes[axis]
-    if law is None or "load" not in law.terms:
-        return ""
-    share = significant(law.terms["load"].value, 2)
-    return f"; friction of the load, {share} of its size, is left out"
 
 
 def _axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[str, object]:

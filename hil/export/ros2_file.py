@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 from hil.export.exported import Exported
-from hil.export.friction_of_joints import friction_of_joints, friction_remarks
+from hil.export.simple_friction import friction_of_joints, friction_remarks
 
 if TYPE_CHECKING:
     from hil.export.simple_friction import SimpleFriction

@@ -16,15 +16,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from hil.export.exact_numbers import comment, number, numbers, roll_pitch_yaw
 from hil.export.exported import Exported
-from hil.export.friction_of_joints import friction_remarks
-from hil.export.simulated_robot import simulated_robot
-from hil.export.urdf_links import UrdfLinks
+from hil.export.given_urdf import INERTIA
+from hil.export.simple_friction import friction_remarks
+from hil.export.simulated_robot import comment, number, numbers, roll_pitch_yaw, simulated_robot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -34,14 +32,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_INERTIA = {
-    "ixx": (0, 0),
-    "ixy": (0, 1),
-    "ixz": (0, 2),
-    "iyy": (1, 1),
-    "iyz": (1, 2),
-    "izz": (2, 2),
-}
 UNLIMITED = 1e6
 """In place of an effort or a velocity that nobody has stated."""
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -55,7 +45,7 @@ def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None
         root = _own(robot)
         remarks = (*remarks, *_without_limits(robot))
     else:
-        root, more = _with_bodies(robot, given.path)
+        root, more = _with_bodies(robot, given)
         remarks = (*remarks, *more)
     root.insert(0, ET.Comment(comment((*origin, *remarks))))
     ET.indent(root)
@@ -95,16 +85,16 @@ def _joint(
     return made
 
 
-def _with_bodies(robot: SimulatedRobot, path: Path) -> tuple[ET.Element, list[str]]:
-    """The URDF at `path` with the robot's bodies and dynamics, and remarks on it."""
+def _with_bodies(robot: SimulatedRobot, given: Given) -> tuple[ET.Element, list[str]]:
+    """The given URDF with the robot's bodies and dynamics, and remarks on it."""
     builder = ET.TreeBuilder(insert_comments=True)
-    parser = ET.XMLParser(target=builder)  # noqa: S314 - UrdfLinks has refused entities
-    links, root = UrdfLinks(path), ET.parse(path, parser).getroot()  # noqa: S314 - as above
+    parser = ET.XMLParser(target=builder)  # noqa: S314 - its reader has refused entities
+    root = ET.parse(given.path, parser).getroot()  # noqa: S314 - as above
     of_name = {each.get("name"): each for each in root.iter("link")}
     joints = {each.get("name"): each for each in root.findall("joint")}
     chain, remarks = {joint.name for joint in robot.joints}, []
     for joint in robot.joints:
-        attached = [name for name, _ in links.attached(joint.link)]
+        attached = [name for name, _ in given.reader.attached(joint.link, np.eye(4))]
         for name in attached:
             for old in of_name[name].findall("inertial"):
                 of_name[name].remove(old)
@@ -112,7 +102,9 @@ def _with_bodies(robot: SimulatedRobot, path: Path) -> tuple[ET.Element, list[st
         _set_dynamics(joints[joint.name], joint)
         if attached[1:]:
             remarks.append(f"the body of {joint.link} is that of {', '.join(attached[1:])} too")
-        others = [name for name in links.moving(joint.link) if name not in chain]
+        below = (edge.element for name in attached for edge in given.reader.below.get(name, ()))
+        others = [str(e.get("name")) for e in below if e.get("type") != "fixed"]
+        others = [name for name in others if name not in chain]
         if others:
             remarks.append(
                 f"what joints {', '.join(others)} carry keeps its inertials; remove those if it was"
@@ -126,7 +118,7 @@ def _inertial(joint: SimulatedJoint) -> ET.Element:
     ET.SubElement(made, "origin", xyz=numbers(joint.centre), rpy="0 0 0")
     ET.SubElement(made, "mass", value=number(joint.mass))
     inertia = joint.inertia
-    ET.SubElement(made, "inertia", {key: number(inertia[at]) for key, at in _INERTIA.items()})
+    ET.SubElement(made, "inertia", {key: number(inertia[at]) for key, at in INERTIA.items()})
     return made
 
 

@@ -127,24 +127,13 @@ def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, 
     """Links that hang on the chain: number, pose of the link's frame in the robot's, element."""
     frames = frames_of(chain)
     at_zero = np.zeros(len(chain.joints))
-    own = dict(zip((joint.link for joint in chain.joints), range(len(at_zero)), strict=True))
-    of_urdf = chain.frames(at_zero)
-    of_robot = frames.poses(at_zero, chain.revolute)
-    yield from _fixed_on(reader, chain.base, BASE, inverse(frames.base), own)
-    for name, number in own.items():
-        pose = inverse(of_robot[number]) @ of_urdf[number]
-        yield from _fixed_on(reader, name, number, pose, own)
-
-
-def _fixed_on(
-    reader: UrdfReader, name: str, number: int, pose: Array, own: dict[str, int]
-) -> Iterator[tuple[int, Array, Element]]:
-    """Yield a link, and those that fixed joints hang on it."""
-    yield number, pose, reader.links[name]
-    for edge in reader.below.get(name, ()):
-        if edge.child not in own and edge.element.get("type") == "fixed":
-            onward = pose @ reader.origin(edge.element)
-            yield from _fixed_on(reader, edge.child, number, onward, own)
+    of_urdf, of_robot = chain.frames(at_zero), frames.poses(at_zero, chain.revolute)
+    hung = [(BASE, chain.base, inverse(frames.base))]
+    for number, joint in enumerate(chain.joints):
+        hung.append((number, joint.link, inverse(of_robot[number]) @ of_urdf[number]))
+    for number, link, place in hung:
+        for name, pose in reader.attached(link, place):
+            yield number, pose, reader.links[name]
 
 
 def _triangles(reader: UrdfReader, visual: Element, urdf: Path) -> Array:

@@ -21,6 +21,7 @@ from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, meant
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from xml.etree.ElementTree import Element
 
     from numpy.typing import NDArray
@@ -263,6 +264,13 @@ class UrdfReader:
             velocity=self._number(limit, "velocity"),
             effort=self._number(limit, "effort"),
         )
+
+    def attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
+        """Yield a link at `pose` and those that fixed joints attach to it, with their poses."""
+        yield link, pose
+        for edge in self.below.get(link, ()):
+            if edge.element.get("type") == "fixed":
+                yield from self.attached(edge.child, pose @ self.origin(edge.element))
 
     def origin(self, element: Element) -> Array:
         """Transform that a joint's <origin> states."""

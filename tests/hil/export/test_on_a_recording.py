@@ -21,8 +21,7 @@ from possible_models import model_of, possible
 from hil.estimation.free_motion.bristles import are_successive
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction_law import AxisLaw, FrictionLaw, friction_torque
-from hil.export.formats import FORMATS, export
-from hil.export.simulators import SIMULATORS, export_to_simulator
+from hil.export.formats import FORMATS, SIMULATORS, export, export_to_simulator
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import load_robot
 from hil.results.consistency import with_consistent_robot

@@ -12,16 +12,15 @@ from urdf_robots import ROBOTS, urdf
 
 from hil.errors import FileError, Mismatch
 from hil.estimation.consistent.conditions import BodyBounds
-from hil.export.formats import export
-from hil.export.given_urdf import bodies_of, given_urdf
+from hil.export.formats import export, export_to_simulator
+from hil.export.given_urdf import bodies_of, body_of, given_urdf
 from hil.export.simulated_robot import simulated_robot
-from hil.export.simulators import export_to_simulator
-from hil.export.urdf_links import UrdfLinks
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor, Spring
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
+from hil.model.readers.urdf import UrdfReader
 from hil.model.robot import Robot, load_robot, robot_from_urdf
 from hil.results.consistency import with_consistent_robot
 
@@ -192,9 +191,9 @@ def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(a
     assert "<!-- elbow -->" in text
     after = path.parent / "after.urdf"
     after.write_text(text)
-    before, links = UrdfLinks(path), UrdfLinks(after)
-    np.testing.assert_array_equal(links.body("finger"), before.body("finger"))
-    assert links.body("tool") is None
+    before, links = UrdfReader(path), UrdfReader(after)
+    np.testing.assert_array_equal(body_of(links, "finger"), body_of(before, "finger"))
+    assert body_of(links, "tool") is None
     bodies = bodies_of(given_urdf(after, model.robot), model.robot)
     np.testing.assert_allclose(bodies, model.consistent.bodies, rtol=1e-9, atol=1e-12)
     assert "the body of link4 is that of tool too" in text
