@@ -5,9 +5,9 @@
 
 with c, s, b >= 0, or no simulator takes them. Both are fitted to the law of friction that was
 identified, at no load and at 50 speeds, evenly over the range that it was found from (non-negative
-least squares; v_s is the best of 40, spaced by ratio, within that range). They are odd functions: offset, asymmetry and
-ripple of the law are left out. So every simplification comes with its misfit, which counts those
-too.
+least squares; v_s is the best of 40 within that range, spaced by ratio). They are odd functions:
+offset, asymmetry and ripple of the law are left out. So every simplification comes with its misfit,
+which counts those too.
 """
 
 from __future__ import annotations
