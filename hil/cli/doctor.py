@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.terminal.console import out, say
+from hil.terminal.console import say
 from hil.terminal.working import working
 
 if TYPE_CHECKING:
@@ -50,5 +50,4 @@ def _write_json(points: Sequence[Judged]) -> None:
     import json
     from dataclasses import asdict
 
-    out.print(json.dumps([asdict(each) for each in points], indent=2), markup=False,
-              highlight=False, soft_wrap=True)  # fmt: skip
+    say(json.dumps([asdict(each) for each in points], indent=2), markup=False)

@@ -11,7 +11,7 @@ import typer
 from hil.cli.arguments import PlanWorkspace, RobotName, RunPath
 from hil.cli.measuring import run
 from hil.cli.outputs import NewPlan, refuse_unwritable, say_simulated
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 from hil.terminal.working import working
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def fit(
     path = write_friction(run, found)
     say_simulated(run)
     friction_view.render(found, out)
-    out.print(f"friction in {path}", highlight=False, soft_wrap=True)
+    say(f"friction in {path}")
 
 
 def _planned(

@@ -72,7 +72,7 @@ def identify(
         if method is None:
             method, reason = identification.method_for(run, more)
             if run.imported:
-                out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
+                say(f"{method} method: {reason}")
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
         identified = identification.identified(run, method, more)
         found = identified.model
@@ -95,7 +95,7 @@ def identify(
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
-    out.print(f"model in {path} ({took})", highlight=False, soft_wrap=True)
+    say(f"model in {path} ({took})")
     if found.failed:
         raise typer.Exit(REFUSED)
 
@@ -124,7 +124,7 @@ def report(
     _show_unusable_model(run)
     _show_shortfall(run)
     say_simulated(run)
-    out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
+    say(f"report in {path} ({perf_counter() - begun:.1f} s)")
 
 
 @commands.command()
@@ -169,7 +169,7 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
         plots = write_diagnosis_plots(folder, found)
     say_simulated(run)
     diagnosis_view.render(kept, found.estimate, run.robot, out)
-    out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
+    say(f"plots in {plots}")
     _show_place("diagnosis", folder / diagnosis_file.NAME)
 
 
@@ -209,6 +209,4 @@ def _show_unusable_model(run: Run) -> None:
 
 
 def _show_place(what: str, path: Path) -> None:
-    out.print(
-        f"{what} in {path}; hil report {path.parent} shows it", highlight=False, soft_wrap=True
-    )
+    say(f"{what} in {path}; hil report {path.parent} shows it")

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import (
-    BusOptions,
-    Interface,
     ModelPath,
     PlanFile,
     RealTime,
     RobotOption,
-    RobotsChannel,
-    RobotsDrives,
+    RobotsBus,
     WorkspaceOption,
+    expand_records,
 )
 from hil.cli.measuring import OnBus
 from hil.cli.outputs import folder_to_write, say_simulated
-from hil.runs import SIMULATED
 from hil.terminal.console import out, say
 from hil.terminal.working import working
 
@@ -41,6 +38,7 @@ commands = typer.Typer()
 
 
 @commands.command()
+@expand_records
 def track(
     plan_file: PlanFile,
     model_path: ModelPath,
@@ -53,10 +51,8 @@ def track(
             help="Folder of the three runs and of what they show.",
         ),
     ],
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    *,
+    where: RobotsBus,
     resume: Annotated[
         bool, typer.Option("--resume", help="Measure the passes that are missing in the folder.")
     ] = False,
@@ -91,7 +87,7 @@ def track(
         model = Model.load(model_path)
         predict = partial(drive_torque, model)
         _refuse(the_plan, the_robot, plan_file, model, model_path, predict)
-    how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
+    how = OnBus(**vars(where), realtime=realtime)
     _pass_all(the_plan, the_robot, plan_file, output, how, resume, predict, delay, loop)
     _show(output, str(file_of(model_path)), delay)
 

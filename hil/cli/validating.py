@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsChannel, RobotsDrives, RunPath
+from hil.cli.arguments import RealTime, RobotsBus, RunPath, expand_records
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import REFUSED, refuse_unwritable, say_simulated
-from hil.runs import SIMULATED
 from hil.terminal.console import out, say
 from hil.terminal.working import working
 
@@ -24,6 +23,7 @@ STYLES = {"PASS": "green", "WARN": "yellow", "REFUSE": "bold red"}
 
 
 @commands.command()
+@expand_records
 def validate(
     folder: RunPath,
     model_path: Annotated[
@@ -36,10 +36,8 @@ def validate(
         bool,
         typer.Option("--measure", help="Measure another motion into the folder first; it moves."),
     ] = False,
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    *,
+    where: RobotsBus,
     realtime: RealTime = False,
 ) -> None:
     """Judge a model by a run that it was not made from; exit status 3 where it is refused."""
@@ -53,9 +51,7 @@ def validate(
         model_path = file_of(model_path)
         model = Model.load(model_path)
     if measure:
-        _measure(
-            model, folder, OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
-        )
+        _measure(model, folder, OnBus(**vars(where), realtime=realtime))
     _judge(model, model_path, Run.open(folder))
 
 

@@ -8,27 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import (
-    BusOptions,
-    Interface,
     ModelPath,
     PlanFile,
     RealTime,
     RobotOption,
-    RobotsChannel,
-    RobotsDrives,
+    RobotsBus,
     WorkspaceOption,
+    expand_records,
 )
-from hil.cli.live import (
-    Foxglove,
-    FoxgloveAddress,
-    Live,
-    LiveAddress,
-    PortsOptional,
-    listeners,
-)
+from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.measuring import OnBus
 from hil.cli.outputs import new_folder
-from hil.runs import SIMULATED
 from hil.terminal.console import out, say
 from hil.terminal.working import working
 
@@ -45,6 +35,7 @@ RUN = "run"
 
 
 @commands.command(cls=PortsOptional)
+@expand_records
 def watch(
     plan_file: PlanFile,
     model_path: ModelPath,
@@ -54,10 +45,8 @@ def watch(
             "-o", "--output", callback=new_folder, help="Folder of the run and of what was found."
         ),
     ],
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    *,
+    where: RobotsBus,
     repeat: Annotated[
         int | None, typer.Option(min=1, max=100_000, help="Number of times the plan is passed.")
     ] = None,
@@ -79,10 +68,7 @@ def watch(
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
     realtime: RealTime = False,
-    live: Live = None,
-    live_address: LiveAddress = None,
-    foxglove: Foxglove = None,
-    foxglove_address: FoxgloveAddress = None,
+    shown: Shown,
 ) -> None:
     """Compare torques with a model's while a plan moves the robot, and find pushes.
 
@@ -98,10 +84,7 @@ def watch(
         model = Model.load(model_path)
         refuse_other_model(model, model_path, the_robot, plan_file)
         watcher = Watcher(model, the_plan.sample_period, learn)
-        shown_by = listeners(live, live_address, foxglove, foxglove_address)
-        how = OnBus(
-            interface, channel, drives_file, bus_option, realtime=realtime, listeners=shown_by
-        )
+        how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown))
         rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
     try:
         _pass(the_plan, the_robot, plan_file, output, how, rounds, watcher, stop)
