@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from _typeshed import DataclassInstance
 
+    from hil.estimation.consistent.conditions import BodyBounds
+
 P = ParamSpec("P")
 PLANT = "manutec-r15"
 """Channel of the virtual plant where neither a robot nor drives name one."""
@@ -204,3 +206,26 @@ def _value(text: str) -> object:
         except ValueError:
             continue
     return text
+
+
+def body_bounds(masses: Sequence[str] | None) -> BodyBounds:
+    """Bounds of masses as they are written, ``LINK:LEAST:MOST``.
+
+    Raises
+    ------
+    InvalidValue
+        Bounds that no body meets.
+    """
+    from hil.estimation.consistent.conditions import BodyBounds
+
+    found = {}
+    for text in masses or ():
+        try:
+            link, least, most = text.split(":")
+            found[int(link)] = float(least), float(most)
+        except ValueError as error:
+            raise typer.BadParameter(
+                f"{text} must be LINK:LEAST:MOST, such as 2:10:40 for 10 to 40 kg of link 2",
+                param_hint="--mass",
+            ) from error
+    return BodyBounds(masses=found)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import Masses, Without
+from hil.cli.arguments import Masses, Without, body_bounds
 from hil.cli.outputs import REFUSED, folder_to_write
 from hil.terminal.console import say
 from hil.terminal.printable import printable
@@ -143,7 +143,7 @@ def _bodies(
     model: Model, source: Path, to: str, urdf: Path | None, masses: list[str] | None
 ) -> Exported:
     """The model with bodies, found now unless the model has them as they are asked for."""
-    from hil.cli.consistent_view import body_bounds, render
+    from hil.cli.results import show_bodies
     from hil.export.exported import origin
     from hil.export.formats import export_to_simulator
     from hil.export.given_urdf import bodies_of, given_urdf
@@ -160,7 +160,7 @@ def _bodies(
             SHAPES if likely is None else f"the inertials of {urdf}",
         )
     exported = export_to_simulator(model, to, origin(model, source), given)
-    render(model)
+    show_bodies(model)
     return exported
 
 

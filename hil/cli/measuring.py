@@ -233,9 +233,8 @@ def _checked_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
     """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
-    from hil.cli.bus_cycle import bus_cycle
     from hil.cli.plan_files import refuse_problems
-    from hil.cli.robot_drives import load_robots_drives, narrowed_drives, packaged_drives
+    from hil.cli.robot_drives import bus_cycle, load_robots_drives, narrowed_drives, packaged_drives
     from hil.planning.dry_run import dry_run
 
     refuse_no_channel(how.interface, how.channel)

@@ -71,9 +71,10 @@ def two_runs(
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     with working("reading the runs") as now:
-        from hil.cli import payload_view
         from hil.results import payload as results
         from hil.results import payload_file
+        from hil.results.tables import payload as tables
+        from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
         path = loaded / payload_file.NAME
@@ -82,7 +83,12 @@ def two_runs(
         now("estimating both runs anew and the load between them")
         found = results.find_payload(*runs, mass, gains=gains)
     say_simulated(*runs)
-    payload_view.render(payload_file.write_payload(*runs, found), out)
+    load = payload_file.write_payload(*runs, found)
+    show(tables.changes(load), out)
+    show(tables.quantities(load), out)
+    for sentence in (tables.goodness_of_fit(load), tables.unseen(load)):
+        show_sentence(sentence, out)
+    show(tables.torque_constants(load), out)
     say(f"load in {path}; hil report {loaded} shows it")
 
 

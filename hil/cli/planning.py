@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,10 +30,8 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 
-MOST = 2000
-"""Measurements of a kind; choosing among more takes longer than measuring them."""
-REFINEMENT = 10.0
-"""Duration of a refinement unless another is asked for [min]."""
+Count = partial(typer.Option, min=1, max=2000)
+"""Option of a number of measurements; choosing among more takes longer than measuring them."""
 
 
 @commands.command("dry-run")
@@ -57,9 +56,8 @@ def dry_run_(
 ) -> None:
     """State what a plan takes and what it gives; nothing moves."""
     from hil.cli import dry_run_view
-    from hil.cli.bus_cycle import bus_cycle
     from hil.cli.plan_files import load, refuse_problems
-    from hil.cli.robot_drives import known_drives
+    from hil.cli.robot_drives import bus_cycle, known_drives
     from hil.planning.dry_run import dry_run
 
     if view:
@@ -77,15 +75,14 @@ def dry_run_(
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
-        from hil.cli import precision_view
-        from hil.cli.assumed_noise import noise_of
+        from hil.cli.robot_drives import noise_of
         from hil.planning.prediction.precision import predict
         from hil.results.ripple import ripple_left_out
 
         with working("predicting the precision"):
             noise = noise_of(the_robot, noise_from, drives_file)
             found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
-        precision_view.render(found, the_robot, out)
+        dry_run_view.render_precision(found, the_robot, out)
         if ripple := ripple_left_out(the_robot):
             say(ripple, style="yellow")
 
@@ -99,15 +96,15 @@ def plan(
     ] = None,
     gravity: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of gravity measurements.", show_default="56"),
+        Count(help="Number of gravity measurements.", show_default="56"),
     ] = None,
     inertia: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of inertia measurements.", show_default="80"),
+        Count(help="Number of inertia measurements.", show_default="80"),
     ] = None,
     coupling: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of coupling measurements.", show_default="16"),
+        Count(help="Number of coupling measurements.", show_default="16"),
     ] = None,
     minutes: Annotated[
         float | None,
@@ -148,7 +145,7 @@ def plan(
         with_trajectories=with_trajectories,
     )  # fmt: skip
     if run:
-        _refine(run, minutes or REFINEMENT, output)
+        _refine(run, minutes or 10.0, output)
         return
     with working("reading the robot") as now:
         from checked_files.yaml_file import FileError
@@ -189,7 +186,7 @@ def _by_minutes(
     *,
     trajectories: bool,
 ) -> Plan:
-    from hil.cli.assumed_noise import noise_of
+    from hil.cli.robot_drives import noise_of
     from hil.planning.design.by_minutes import design_within
 
     noise = noise_of(robot, noise_from)
@@ -199,9 +196,9 @@ def _by_minutes(
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
     with working("finding what the runs have shown") as now:
         from checked_files.yaml_file import FileError
-        from hil.cli import precision_view
-        from hil.cli.assumed_noise import experience_of
+        from hil.cli.dry_run_view import render_refinement
         from hil.cli.plan_files import write_plan
+        from hil.cli.robot_drives import experience_of
         from hil.planning.design.by_minutes import refine
         from hil.planning.prediction.precision import information, precision
 
@@ -216,7 +213,7 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
         more = information(robot, designed.measurements, designed.sample_period, noise)
         before, then = (precision(robot, each, noise.source) for each in (known, known + more))
     write_plan(output, designed, robot)
-    precision_view.render_refinement(before, then, robot, out)
+    render_refinement(before, then, robot, out)
 
 
 def _refuse_contradictions(

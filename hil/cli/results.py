@@ -7,9 +7,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.text import Text
 
-from hil.cli.arguments import Masses, RunPath, Without
+from hil.cli.arguments import Masses, RunPath, Without, body_bounds
 from hil.cli.outputs import REFUSED, folder_to_write, refuse_unwritable, say_simulated
 from hil.terminal.console import out, say
 from hil.terminal.working import working
@@ -54,7 +53,6 @@ def identify(
     """Estimate base parameters from a run; exit status 3 where that failed."""
     begun = perf_counter()
     with working("reading the run") as now:
-        from hil.cli.consistent_view import body_bounds, render
         from hil.estimation.friction.symmetry import of_local_values
         from hil.results import identification, kept_findings, model_file
         from hil.results.tables.error_budget import error_budget
@@ -84,14 +82,15 @@ def identify(
             now("finding the nearest robot that consists of bodies")
             found = with_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
-    _show_outcome(found)
+    if found.outcome is not None:
+        say(str(found.outcome), style=STYLES[found.outcome.word])
     say_simulated(run, *more)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
     show(error_budget(found.error_budget), out)
     for term in found.error_budget:
         show_sentence(f"{term.cause}: {term.found}", out)
-    render(found)
+    show_bodies(found)
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
@@ -155,9 +154,11 @@ def compare(
 def diagnose(folder: RunPath, without: Without = None) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
     with working("reading the run") as now:
-        from hil.cli import diagnosis_view
         from hil.report.plots.diagnosis import write_diagnosis_plots
         from hil.results import diagnosis, diagnosis_file
+        from hil.results.tables.diagnosis import candidates, sentences
+        from hil.results.tables.drive_train import drive_train
+        from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
         refuse_unwritable(folder / diagnosis_file.NAME)
@@ -168,9 +169,12 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
         now("drawing")
         plots = write_diagnosis_plots(folder, found)
     say_simulated(run)
-    diagnosis_view.render(kept, found.estimate, run.robot, out)
+    show(candidates(kept), out)
+    for sentence in sentences(kept):
+        show_sentence(sentence, out)
+    show(drive_train(found.estimate, run.robot), out)
     say(f"plots in {plots}")
-    _show_place("diagnosis", folder / diagnosis_file.NAME)
+    say(f"diagnosis in {folder / diagnosis_file.NAME}; hil report {folder} shows it")
 
 
 def _refuse_unknown(method: str | None) -> None:
@@ -184,15 +188,19 @@ def _refuse_unknown(method: str | None) -> None:
         raise typer.BadParameter(f"{method} must be one of: {known}{near}", param_hint="--method")
 
 
-def _show_outcome(model: Model) -> None:
-    """Begin with what the model is worth."""
-    if model.outcome is not None:
-        out.print(Text(str(model.outcome), style=STYLES[model.outcome.word]), soft_wrap=True)
+def show_bodies(model: Model) -> None:
+    """Show the bodies of a model, if they were asked for."""
+    from hil.results.tables.consistent import bodies, changed_parameters, torque_costs
+    from hil.results.tables.terminal import show
+
+    if model.consistent is not None:
+        for table in (bodies, changed_parameters, torque_costs):
+            show(table(model.robot, model.consistent), out)
 
 
 def _show_shortfall(run: Run) -> None:
     if run.shortfall:
-        out.print(f"[yellow]{run.shortfall}[/]", soft_wrap=True)
+        say(run.shortfall, style="yellow")
 
 
 def _show_unusable_model(run: Run) -> None:
@@ -206,7 +214,3 @@ def _show_unusable_model(run: Run) -> None:
             read_model_file(path)
     except FileError as error:
         say(f"not used, the report is of a new estimate: {error}", style="yellow")
-
-
-def _show_place(what: str, path: Path) -> None:
-    say(f"{what} in {path}; hil report {path.parent} shows it")
