@@ -27,7 +27,7 @@ from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.outputs import file_to_write, folder_to_write
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
-from hil.terminal.console import out, say
+from hil.terminal.console import say
 from hil.terminal.working import working
 
 if TYPE_CHECKING:
@@ -195,12 +195,11 @@ def measure(
         return found if feed is None else feed.in_front(found)
 
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
-        folder = prepare_folder(output, planned, the_robot, text, resume, out)
+        folder = prepare_folder(output, planned, the_robot, text, resume)
         carry_out(
             folder,
             bus,
             BusName(how.interface, channel),
-            out,
             rehearsal,
             lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
             display if feed is None else partial(feed.display, display),
@@ -226,7 +225,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
     kept = drive_settings.kept_in(output, how.interface, channel)
     with bus_access.opened(how.interface, channel, drives.bitrate, how.bus_option) as bus:
         drive_settings.show_changes(drives, bus, kept)
-    out.print("nothing was written, nothing was powered", highlight=False)
+    say("nothing was written, nothing was powered")
 
 
 def _checked_drives(
