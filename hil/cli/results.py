@@ -154,7 +154,7 @@ def compare(
 def diagnose(folder: RunPath, without: Without = None) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
     with working("reading the run") as now:
-        from hil.report.plots.diagnosis import write_diagnosis_plots
+        from hil.report.sections.kept import write_diagnosis_plots
         from hil.results import diagnosis, diagnosis_file
         from hil.results.tables.diagnosis import candidates, sentences
         from hil.results.tables.drive_train import drive_train

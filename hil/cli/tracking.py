@@ -146,7 +146,7 @@ def _pass_all(
 
 
 def _show(output: Path, model: str, delay: float) -> None:
-    from hil.report.plots.tracking import write_tracking_plot
+    from hil.report.pictures import write_tracking_plot
     from hil.results.tables.terminal import show
     from hil.results.tables.tracking import tracking
     from hil.results.tracking import PASSES, tracked, write_tracking

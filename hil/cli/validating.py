@@ -67,7 +67,7 @@ def _measure(model: Model, folder: Path, how: OnBus) -> None:
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
-    from hil.report.plots.validation import Drawn, write_validation_plot
+    from hil.report.pictures import Drawn, write_validation_plot
     from hil.results.predicted_torques import predicted_torques
     from hil.results.tables.terminal import show
     from hil.results.tables.validation import validation as table

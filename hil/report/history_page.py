@@ -1,21 +1,29 @@
-"""The page of a machine's history: one HTML file with tables and plots, and nothing outside it."""
+"""The page of a machine's history: one HTML file with tables and plots, and nothing outside it.
+
+Quantities are drawn over the runs, with intervals; what is marked stands out.
+"""
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
 from hil.report.header import when
 from hil.report.page import TEMPLATES
-from hil.report.plots.history import over_time
 from hil.report.section import Plot
 from hil.results.changes import FALSE_ALARM
+from hil.results.history_file import half_width
+from hil.results.rounding import unit
 from hil.results.tables import history as tables
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now, versions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from hil.results.compared_runs import History
@@ -56,3 +64,49 @@ def _plots(found: History) -> Iterator[Plot]:
                 f"{name} over time, a panel each",
                 f"{name} over time. {_CAPTION}",
             )
+
+
+DAY = 86400.0
+
+
+def over_time(found: History, places: Sequence[int]) -> Chart:
+    """Draw the quantities at `places`, a panel each."""
+    at, label = _instants(found)
+    return Chart(
+        tuple(
+            Panel(
+                tuple(_readings(found, place, at)),
+                title=found.quantities[place].name,
+                x_label=label,
+                y_label=unit(found.quantities[place].unit),
+                height=105.0,
+            )
+            for place in places
+        )
+    )
+
+
+def _instants(found: History) -> tuple[np.ndarray, str]:
+    """Places of the runs along the axis: days, or their numbers where a run has no instant."""
+    stamps = [run.measured for run in found.runs]
+    if not all(stamps):
+        return np.arange(1.0, len(stamps) + 1), "run"
+    seconds = np.array([datetime.fromisoformat(stamp).timestamp() for stamp in stamps])
+    return (seconds - seconds[0]) / DAY, "days since the first run"
+
+
+def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:
+    quantity = found.quantities[place]
+    readings = [run.readings[place] for run in found.runs]
+    marked = {each.run for each in found.marked if each.quantity == quantity}
+    groups = (("as before", MEASURED, False), ("changed", MODEL, True))
+    for name, colour, changed in groups:
+        shown = [
+            (t, read.value, half_width(read), read.allowance)
+            for t, run, read in zip(at, found.runs, readings, strict=True)
+            if read is not None and (run.label in marked) == changed
+        ]
+        t, value, half, allowance = np.array(shown).reshape(-1, 4).T
+        if shown:
+            yield Points(t, value, "o", MUTED, error=half + allowance, size=0.5)
+            yield Points(t, value, "o", colour, name, error=half, size=2.4)

@@ -3,7 +3,7 @@
 It can be written again at any time, without hardware and without the network. What stands in it,
 and in which order, is the registry of `hil.report.sections`; above them stands the plot that shows
 the result best, which is that of the first section that leads. Plots are part of the page as SVG,
-and behind their points are the recordings (`hil.report.recordings`).
+and behind their points are the recordings (`hil.report.carried`).
 """
 
 from __future__ import annotations
@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from hil.report import header
-from hil.report.downloads import downloads
-from hil.report.friction_of_run import friction_alone
+from hil.report.carried import carried, downloads
 from hil.report.header import when
-from hil.report.recordings import carried
-from hil.report.reported_run import ForeignRun, identified, read
+from hil.report.reported_run import ForeignRun, friction_alone, identified, read
 from hil.report.section import Plot
 from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION, OF_STROKES
 from hil.results.tables.html import environment
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 
     from jinja2 import Environment
 
-    from hil.report.downloads import Downloads
+    from hil.report.carried import Downloads
     from hil.report.header import Header
     from hil.report.reported_run import ReportedRun
     from hil.report.section import Picture, Section

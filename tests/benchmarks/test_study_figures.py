@@ -16,7 +16,7 @@ from drift_study.scenarios import SCENARIOS
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
-from hil.report.plots.style import plotting
+from hil.report.pictures import plotting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,19 +1,20 @@
-"""Charts as SVG: panels for a page, each a picture that takes the width it is given.
+"""Charts as SVG: panels for a page, each a picture that takes the width it is given; or one file.
 
 Text stays text, and colours are classes that the page's style sheet gives for light and dark paper.
 Points of measurements carry the measurement's id (``data-m``), which `report.js` shows and follows.
+A file is for papers: light, with its legend, needing nothing else.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
 from hil.report.charts.axis import Axis, shown, text_of
 from hil.report.charts.chart import Matrix
-from hil.report.charts.elements import item_on, key, number, text
-from hil.report.charts.matrix import SCALE, matrix_in
+from hil.report.charts.elements import SCALE, item_on, key, matrix_in, number, text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,3 +96,53 @@ def _field(panel: Panel, x: Axis, top: float, along: list[float]) -> Iterator[st
 def _svg(width: float, height: float, content: str) -> Markup:
     box = f"0 0 {number(width)} {number(height)}"
     return Markup(f'<svg viewBox="{box}">{content}</svg>')  # noqa: S704 - text is escaped
+
+
+STYLE = Path(__file__).parent / "chart.css"
+WIDE = 1080.0
+"""Of a row of panels, at most."""
+LEGEND = 26.0
+"""Height of the legend."""
+LETTER = 6.2
+"""Width of a letter in it, about."""
+
+
+def file(chart: Chart) -> bytes:
+    """Draw a chart into a file."""
+    placed = list(_placed(chart))
+    width = max((x + size_of(panel)[0] for x, _, panel in placed), default=1.0)
+    height = max((y + size_of(panel)[1] for _, y, panel in placed), default=1.0)
+    size = f'width="{number(width)}" height="{number(height)}"'
+    box = f"0 0 {number(width)} {number(height)}"
+    return "".join(
+        (
+            f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="{box}" class="chart">',
+            f"<style>{STYLE.read_text(encoding='utf-8')}</style>",
+            '<rect width="100%" height="100%" fill="#fff"/>',
+            *_legend(chart),
+            *(_moved(x, y, "".join(drawn(panel))) for x, y, panel in placed),
+            "</svg>\n",
+        )
+    ).encode()
+
+
+def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
+    """Where each panel begins, row by row."""
+    x, y, row = 0.0, LEGEND if chart.legend else 0.0, 0.0
+    for panel in chart.panels:
+        width, height = size_of(panel)
+        if x and x + width > WIDE:
+            x, y, row = 0.0, y + row, 0.0
+        yield x, y, panel
+        x, row = x + width, max(row, height)
+
+
+def _legend(chart: Chart) -> Iterator[str]:
+    x = 52.0
+    for label, item in chart.legend.items():
+        yield _moved(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
+        x += 45.0 + LETTER * len(label)
+
+
+def _moved(x: float, y: float, content: str) -> str:
+    return f'<g transform="translate({number(x)} {number(y)})">{content}</g>'

@@ -1,15 +1,20 @@
-"""Recordings behind the points of plots, as a page carries them: torque and position over time.
+"""What a page carries with it: recordings behind the points of plots, parameters as files.
 
-They are thinned to what a screen shows: of each stretch of time the least and the greatest torque,
-so that no peak is lost, and one position.
+Recordings are torque and position over time, thinned to what a screen shows: of each stretch of
+time the least and the greatest torque, so that no peak is lost, and one position. Base parameters
+are CSV for tables and JSON for programs.
 """
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.report.section import data_uri
 from hil.view.packed import deflated, packed
 
 if TYPE_CHECKING:
@@ -19,6 +24,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
+    from hil.results.model import Model
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
 
@@ -80,3 +86,55 @@ def _packed(values: Array) -> dict[str, object]:
     filled = np.nan_to_num(values[last])
     reach = float(np.abs(filled).max(initial=0.0))
     return packed(filled, FINE * reach if reach > 0 else 1.0)
+
+
+Downloads = tuple[tuple[str, str, str], ...]
+"""Name of each file, what it holds, and an address with its content."""
+
+
+def downloads(model: Model) -> Downloads:
+    """Return the base parameters of a model as files."""
+    rows = _rows(model)
+    name = f"{model.robot.name}-parameters"
+    return (
+        (f"{name}.csv", "CSV", data_uri(_csv(rows).encode(), "text/csv;charset=utf-8")),
+        (f"{name}.json", "JSON", data_uri(_json(model, rows).encode(), "application/json")),
+    )
+
+
+def _rows(model: Model) -> list[dict[str, str | float]]:
+    interval = model.interval(0.95)
+    columns = zip(
+        model.names, model.values, model.standard_errors, interval, model.units, model.expressions,
+        strict=True,
+    )  # fmt: skip
+    return [
+        {
+            "name": name,
+            "value": float(value),
+            "standard_error": float(error),
+            "low_95": float(low),
+            "high_95": float(high),
+            "unit": unit,
+            "expression": expression,
+        }
+        for name, value, error, (low, high), unit, expression in columns
+    ]
+
+
+def _csv(rows: list[dict[str, str | float]]) -> str:
+    written = io.StringIO()
+    table = csv.DictWriter(written, rows[0].keys(), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return written.getvalue()
+
+
+def _json(model: Model, rows: list[dict[str, str | float]]) -> str:
+    content = {
+        "robot": model.robot.name,
+        "method": model.method,
+        "parameters": rows,
+        "covariance": model.covariance.tolist(),
+    }
+    return json.dumps(content, indent=1) + "\n"

@@ -1,16 +1,22 @@
-"""The plots of what a model leaves of the measurements: over all of them, and over joint angles."""
+"""Measured elements of g(q) and M(q), those of the model, and what is left: the paper's Figs. 5, 6.
+
+What was measured is blue with error bars of two standard errors, what the model says is orange,
+wherever both appear. Residuals are drawn over all measurements, and over joint angles.
+"""
 
 from __future__ import annotations
 
+from functools import partial
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.charts.chart import Chart, Line, Panel, Points, Rule
-from hil.report.charts.colours import MODEL, MUTED
+from hil.planning.measurement import ELEMENT_KINDS, element_measurements
+from hil.report.charts.chart import MODEL, MUTED, Chart, Line, Panel, Points, Rule
+from hil.report.section import Plot, Section
 from hil.results.rounding import signed
+from hil.results.tables import torques as tables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -21,8 +27,117 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind, ElementMeasurement
+    from hil.report.reported_run import IdentifiedRun
 
     Array = NDArray[np.float64]
+
+
+def measured_and_modelled(run: IdentifiedRun) -> Section | None:
+    """One plot a kind that was measured."""
+    kinds = {value.kind for value in run.estimate.local}
+    plots = tuple(
+        _elements_plot(name, kind, run) for name, kind in ELEMENT_KINDS.items() if name in kinds
+    )
+    if not plots:
+        return None
+    return Section("Measured and modelled", "measured_and_modelled.html", plots=plots)
+
+
+def _elements_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
+    return Plot(
+        name,
+        partial(measured_elements, run.local_values(name), kind, run.robot),
+        f"Measured and modelled {kind.elements} over configuration number, one panel"
+        f" {'a pair of axes' if kind.pair else 'an axis'}, with their differences below.",
+        kind.caption,
+    )
+
+
+def torques(run: IdentifiedRun) -> Section:
+    """Residuals of all measurements, over angles too, and predicted torques."""
+    kinds = {value.kind for value in run.estimate.local}
+    over_angles = (
+        _over_angles_plot(name, kind, run)
+        for name, kind in ELEMENT_KINDS.items()
+        if name in kinds and not kind.pair
+    )
+    return Section(
+        "Residuals and torques",
+        "torques.html",
+        {
+            "residuals": tables.residuals(run.model),
+            "predicted": tables.predicted(run.found.prediction, run.robot),
+        },
+        (_all(run), *over_angles) if kinds else (),
+    )
+
+
+def _all(run: IdentifiedRun) -> Plot:
+    planned = {each.id: each for each in element_measurements(run.source.plan.measurements)}
+    return Plot(
+        "residuals",
+        partial(residuals, run.estimate, run.robot, planned),
+        "Residuals of all measurements as a share of torque limits, and their normal probability"
+        " plot.",
+        "Left: measured less modelled elements as torques (inertias times the acceleration they"
+        " were measured with), relative to the axis's limit, eq. (16). Right: the same, centred and"
+        " scaled by axis and kind; points far from the line are outliers.",
+    )
+
+
+def _over_angles_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
+    of_gravity = (
+        " (Fig. 7 for all pairs). A pattern over an angle is something that the robot file leaves"
+        " out; hil diagnose tests what."
+    )
+    return Plot(
+        f"{name}-angles",
+        partial(residuals_over_angles, run.local_values(name), run.robot, kind),
+        f"Residuals of the {kind.elements} over the position of each joint that varied.",
+        f"Residuals of the {kind.elements} against the position of every joint that varied"
+        + (of_gravity if kind.symbol == "g" else "."),
+    )
+
+
+def measured_elements(values: Sequence[LocalValue], kind: ElementKind, robot: Robot) -> Chart:
+    """Draw elements of g(q) or M(q) of one kind as measured against those of the model.
+
+    One panel an element: measured and modelled above, their difference below.
+    """
+    keys = sorted({(value.axis, value.partner) for value in values})
+    numbered = list(enumerate(values, start=1))
+    return Chart(
+        tuple(
+            _element([(k, v) for k, v in numbered if (v.axis, v.partner) == key], kind, robot)
+            for key in keys
+        )
+    )
+
+
+def _element(chosen: Sequence[tuple[int, LocalValue]], kind: ElementKind, robot: Robot) -> Panel:
+    axis, partner = chosen[0][1].axis, chosen[0][1].partner
+    x, ids = [number for number, _ in chosen], [value.id for _, value in chosen]
+    measured = np.array([value.value for _, value in chosen])
+    model = np.array([value.model for _, value in chosen])
+    error = 2.0 * np.nan_to_num([value.standard_error for _, value in chosen])
+    unit, label = kind.unit_of(robot, axis, partner), "measured, ± 2 standard errors"
+    return Panel(
+        items=(
+            Line(x, model, width=0.7, opacity=0.6),
+            Points(x, model, "ring", MODEL, "modelled", size=3.2),
+            Points(x, measured, label=label, error=error, ids=ids),
+        ),
+        title=f"${kind.element(axis, partner)}$",
+        x_label="configuration number",
+        y_label=f"{kind.quantity} [{unit}]",
+        whole=True,
+        below=Panel(
+            items=(Rule(0.0, colour=MODEL), Points(x, measured - model, error=error, ids=ids)),
+            y_label=f"Δ [{unit}]",
+            height=48.0,
+        ),
+    )
+
 
 NARROW = 4.0
 """Range of a joint's positions up to which nothing shows over it [deg or mm]."""

@@ -8,8 +8,19 @@ import numpy as np
 
 from hil.estimation.local_fits import REFERENCE_SPEED
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.charts.chart import Chart, Line, Panel, Points, Rule
-from hil.report.charts.colours import GREEN, INK, MODEL, MUTED, PURPLE, in_turn
+from hil.report.charts.chart import (
+    GREEN,
+    INK,
+    MODEL,
+    MUTED,
+    PURPLE,
+    Chart,
+    Line,
+    Panel,
+    Points,
+    Rule,
+    in_turn,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
